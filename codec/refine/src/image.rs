@@ -59,11 +59,15 @@ impl Image {
     /// If the sizes differ.
     pub fn squared_error_covered(&self, other: &Image) -> (f64, usize) {
         assert_eq!((self.width, self.height), (other.width, other.height), "images of one size");
-        let is_covered = |i: usize| self.pixels[i / 3][3] > 0.0;
-        let channels = self.colors(other).enumerate().filter(|(i, _)| is_covered(*i));
-        let (sum, count) =
-            channels.fold((0.0, 0), |(sum, count), (_, (a, b))| (sum + (a - b) * (a - b), count + 1));
-        (sum, count / 3)
+        let (mut sum, mut count) = (0.0, 0);
+        for (a, b) in self.pixels.iter().zip(&other.pixels).filter(|(a, _)| a[3] > 0.0) {
+            for channel in 0..3 {
+                let error = a[channel].clamp(0.0, 1.0) - b[channel].clamp(0.0, 1.0);
+                sum += error * error;
+            }
+            count += 1;
+        }
+        (sum, count)
     }
 
     /// Largest absolute difference of a channel, over black, colours clamped to 0 to 1.

@@ -62,6 +62,7 @@ pub mod capture;
 pub mod code;
 pub mod fit;
 pub mod image;
+mod in_order;
 mod median;
 pub mod metrics;
 pub mod prune;

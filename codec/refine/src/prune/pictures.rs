@@ -2,6 +2,7 @@
 
 use super::PosedView;
 use crate::image::{Image, psnr};
+use crate::in_order::for_each_in_order;
 use crate::reference::{Order, RenderScene, render};
 
 /// Pictures of a scene from several cameras at several times.
@@ -13,12 +14,13 @@ pub struct Pictures {
 impl Pictures {
     /// Renders `scene` for each of `views`. `on_view` is called after each.
     pub fn take(scene: &RenderScene, views: Vec<PosedView>, mut on_view: impl FnMut()) -> Pictures {
-        let take = |view: PosedView| {
-            let image = render(scene, &view.camera, view.t, Order::Depth);
+        let mut images = Vec::with_capacity(views.len());
+        let take = |view: &PosedView| render(scene, &view.camera, view.t, Order::Depth);
+        for_each_in_order(&views, take, |_, image| {
+            images.push(image);
             on_view();
-            (view, image)
-        };
-        Pictures { taken: views.into_iter().map(take).collect() }
+        });
+        Pictures { taken: views.into_iter().zip(images).collect() }
     }
 
     /// PSNR in dB of `scene` against these pictures, over all pixels of all pictures; infinite if they are
@@ -29,12 +31,12 @@ impl Pictures {
 
     /// Compares `scene` with these pictures. `on_view` is called after each picture.
     pub fn compare(&self, scene: &RenderScene, mut on_view: impl FnMut()) -> Fidelity {
-        let errors_in = |picture| {
-            let errors = self.errors_in(picture, scene);
+        let mut errors = Vec::with_capacity(self.taken.len());
+        let errors_in = |taken: &(PosedView, Image)| errors_in(taken, scene);
+        for_each_in_order(&self.taken, errors_in, |_, one| {
+            errors.push(one);
             on_view();
-            errors
-        };
-        let errors: Vec<PictureErrors> = (0..self.taken.len()).map(errors_in).collect();
+        });
         self.fidelity(&errors)
     }
 
@@ -52,7 +54,7 @@ impl Pictures {
         let pixels = self.taken.iter().map(|(_, image)| image.pixels.len()).sum();
         let mut squared = 0.0;
         for &picture in order {
-            let errors = *known[picture].get_or_insert_with(|| self.errors_in(picture, scene));
+            let errors = *known[picture].get_or_insert_with(|| errors_in(&self.taken[picture], scene));
             squared += errors.squared;
             if psnr(squared, pixels) < least_db.0 || psnr(errors.squared, errors.pixels) < least_db.1 {
                 return None;
@@ -65,14 +67,6 @@ impl Pictures {
     /// Number of pictures.
     pub(crate) fn len(&self) -> usize {
         self.taken.len()
-    }
-
-    fn errors_in(&self, picture: usize, scene: &RenderScene) -> PictureErrors {
-        let (view, image) = &self.taken[picture];
-        let other = render(scene, &view.camera, view.t, Order::Depth);
-        let (covered_squared, covered_pixels) = image.squared_error_covered(&other);
-        let squared = image.squared_error(&other);
-        PictureErrors { squared, pixels: image.pixels.len(), covered_squared, covered_pixels }
     }
 
     /// The fidelity of a scene with these `errors`, one entry per picture.
@@ -93,6 +87,13 @@ impl Pictures {
             worst,
         }
     }
+}
+
+fn errors_in((view, image): &(PosedView, Image), scene: &RenderScene) -> PictureErrors {
+    let other = render(scene, &view.camera, view.t, Order::Depth);
+    let (covered_squared, covered_pixels) = image.squared_error_covered(&other);
+    let squared = image.squared_error(&other);
+    PictureErrors { squared, pixels: image.pixels.len(), covered_squared, covered_pixels }
 }
 
 /// Errors of a scene in one picture: sums of squared differences, and the numbers of pixels that they are over.

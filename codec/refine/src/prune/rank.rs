@@ -7,6 +7,7 @@ use codec::Field;
 use rayon::prelude::*;
 
 use super::PosedView;
+use crate::in_order::for_each_in_order;
 use crate::reference::{Contribution, Order, contributions};
 
 /// An importance score.
@@ -106,11 +107,11 @@ fn mass(field: &Field, row: usize) -> f64 {
 /// Contributions of the rows of `field`, summed over `views`. `on_view` is called after each view.
 pub fn contributions_to(views: &[PosedView], field: &Field, mut on_view: impl FnMut()) -> Vec<Contribution> {
     let mut total = vec![Contribution::default(); field.len()];
-    for PosedView { camera, t } in views {
-        let one = contributions(field, camera, *t, Order::Depth);
+    let in_view = |PosedView { camera, t }: &PosedView| contributions(field, camera, *t, Order::Depth);
+    for_each_in_order(views, in_view, |_, one| {
         total.par_iter_mut().zip(&one).for_each(|(total, one)| total.merge(one));
         on_view();
-    }
+    });
     total
 }
 

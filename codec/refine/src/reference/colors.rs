@@ -61,7 +61,7 @@ impl Colors {
         self.add_gathered(sum, |_, fragments| {
             let mut pixel = [0.0; 3];
             for fragment in fragments {
-                let color = colors[fragment.index];
+                let color = colors[fragment.index()];
                 (0..3).for_each(|channel| pixel[channel] += fragment.weight() * color[channel]);
             }
             pixel
@@ -70,10 +70,8 @@ impl Colors {
 
     /// Adds the diagonal of `A^T A` to `sum`.
     pub(crate) fn add_diagonal(&self, sum: &mut [[f64; 3]]) {
-        let add = |sums: &mut [f64], _, fragments: &[Fragment]| {
-            fragments.iter().for_each(|fragment| sums[fragment.index] += fragment.weight().powi(2));
-        };
-        let squares = self.walk.sum_per_splat(add, |a, b| *a += b);
+        let add = |sum: &mut f64, fragment: &Fragment| *sum += fragment.weight().powi(2);
+        let squares = self.walk.sum_of_fragments(add, |a, b| *a += b);
         for ((splat, basis), square) in self.splats.iter().zip(&self.bases).zip(&squares) {
             let row_coefficients = &mut sum[splat.row * self.coefficients..][..self.coefficients];
             for (y, c) in basis.iter().zip(row_coefficients) {
@@ -88,7 +86,7 @@ impl Colors {
         let add = |sums: &mut [[f64; 3]], pixel: usize, fragments: &[Fragment]| {
             let r = r(pixel, fragments);
             for fragment in fragments {
-                let sum = &mut sums[fragment.index];
+                let sum = &mut sums[fragment.slot()];
                 (0..3).for_each(|channel| sum[channel] += fragment.weight() * r[channel]);
             }
         };

@@ -46,20 +46,18 @@ pub fn contributions(field: &Field, camera: &Camera, t: f64, order: Order) -> Ve
     let mut splats = evaluate_all(&[FieldPrefix::whole(field)], camera, t);
     sort::sort(&mut splats, order);
     let walk = Walk::new(&splats, camera.width, camera.height);
-    let add = |sums: &mut [Contribution], _, fragments: &[Fragment]| {
-        for fragment in fragments {
-            let weight = fragment.weight();
-            sums[fragment.index].merge(&Contribution {
-                weight,
-                weight_squared: weight * weight,
-                weight_max: weight,
-                hits: splats[fragment.index].opacity * fragment.transmittance,
-                fragments: 0.0,
-            });
-        }
+    let add = |sum: &mut Contribution, fragment: &Fragment| {
+        let weight = fragment.weight();
+        sum.merge(&Contribution {
+            weight,
+            weight_squared: weight * weight,
+            weight_max: weight,
+            hits: splats[fragment.index()].opacity * fragment.transmittance,
+            fragments: 0.0,
+        });
     };
     let mut rows = vec![Contribution::default(); field.len()];
-    for (splat, contribution) in splats.iter().zip(walk.sum_per_splat(add, Contribution::merge)) {
+    for (splat, contribution) in splats.iter().zip(walk.sum_of_fragments(add, Contribution::merge)) {
         let fragments = fragments(splat, Radius::Exact, camera.width, camera.height) as f64;
         rows[splat.row] = Contribution { fragments, ..contribution };
     }

@@ -5,9 +5,11 @@
 
 use codec::Camera;
 use glam::{DVec2, dvec2};
+use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 
 use super::evaluate::Splat;
+use super::exp::LANES;
 use super::{FieldPrefix, RenderScene, alive, evaluate_all};
 
 /// Half the side of a splat's quad, in standard deviations.
@@ -41,17 +43,42 @@ pub fn coverage(scene: &RenderScene, camera: &Camera, t: f64, radius: Radius) ->
         prefix.clip_time(t).map_or(0, |t| alive::alive(prefix.field, prefix.rows, t).len())
     };
     let alive = prefixes.iter().map(alive_in).sum();
-    let fragments_of = |splat: &Splat| fragments(splat, radius, camera.width, camera.height);
+    let counts = |splat: &Splat| {
+        let fragments = fragments(splat, radius, camera.width, camera.height);
+        (usize::from(fragments > 0), fragments)
+    };
     let (drawn, fragments) = evaluate_all(&prefixes, camera, t)
         .par_iter()
-        .map(fragments_of)
-        .map(|fragments| (usize::from(fragments > 0), fragments))
+        .map(counts)
         .reduce(|| (0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
     Coverage { alive, drawn, fragments }
 }
 
 /// Number of pixel centres of the image inside the quad of `splat`.
 pub(super) fn fragments(splat: &Splat, radius: Radius, width: u32, height: u32) -> u64 {
+    Arch::new().dispatch(Quad { splat, radius, width, height })
+}
+
+/// A quad of which pixels are counted.
+struct Quad<'a> {
+    splat: &'a Splat,
+    radius: Radius,
+    width: u32,
+    height: u32,
+}
+
+impl NullaryFnOnce for Quad<'_> {
+    type Output = u64;
+
+    #[inline(always)]
+    fn call(self) -> u64 {
+        count(self.splat, self.radius, self.width, self.height)
+    }
+}
+
+/// See [`fragments`].
+#[inline(always)]
+fn count(splat: &Splat, radius: Radius, width: u32, height: u32) -> u64 {
     let radius = match radius {
         Radius::Exact => splat.radius(),
         Radius::AtMost(most) => splat.radius().min(most),
@@ -61,17 +88,21 @@ pub(super) fn fragments(splat: &Splat, radius: Radius, width: u32, height: u32) 
     let half = radius * sigma;
     let half_height = (half.x * axis.y).abs() + (half.y * axis.x).abs();
     let rows = pixels_between(splat.center.y - half_height, splat.center.y + half_height, height);
-    let mut count = 0;
-    for y in rows {
-        let dy = f64::from(y) + 0.5 - splat.center.y;
-        // |axis . d| <= half.x and |normal . d| <= half.y are intervals of d.x in this row.
-        let along = interval(axis.x, axis.y * dy, half.x);
-        let across = interval(-axis.y, axis.x * dy, half.y);
-        let (left, right) = (along.0.max(across.0), along.1.min(across.1));
-        let columns = pixels_between(splat.center.x + left, splat.center.x + right, width);
-        count += columns.len() as u64;
+    let mut counts = [0.0; LANES];
+    for first in rows.clone().step_by(LANES) {
+        // Several rows at once, the last ones perhaps beyond the end.
+        for (lane, count) in counts.iter_mut().enumerate() {
+            let y = f64::from(first) + lane as f64;
+            let dy = y + 0.5 - splat.center.y;
+            // |axis . d| <= half.x and |normal . d| <= half.y are intervals of d.x in this row.
+            let along = interval(axis.x, axis.y * dy, half.x);
+            let across = interval(-axis.y, axis.x * dy, half.y);
+            let (left, right) = (along.0.max(across.0), along.1.min(across.1));
+            let columns = columns_between(splat.center.x + left, splat.center.x + right, width);
+            *count += if y < f64::from(rows.end) { columns } else { 0.0 };
+        }
     }
-    count
+    counts.iter().sum::<f64>() as u64
 }
 
 /// Unit vector along the major axis of a covariance, and the standard deviations along and across it.
@@ -82,17 +113,23 @@ fn principal_axes([xx, xy, yy]: [f64; 3]) -> (DVec2, DVec2) {
     (DVec2::from_angle(angle), dvec2((mean + spread).sqrt(), (mean - spread).max(0.0).sqrt()))
 }
 
-/// Interval of `x` with `|a x + b| <= half`; an empty interval has its ends swapped.
-fn interval(a: f64, b: f64, half: f64) -> (f64, f64) {
-    if a == 0.0 {
-        let inside = b.abs() <= half;
-        return if inside { (f64::NEG_INFINITY, f64::INFINITY) } else { (f64::INFINITY, f64::NEG_INFINITY) };
-    }
-    let (p, q) = ((-half - b) / a, (half - b) / a);
-    (p.min(q), p.max(q))
+/// Number of pixels of a row of `width` with centres in `[start, end]`.
+#[inline(always)]
+fn columns_between(start: f64, end: f64, width: u32) -> f64 {
+    let first = (start - 0.5).ceil().max(0.0);
+    let last = ((end - 0.5).floor() + 1.0).min(f64::from(width));
+    (last - first).max(0.0)
 }
 
-/// Pixels of a row or column of `size` with centres in `[start, end]`.
+/// Interval of `x` with `|a x + b| <= half`; an empty interval has its ends swapped.
+#[inline(always)]
+fn interval(a: f64, b: f64, half: f64) -> (f64, f64) {
+    let all = if b.abs() <= half { f64::INFINITY } else { f64::NEG_INFINITY };
+    let (p, q) = ((-half - b) / a, (half - b) / a);
+    if a == 0.0 { (-all, all) } else { (p.min(q), p.max(q)) }
+}
+
+/// Pixels of a column of `size` with centres in `[start, end]`.
 fn pixels_between(start: f64, end: f64, size: u32) -> std::ops::Range<u32> {
     // Casts saturate.
     let first = (start - 0.5).ceil().max(0.0) as u32;

@@ -17,6 +17,7 @@ mod colors;
 mod contribution;
 mod coverage;
 mod evaluate;
+mod exp;
 mod held;
 mod sensitivity;
 mod sh;

@@ -7,9 +7,12 @@
 
 use codec::{Field, Sensitivity};
 
+use super::evaluate::Splat;
+use super::exp::{LANES, log};
 use super::sort::{self, Order};
 use super::splat::{Fragment, Walk};
 use super::{FieldPrefix, evaluate_all};
+use crate::in_order::for_each_in_order;
 use crate::prune::PosedView;
 
 /// Sums of a Gaussian that no picture shows: a weight of 1 in one pixel of all pictures, and a tenth of
@@ -24,6 +27,7 @@ struct Sums {
 }
 
 impl Sums {
+    #[inline(always)]
     fn add(&mut self, other: &Sums) {
         self.color += other.color;
         self.geometry += other.geometry;
@@ -44,45 +48,82 @@ pub fn sensitivities(
     let mut rows = vec![Sums::default(); field.len()];
     let (mut blur, mut weight, mut pixels) = (0.0, 0.0, 0.0);
     let deviation = field.filter.variance().sqrt();
-    for PosedView { camera, t } in views {
-        let mut splats = evaluate_all(&[FieldPrefix::whole(field)], camera, *t);
-        sort::sort(&mut splats, Order::Depth);
-        let subjects = splats.len();
-        if let Some(plate) = plate {
-            let mut behind = evaluate_all(&[FieldPrefix::whole(plate)], camera, *t);
-            sort::sort(&mut behind, Order::Depth);
-            splats.append(&mut behind);
-        }
-        let walk = Walk::new(&splats, camera.width, camera.height);
-        let add = |sums: &mut [Sums], _, fragments: &[Fragment]| {
-            let mut behind = [0.0; 3];
-            for fragment in fragments.iter().rev() {
-                let splat = &splats[fragment.index];
-                let square = fragment.weight() * fragment.weight();
-                let difference =
-                    (0..3).map(|c| (splat.color[c].min(1.0) - behind[c]).powi(2)).sum::<f64>() / 3.0;
-                // Squared distance in standard deviations.
-                let distance = 2.0 * libm::log(splat.opacity / fragment.alpha).max(0.0);
-                sums[fragment.index].add(&Sums { color: square, geometry: square * difference * distance });
-                for (behind, color) in behind.iter_mut().zip(splat.color) {
-                    *behind = color * fragment.alpha + (1.0 - fragment.alpha) * *behind;
-                }
-            }
-        };
-        for (splat, sums) in splats[..subjects].iter().zip(walk.sum_per_splat(add, Sums::add)) {
-            rows[splat.row].add(&sums);
-            blur += sums.color * splat.depth * deviation / camera.k[0][0];
+    let in_view = |view: &PosedView| sums_in(field, plate, view);
+    for_each_in_order(views, in_view, |PosedView { camera, .. }, seen| {
+        for SeenRow { row, depth, sums } in seen {
+            rows[row].add(&sums);
+            blur += sums.color * depth * deviation / camera.k[0][0];
             weight += sums.color;
         }
         pixels += f64::from(camera.width) * f64::from(camera.height);
         on_view();
-    }
+    });
     let root = |sum: f64, unseen: f64| ((sum + unseen) / pixels).sqrt() as f32;
     let sensitivity = |sums: &Sums| Sensitivity {
         color: root(sums.color, UNSEEN.color),
         geometry: root(sums.geometry, UNSEEN.geometry),
     };
     (weight > 0.0).then(|| (rows.iter().map(sensitivity).collect(), (blur / weight) as f32))
+}
+
+/// A row that is drawn in a view.
+struct SeenRow {
+    row: usize,
+    /// Distance along the camera's axis.
+    depth: f64,
+    sums: Sums,
+}
+
+/// What a splat looks like, for the sums.
+struct Look {
+    opacity: f64,
+    color: [f64; 3],
+}
+
+impl Look {
+    fn new(splat: &Splat) -> Look {
+        Look { opacity: splat.opacity, color: splat.color }
+    }
+}
+
+/// The sums of the rows of `field`, in front of `plate`, in one view, front to back.
+fn sums_in(field: &Field, plate: Option<&Field>, PosedView { camera, t }: &PosedView) -> Vec<SeenRow> {
+    let mut splats = evaluate_all(&[FieldPrefix::whole(field)], camera, *t);
+    sort::sort(&mut splats, Order::Depth);
+    let subjects = splats.len();
+    if let Some(plate) = plate {
+        let mut behind = evaluate_all(&[FieldPrefix::whole(plate)], camera, *t);
+        sort::sort(&mut behind, Order::Depth);
+        splats.append(&mut behind);
+    }
+    let walk = Walk::new(&splats, camera.width, camera.height);
+    // Closer together in memory than splats.
+    let looks: Vec<Look> = splats.iter().map(Look::new).collect();
+    let add = |sums: &mut [Sums], _, fragments: &[Fragment]| {
+        let mut behind = [0.0; 3];
+        for some in fragments.rchunks(LANES) {
+            let mut fadings = [1.0; LANES];
+            for (fading, fragment) in fadings.iter_mut().zip(some) {
+                *fading = looks[fragment.index()].opacity / fragment.alpha;
+            }
+            let logs = log(fadings);
+            for (fragment, log) in some.iter().zip(logs).rev() {
+                let look = &looks[fragment.index()];
+                let square = fragment.weight() * fragment.weight();
+                let difference =
+                    (0..3).map(|c| (look.color[c].min(1.0) - behind[c]).powi(2)).sum::<f64>() / 3.0;
+                // Squared distance in standard deviations.
+                let distance = 2.0 * log.max(0.0);
+                sums[fragment.slot()].add(&Sums { color: square, geometry: square * difference * distance });
+                for (behind, color) in behind.iter_mut().zip(look.color) {
+                    *behind = color * fragment.alpha + (1.0 - fragment.alpha) * *behind;
+                }
+            }
+        }
+    };
+    let sums = walk.sum_per_splat(add, Sums::add);
+    let rows = splats[..subjects].iter().zip(sums);
+    rows.map(|(splat, sums)| SeenRow { row: splat.row, depth: splat.depth, sums }).collect()
 }
 
 #[cfg(test)]

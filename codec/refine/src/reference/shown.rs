@@ -42,13 +42,12 @@ impl Sums {
 pub fn shown(field: &Field, camera: &Camera, t: f64) -> Shown {
     let mut splats = evaluate_all(&[FieldPrefix::whole(field)], camera, t);
     sort::sort(&mut splats, Order::Depth);
-    let add = |sums: &mut [Sums], _, fragments: &[Fragment]| {
-        for (place, fragment) in fragments.iter().enumerate() {
-            let weight = fragment.weight();
-            sums[fragment.index].merge(&Sums { weight, weight_max: weight, pixels: usize::from(place == 0) });
-        }
+    let add = |sum: &mut Sums, fragment: &Fragment| {
+        let weight = fragment.weight();
+        let is_first = fragment.transmittance == 1.0;
+        sum.merge(&Sums { weight, weight_max: weight, pixels: usize::from(is_first) });
     };
-    let sums = Walk::new(&splats, camera.width, camera.height).sum_per_splat(add, Sums::merge);
+    let sums = Walk::new(&splats, camera.width, camera.height).sum_of_fragments(add, Sums::merge);
     let total: f64 = sums.iter().map(|sum| sum.weight).sum();
     if total == 0.0 {
         return Shown::default();

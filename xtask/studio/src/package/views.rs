@@ -5,6 +5,7 @@
 //! pictures that led to it. A view that shows next to nothing, or one Gaussian's inside, does not count.
 
 use codec::{Camera, Field};
+use rayon::prelude::*;
 use refine::prune::{PosedView, dome, inside, instants, is_informative, steps_aside};
 use refine::reference::RenderScene;
 
@@ -98,7 +99,7 @@ pub(crate) fn views_of(
     let mut views: Vec<PosedView> = match field.temporal {
         Some(_) => {
             let instants = instants(field, count);
-            instants.iter().enumerate().filter_map(|(i, &t)| view_at(&groups, field, t, i)).collect()
+            instants.par_iter().enumerate().filter_map(|(i, &t)| view_at(&groups, field, t, i)).collect()
         }
         None => static_views(&groups, field, count),
     };
