@@ -14,7 +14,7 @@ pub(super) type Lanes = [f64; LANES];
 const LN_2_HIGH: f64 = f64::from_bits(0x3fe6_2e42_fee0_0000);
 const LN_2_LOW: f64 = f64::from_bits(0x3dea_39ef_3579_3c76);
 const LN_2_INVERSE: f64 = f64::from_bits(0x3ff7_1547_652b_82fe);
-/// Of the rational function.
+/// Coefficients of the rational function.
 const P: [f64; 5] = [
     f64::from_bits(0x3fc5_5555_5555_553e),
     f64::from_bits(0xbf66_c16c_16be_bd93),
@@ -23,7 +23,7 @@ const P: [f64; 5] = [
     f64::from_bits(0x3e66_3769_72be_a4d0),
 ];
 
-/// Of the series.
+/// Coefficients of the series.
 const LG: [f64; 7] = [
     f64::from_bits(0x3fe5_5555_5555_5593),
     f64::from_bits(0x3fd9_9999_9997_fa04),
