@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use client::gpu::{Span, TakeLayout};
 use codec::{ALPHA_MIN, Clip, ClipInfo, Field, LayerEnd, Temporal, TimeIndex};
-use glam::DVec3;
+use measure::resident::layout_of;
 
 use crate::scene::{Motion, Recipe};
 
@@ -31,18 +31,7 @@ impl SplitTake {
 
     /// What a renderer of the take is built for, with room for `rows` Gaussians.
     pub fn layout(&self, rows: usize) -> TakeLayout {
-        let [low, high] = self.field.bounds().map(|corner| DVec3::from_array(corner.map(f64::from)));
-        let temporal = self.field.temporal.as_ref().expect("it has lifetimes");
-        TakeLayout {
-            sh_degree: self.field.sh_degree,
-            motion_order: temporal.motion_order,
-            rotates: temporal.rotation_rates.is_some(),
-            filter: self.field.filter,
-            origin: 0.5 * (low + high),
-            rows,
-            duration_s: self.duration_s,
-            plate: None,
-        }
+        TakeLayout { rows, ..layout_of(&clip_of(&self.field), self.duration_s) }
     }
 
     /// The most Gaussians of the segments that hold one instant.

@@ -72,37 +72,32 @@ impl NullaryFnOnce for Quad<'_> {
 
     #[inline(always)]
     fn call(self) -> u64 {
-        count(self.splat, self.radius, self.width, self.height)
-    }
-}
-
-/// See [`fragments`].
-#[inline(always)]
-fn count(splat: &Splat, radius: Radius, width: u32, height: u32) -> u64 {
-    let radius = match radius {
-        Radius::Exact => splat.radius(),
-        Radius::AtMost(most) => splat.radius().min(most),
-        Radius::Fixed(radius) => radius,
-    };
-    let (axis, sigma) = principal_axes(splat.covariance);
-    let half = radius * sigma;
-    let half_height = (half.x * axis.y).abs() + (half.y * axis.x).abs();
-    let rows = pixels_between(splat.center.y - half_height, splat.center.y + half_height, height);
-    let mut counts = [0.0; LANES];
-    for first in rows.clone().step_by(LANES) {
-        // Several rows at once, the last ones perhaps beyond the end.
-        for (lane, count) in counts.iter_mut().enumerate() {
-            let y = f64::from(first) + lane as f64;
-            let dy = y + 0.5 - splat.center.y;
-            // |axis . d| <= half.x and |normal . d| <= half.y are intervals of d.x in this row.
-            let along = interval(axis.x, axis.y * dy, half.x);
-            let across = interval(-axis.y, axis.x * dy, half.y);
-            let (left, right) = (along.0.max(across.0), along.1.min(across.1));
-            let columns = columns_between(splat.center.x + left, splat.center.x + right, width);
-            *count += if y < f64::from(rows.end) { columns } else { 0.0 };
+        let Quad { splat, radius, width, height } = self;
+        let radius = match radius {
+            Radius::Exact => splat.radius(),
+            Radius::AtMost(most) => splat.radius().min(most),
+            Radius::Fixed(radius) => radius,
+        };
+        let (axis, sigma) = principal_axes(splat.covariance);
+        let half = radius * sigma;
+        let half_height = (half.x * axis.y).abs() + (half.y * axis.x).abs();
+        let rows = pixels_between(splat.center.y - half_height, splat.center.y + half_height, height);
+        let mut counts = [0.0; LANES];
+        for first in rows.clone().step_by(LANES) {
+            // Several rows at once, the last ones perhaps beyond the end.
+            for (lane, count) in counts.iter_mut().enumerate() {
+                let y = f64::from(first) + lane as f64;
+                let dy = y + 0.5 - splat.center.y;
+                // |axis . d| <= half.x and |normal . d| <= half.y are intervals of d.x in this row.
+                let along = interval(axis.x, axis.y * dy, half.x);
+                let across = interval(-axis.y, axis.x * dy, half.y);
+                let (left, right) = (along.0.max(across.0), along.1.min(across.1));
+                let columns = columns_between(splat.center.x + left, splat.center.x + right, width);
+                *count += if y < f64::from(rows.end) { columns } else { 0.0 };
+            }
         }
+        counts.iter().sum::<f64>() as u64
     }
-    counts.iter().sum::<f64>() as u64
 }
 
 /// Unit vector along the major axis of a covariance, and the standard deviations along and across it.
