@@ -82,6 +82,7 @@ impl NullaryFnOnce for Quad<'_> {
         let half = radius * sigma;
         let half_height = (half.x * axis.y).abs() + (half.y * axis.x).abs();
         let rows = pixels_between(splat.center.y - half_height, splat.center.y + half_height, height);
+        let inverse = axis.recip();
         let mut counts = [0.0; LANES];
         for first in rows.clone().step_by(LANES) {
             // Several rows at once, the last ones perhaps beyond the end.
@@ -89,8 +90,8 @@ impl NullaryFnOnce for Quad<'_> {
                 let y = f64::from(first) + lane as f64;
                 let dy = y + 0.5 - splat.center.y;
                 // |axis . d| <= half.x and |normal . d| <= half.y are intervals of d.x in this row.
-                let along = interval(axis.x, axis.y * dy, half.x);
-                let across = interval(-axis.y, axis.x * dy, half.y);
+                let along = interval(inverse.x, axis.y * dy, half.x);
+                let across = interval(-inverse.y, axis.x * dy, half.y);
                 let (left, right) = (along.0.max(across.0), along.1.min(across.1));
                 let columns = columns_between(splat.center.x + left, splat.center.x + right, width);
                 *count += if y < f64::from(rows.end) { columns } else { 0.0 };
@@ -116,12 +117,12 @@ fn columns_between(start: f64, end: f64, width: u32) -> f64 {
     (last - first).max(0.0)
 }
 
-/// Interval of `x` with `|a x + b| <= half`; an empty interval has its ends swapped.
+/// Interval of `x` with `|x / inverse + b| <= half`; an empty interval has its ends swapped.
 #[inline(always)]
-fn interval(a: f64, b: f64, half: f64) -> (f64, f64) {
+fn interval(inverse: f64, b: f64, half: f64) -> (f64, f64) {
     let all = if b.abs() <= half { f64::INFINITY } else { f64::NEG_INFINITY };
-    let (p, q) = ((-half - b) / a, (half - b) / a);
-    if a == 0.0 { (-all, all) } else { (p.min(q), p.max(q)) }
+    let (p, q) = ((-half - b) * inverse, (half - b) * inverse);
+    if inverse.is_infinite() { (-all, all) } else { (p.min(q), p.max(q)) }
 }
 
 /// Pixels of a column of `size` with centres in `[start, end]`.

@@ -1,9 +1,8 @@
-//! [`exp`] and [`log`] of several numbers at once, with the bits of [`libm::exp`] and [`libm::log`].
+//! [`exp`] of several numbers at once, with the bits of [`libm::exp`].
 //!
-//! The algorithms are the same. `exp` reduces its argument to `x = k ln 2 + r` and evaluates a rational function of
-//! `r`; `log` separates the exponent `k` and evaluates a series in `f / (2 + f)` of the rest `1 + f`. Where `libm`
-//! branches, all lanes select, in loops without calls, so that the compiler makes vectors of them. `libm` compares the
-//! high words of numbers, here they are compared with the numbers at which the high word changes.
+//! The algorithm is the same: it reduces its argument to `x = k ln 2 + r` and evaluates a rational function of `r`.
+//! Where `libm` branches, all lanes select, in loops without calls, so that the compiler makes vectors of them. `libm`
+//! compares the high words of numbers, here they are compared with the numbers at which the high word changes.
 
 /// Numbers at once: as many as a vector of 256 bits has. Wider ones would be mostly outside the row of a small splat.
 pub(super) const LANES: usize = 4;
@@ -22,22 +21,6 @@ const P: [f64; 5] = [
     f64::from_bits(0xbebb_bd41_c5d2_6bf1),
     f64::from_bits(0x3e66_3769_72be_a4d0),
 ];
-
-/// Coefficients of the series.
-const LG: [f64; 7] = [
-    f64::from_bits(0x3fe5_5555_5555_5593),
-    f64::from_bits(0x3fd9_9999_9997_fa04),
-    f64::from_bits(0x3fd2_4924_9422_9359),
-    f64::from_bits(0x3fcc_71c5_1d8e_78af),
-    f64::from_bits(0x3fc7_4664_96cb_03de),
-    f64::from_bits(0x3fc3_9a09_d078_c69f),
-    f64::from_bits(0x3fc2_f112_df3e_5244),
-];
-
-/// The bits of 1, those of the root of 1/2 with the low word 0, and those of a mantissa.
-const ONE: u64 = 0x3ff0_0000_0000_0000;
-const ROOT_HALF: u64 = 0x3fe6_a09e_0000_0000;
-const MANTISSA: u64 = 0x000f_ffff_ffff_ffff;
 
 /// Magnitudes from which `1 + x` is no longer exact enough, and `k` is -1, and less.
 const TINY_END: f64 = f64::from_bits(0x3e30_0001_0000_0000);
@@ -79,24 +62,6 @@ pub(super) fn exp(mut lanes: Lanes) -> Lanes {
     lanes
 }
 
-/// The natural logarithms of positive, normal and finite numbers.
-#[inline(always)]
-pub(super) fn log(mut lanes: Lanes) -> Lanes {
-    for lane in &mut lanes {
-        let bits = lane.to_bits() + (ONE - ROOT_HALF);
-        let k = f64::from_bits((bits >> 52) | SHIFTER.to_bits()) - (SHIFTER + 1023.0);
-        let f = f64::from_bits((bits & MANTISSA) + ROOT_HALF) - 1.0;
-        let half_square = 0.5 * f * f;
-        let s = f / (2.0 + f);
-        let z = s * s;
-        let w = z * z;
-        let even = w * (LG[1] + w * (LG[3] + w * LG[5]));
-        let odd = z * (LG[0] + w * (LG[2] + w * (LG[4] + w * LG[6])));
-        *lane = s * (half_square + (odd + even)) + k * LN_2_LOW - half_square + f + k * LN_2_HIGH;
-    }
-    lanes
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -105,13 +70,6 @@ mod tests {
         let expected = libm::exp(x);
         for (lane, value) in exp([x, -1.0, x, x]).into_iter().enumerate().filter(|(lane, _)| *lane != 1) {
             assert_eq!(value.to_bits(), expected.to_bits(), "exp({x:e}) in lane {lane}: {value:e}");
-        }
-    }
-
-    fn check_log(x: f64) {
-        let expected = libm::log(x);
-        for value in log([x; LANES]) {
-            assert_eq!(value.to_bits(), expected.to_bits(), "log({x:e}): {value:e}");
         }
     }
 
@@ -138,19 +96,6 @@ mod tests {
                     check(-f64::from_bits(begin.to_bits().wrapping_add_signed(step * ulps)));
                 });
             }
-        }
-        for _ in 0..200_000 {
-            check_log(1.0 + random.f64());
-            check_log(0.5 + 255.0 * random.f64());
-            check_log(libm::exp2(1000.0 * (2.0 * random.f64() - 1.0)));
-        }
-        for x in [1.0, 2.0, 255.0, f64::MIN_POSITIVE, f64::MAX, f64::from_bits(ROOT_HALF)] {
-            (-20..20).for_each(|ulps: i64| {
-                let x = f64::from_bits(x.to_bits().wrapping_add_signed(ulps));
-                if x.is_normal() {
-                    check_log(x);
-                }
-            });
         }
         assert!(exp([f64::NAN; LANES]).into_iter().all(f64::is_nan));
         assert_eq!(exp([-701.0, -1e9, f64::NEG_INFINITY, -0.0]), [0.0, 0.0, 0.0, 1.0]);

@@ -7,10 +7,9 @@
 
 use codec::{Field, Sensitivity};
 
-use super::evaluate::Splat;
-use super::exp::{LANES, log};
+use super::exp::{LANES, Lanes};
 use super::sort::{self, Order};
-use super::splat::{Fragment, Walk};
+use super::splat::{FragmentLanes, Place, Plane, Sink, TILE, Tile, Walk, lanes_at};
 use super::{FieldPrefix, evaluate_all};
 use crate::in_order::for_each_in_order;
 use crate::prune::PosedView;
@@ -74,16 +73,68 @@ struct SeenRow {
     sums: Sums,
 }
 
-/// What a splat looks like, for the sums.
-struct Look {
-    opacity: f64,
-    color: [f64; 3],
+/// Sums of the splats of a band. Each tile is traversed a second time, from back to front, with the colour behind each
+/// fragment.
+struct Backwards<'a> {
+    /// By splat.
+    colors: &'a [[f64; 3]],
+    /// By slot.
+    sums: &'a mut [Sums],
+    /// Fragments of the tile, front to back.
+    visited: Vec<Visited>,
 }
 
-impl Look {
-    fn new(splat: &Splat) -> Look {
-        Look { opacity: splat.opacity, color: splat.color }
+/// Fragments of a splat in neighbouring pixels.
+struct Visited {
+    index: u32,
+    slot: u32,
+    pixel: u32,
+    alphas: Lanes,
+    /// Squared weight times squared distance in standard deviations.
+    spread: Lanes,
+}
+
+impl Sink for Backwards<'_> {
+    #[inline(always)]
+    fn add(&mut self, Place { index, slot, pixel }: Place, fragments: &FragmentLanes) {
+        let mut squares = fragments.weights();
+        let mut spread = fragments.distances_squared();
+        for (square, spread) in squares.iter_mut().zip(&mut spread) {
+            *square *= *square;
+            *spread *= *square;
+        }
+        self.sums[slot].color += sum(squares);
+        let [index, slot, pixel] = [index, slot, pixel].map(|number| number as u32);
+        self.visited.push(Visited { index, slot, pixel, alphas: fragments.alphas(), spread });
     }
+
+    #[inline(always)]
+    fn finish(&mut self, _: &Tile) {
+        let mut behind: [Plane; 3] = [[0.0; TILE * TILE + LANES]; 3];
+        for visited in self.visited.iter().rev() {
+            let mut differences = [0.0; LANES];
+            for (plane, color) in behind.iter_mut().zip(self.colors[visited.index as usize]) {
+                let behind = lanes_at(plane, visited.pixel as usize);
+                for lane in 0..LANES {
+                    let difference = color.min(1.0) - behind[lane];
+                    differences[lane] += difference * difference;
+                    let alpha = visited.alphas[lane];
+                    behind[lane] = color * alpha + (1.0 - alpha) * behind[lane];
+                }
+            }
+            for (difference, spread) in differences.iter_mut().zip(visited.spread) {
+                *difference *= spread / 3.0;
+            }
+            self.sums[visited.slot as usize].geometry += sum(differences);
+        }
+        // Keeps the memory.
+        self.visited.clear();
+    }
+}
+
+#[inline(always)]
+fn sum([a, b, c, d]: Lanes) -> f64 {
+    (a + b) + (c + d)
 }
 
 /// The sums of the rows of `field`, in front of `plate`, in one view, front to back.
@@ -98,30 +149,10 @@ fn sums_in(field: &Field, plate: Option<&Field>, PosedView { camera, t }: &Posed
     }
     let walk = Walk::new(&splats, camera.width, camera.height);
     // Closer together in memory than splats.
-    let looks: Vec<Look> = splats.iter().map(Look::new).collect();
-    let add = |sums: &mut [Sums], _, fragments: &[Fragment]| {
-        let mut behind = [0.0; 3];
-        for some in fragments.rchunks(LANES) {
-            let mut fadings = [1.0; LANES];
-            for (fading, fragment) in fadings.iter_mut().zip(some) {
-                *fading = looks[fragment.index()].opacity / fragment.alpha;
-            }
-            let logs = log(fadings);
-            for (fragment, log) in some.iter().zip(logs).rev() {
-                let look = &looks[fragment.index()];
-                let square = fragment.weight() * fragment.weight();
-                let difference =
-                    (0..3).map(|c| (look.color[c].min(1.0) - behind[c]).powi(2)).sum::<f64>() / 3.0;
-                // Squared distance in standard deviations.
-                let distance = 2.0 * log.max(0.0);
-                sums[fragment.slot()].add(&Sums { color: square, geometry: square * difference * distance });
-                for (behind, color) in behind.iter_mut().zip(look.color) {
-                    *behind = color * fragment.alpha + (1.0 - fragment.alpha) * *behind;
-                }
-            }
-        }
-    };
-    let sums = walk.sum_per_splat(add, Sums::add);
+    let colors: Vec<[f64; 3]> = splats.iter().map(|splat| splat.color).collect();
+    let sums = walk.sum_bands(Sums::add, |band, sums| {
+        walk.band(band, Backwards { colors: &colors, sums, visited: Vec::new() });
+    });
     let rows = splats[..subjects].iter().zip(sums);
     rows.map(|(splat, sums)| SeenRow { row: splat.row, depth: splat.depth, sums }).collect()
 }

@@ -17,10 +17,10 @@ use super::exp::{LANES, Lanes, exp, pick};
 use crate::image::Image;
 
 /// Side of a tile in pixels.
-const TILE: usize = 16;
+pub(super) const TILE: usize = 16;
 
 /// Numbers of a tile, one per pixel, row by row; the lanes of the last pixel reach beyond it.
-type Plane = [f64; TILE * TILE + LANES];
+pub(super) type Plane = [f64; TILE * TILE + LANES];
 
 /// Splats between checks whether all pixels of a tile are finished.
 const ROUND: usize = 32;
@@ -104,7 +104,7 @@ impl Fragment {
 }
 
 /// Receives the fragments of a band, tile by tile.
-trait Sink {
+pub(super) trait Sink {
     /// Adds fragments of one splat.
     fn add(&mut self, at: Place, fragments: &FragmentLanes);
 
@@ -114,32 +114,51 @@ trait Sink {
 
 /// What several fragments are of.
 #[derive(Clone, Copy)]
-struct Place {
+pub(super) struct Place {
     /// See [`Fragment::index`].
-    index: usize,
+    pub(super) index: usize,
     /// See [`Fragment::slot`].
-    slot: usize,
+    pub(super) slot: usize,
     /// The place in the tile of the first lane's pixel; the others follow in its row.
-    pixel: usize,
+    pub(super) pixel: usize,
 }
 
 /// Fragments in neighbouring pixels of a row.
-struct FragmentLanes {
+pub(super) struct FragmentLanes {
     /// Whether there is one.
     is_drawn: [bool; LANES],
     alpha: Lanes,
     transmittance: Lanes,
+    distance_squared: Lanes,
 }
 
 impl FragmentLanes {
+    /// Alphas; 0 where there is no fragment.
+    #[inline(always)]
+    pub(super) fn alphas(&self) -> Lanes {
+        self.where_drawn(|lane| self.alpha[lane])
+    }
+
     /// Blending weights; 0 where there is no fragment.
     #[inline(always)]
-    fn weights(&self) -> Lanes {
-        let mut weights = [0.0; LANES];
-        for (lane, weight) in weights.iter_mut().enumerate() {
-            *weight = pick(self.is_drawn[lane], self.alpha[lane] * self.transmittance[lane], 0.0);
+    pub(super) fn weights(&self) -> Lanes {
+        self.where_drawn(|lane| self.alpha[lane] * self.transmittance[lane])
+    }
+
+    /// Squared distances from the splat's centre in standard deviations; 0 where there is no fragment.
+    #[inline(always)]
+    pub(super) fn distances_squared(&self) -> Lanes {
+        self.where_drawn(|lane| self.distance_squared[lane])
+    }
+
+    /// A number of each lane with a fragment, 0 of the others.
+    #[inline(always)]
+    fn where_drawn(&self, number: impl Fn(usize) -> f64) -> Lanes {
+        let mut numbers = [0.0; LANES];
+        for (lane, drawn) in numbers.iter_mut().enumerate() {
+            *drawn = pick(self.is_drawn[lane], number(lane), 0.0);
         }
-        weights
+        numbers
     }
 
     /// Each fragment with the place of its pixel.
@@ -180,7 +199,7 @@ impl Walk {
     }
 
     /// Gives the fragments of a band to a sink, and returns it.
-    fn band<S: Sink>(&self, band: usize, sink: S) -> S {
+    pub(super) fn band<S: Sink>(&self, band: usize, sink: S) -> S {
         Arch::new().dispatch(Band { walk: self, band, sink })
     }
 
@@ -211,8 +230,8 @@ impl Walk {
         })
     }
 
-    /// Adds the sums of all bands; `of_band` computes those of one.
-    fn sum_bands<T: Clone + Default + PartialEq + Send>(
+    /// Adds the sums of all bands, from top to bottom; `of_band` computes those of one.
+    pub(super) fn sum_bands<T: Clone + Default + PartialEq + Send>(
         &self,
         merge: impl Fn(&mut T, &T),
         of_band: impl Fn(usize, &mut [T]) + Sync,
@@ -314,7 +333,7 @@ impl<S: Sink> NullaryFnOnce for Band<'_, S> {
 }
 
 /// The pixels of a tile.
-struct Tile {
+pub(super) struct Tile {
     rows: Range<usize>,
     columns: Range<usize>,
     /// Transmittances behind all fragments; below 0, once the pixel is finished.
@@ -343,6 +362,16 @@ impl Tile {
         (0..self.rows.len()).all(|y| row(y).iter().all(|&transmittance| transmittance < 0.0))
     }
 
+    /// Whether no fragment can be added to the pixel at a place and those right of it.
+    #[inline(always)]
+    fn is_finished_at(&mut self, pixel: usize) -> bool {
+        let mut is_finished = true;
+        for &transmittance in lanes_at(&mut self.transmittance, pixel).iter() {
+            is_finished &= transmittance < 0.0;
+        }
+        is_finished
+    }
+
     /// Adds a splat behind all splats so far.
     #[inline(always)]
     fn add(&mut self, stamp: &Stamp, slot: usize, sink: &mut impl Sink) {
@@ -357,7 +386,12 @@ impl Tile {
                 }
                 let inside = (columns.end - x) as f64;
                 let pixel = row + x - self.columns.start;
-                let fragments = self.blend(pixel, inside, stamp.alpha(dx, dy));
+                // Most splats of an opaque scene are behind its surface.
+                if self.is_finished_at(pixel) {
+                    continue;
+                }
+                let distance_squared = stamp.distance_squared(dx, dy);
+                let fragments = self.blend(pixel, inside, stamp.alpha(distance_squared), distance_squared);
                 sink.add(Place { index: stamp.index, slot, pixel }, &fragments);
             }
         }
@@ -365,7 +399,7 @@ impl Tile {
 
     /// Adds fragments to the pixel at a place and those right of it, to as many as are `inside`.
     #[inline(always)]
-    fn blend(&mut self, pixel: usize, inside: f64, alpha: Lanes) -> FragmentLanes {
+    fn blend(&mut self, pixel: usize, inside: f64, alpha: Lanes, distance_squared: Lanes) -> FragmentLanes {
         let rest = lanes_at(&mut self.transmittance, pixel);
         let transmittance = *rest;
         let mut is_drawn = [false; LANES];
@@ -376,13 +410,13 @@ impl Tile {
             let finished = pick(is_met, -transmittance[lane], transmittance[lane]);
             rest[lane] = pick(is_drawn[lane], behind, finished);
         }
-        FragmentLanes { is_drawn, alpha, transmittance }
+        FragmentLanes { is_drawn, alpha, transmittance, distance_squared }
     }
 }
 
 /// The lanes of a plane from a pixel on.
 #[inline(always)]
-fn lanes_at(plane: &mut Plane, pixel: usize) -> &mut Lanes {
+pub(super) fn lanes_at(plane: &mut Plane, pixel: usize) -> &mut Lanes {
     plane[pixel..].first_chunk_mut().expect("a plane is longer than its tile")
 }
 
@@ -441,14 +475,23 @@ impl Stamp {
         pixels_between(center - half, center + half, columns)
     }
 
-    /// `min(0.999, o exp(-q / 2))` with the squared distance `q` in standard deviations, at several `dx`.
+    /// Squared distances in standard deviations at several `dx`.
     #[inline(always)]
-    fn alpha(&self, dx: Lanes, dy: f64) -> Lanes {
-        let mut exponents = dx;
+    fn distance_squared(&self, dx: Lanes, dy: f64) -> Lanes {
+        let mut squares = dx;
+        for square in &mut squares {
+            let across = *square - self.lean * dy;
+            *square = self.precision.y * dy * dy + self.precision.x * across * across;
+        }
+        squares
+    }
+
+    /// `min(0.999, o exp(-q / 2))` at the squared distances `q` in standard deviations.
+    #[inline(always)]
+    fn alpha(&self, distance_squared: Lanes) -> Lanes {
+        let mut exponents = distance_squared;
         for exponent in &mut exponents {
-            let across = *exponent - self.lean * dy;
-            let q = self.precision.y * dy * dy + self.precision.x * across * across;
-            *exponent = -0.5 * q;
+            *exponent *= -0.5;
         }
         let mut alpha = exp(exponents);
         for alpha in &mut alpha {
