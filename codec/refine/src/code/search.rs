@@ -1,7 +1,8 @@
 //! [`Search`]: finds the coarsest precision whose package meets a target PSNR.
 //!
-//! The PSNR of a large field's package rises with the precision, nearly decibel by decibel. The search moves by the missing decibels until the target lies between two trials, then
-//! halves the distance between them where a straight line through both does not lead on.
+//! The PSNR of a large field's package rises nearly in proportion to the precision. The search moves by the missing
+//! decibels over [`SLOPE`] until the target lies between two trials, then halves the distance between them where a
+//! straight line through both does not lead on.
 
 use crate::prune::Fidelity;
 
@@ -16,6 +17,10 @@ pub const WORST_BELOW_DB: f64 = 6.0;
 
 /// Excess that the search aims at, in dB.
 const AIM_DB: f64 = 0.05;
+
+/// Assumed gain in PSNR per gain in precision. From the first trial to the second it was 0.81 to 0.97 for spinach with
+/// 20,000 and 40,000 Gaussians and all, and 0.86 for the guitar.
+const SLOPE: f64 = 0.83;
 
 /// Excess in dB that ends the search; a larger accepted one is improved while trials are cheap.
 const CLOSE_DB: f64 = 0.12;
@@ -129,8 +134,8 @@ impl Search {
             (Some(below), Some(above)) => (below, above),
             _ => {
                 // Steps grow, for where a column is at its finest the PSNR rises slowly.
-                let step_db =
-                    (AIM_DB - last.surplus_db) * f64::from(1 << (self.trials - 1).min(4) as u32).sqrt();
+                let growth = f64::from(1 << (self.trials - 1).min(4) as u32).sqrt();
+                let step_db = (AIM_DB - last.surplus_db) / SLOPE * growth;
                 let next_db = (last.precision_db + step_db).clamp(0.0, FINEST_DB);
                 return (next_db != last.precision_db).then_some(next_db);
             }
