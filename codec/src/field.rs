@@ -144,22 +144,28 @@ impl Field {
     /// Alive interval of Gaussian `i`: the clip times in `[0, 1]` at which its opacity is at least
     /// [`ALPHA_MIN`], `tau -+ s sqrt(2 ln(o / ALPHA_MIN))`. `None` if it is never alive.
     pub fn alive_interval(&self, i: usize) -> Option<(f64, f64)> {
+        let (start, end) = self.life(i)?;
+        let (start, end) = (start.max(0.0), end.min(1.0));
+        (start <= end).then_some((start, end))
+    }
+
+    /// [`Field::alive_interval`], not cut to the clip: the clip times between which the opacity of Gaussian `i` is at
+    /// least [`ALPHA_MIN`], infinite for one that is always on. `None` if it is never alive.
+    pub fn life(&self, i: usize) -> Option<(f64, f64)> {
         let opacity = f64::from(self.opacities[i]);
         if opacity < ALPHA_MIN {
             return None;
         }
-        let Some(temporal) = &self.temporal else {
-            return Some((0.0, 1.0));
-        };
+        let always = Some((f64::NEG_INFINITY, f64::INFINITY));
+        let Some(temporal) = &self.temporal else { return always };
         let (tau, s) = (f64::from(temporal.tau[i]), f64::from(temporal.s[i]));
         if s.is_infinite() {
-            return Some((0.0, 1.0));
+            return always;
         }
         // The time index of a package depends on this interval, so every machine must compute the
         // same one: libm, not the system's logarithm.
         let support_radius = s * (2.0 * libm::log(opacity / ALPHA_MIN)).sqrt();
-        let (start, end) = ((tau - support_radius).max(0.0), (tau + support_radius).min(1.0));
-        (start <= end).then_some((start, end))
+        Some((tau - support_radius, tau + support_radius))
     }
 
     /// Corners `[min, max]` of the box around all positions while alive, in source units, to within

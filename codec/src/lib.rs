@@ -152,5 +152,5 @@ pub use precision::{Precision, Sensitivity};
 pub use section::{Region, Section, SectionKind};
 pub use take::{Package, Resident, SPAN_TOLERANCE_S, Segment, SegmentLayer, Take, package, span_holds};
 #[cfg(feature = "encode")]
-pub use take::{SegmentPackage, SplitSegment, encode_take_head, retime, split, take_order};
+pub use take::{SegmentGrid, SegmentPackage, SplitSegment, encode_take_head, retime, split, take_order};
 pub use time_index::TimeIndex;

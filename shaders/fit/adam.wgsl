@@ -126,7 +126,8 @@ fn adam(at: Invocation) {
     let to = place(n, START[column], COUNT[column], row) + k;
     let by = place(n, START[column], COUNT[column], i) + k;
     let bias = vec2<f32>(correction(LOG_BETA1, of_row.visits), correction(LOG_BETA2, of_row.visits));
-    let rate = rate_of(column, k);
+    let is_of_time = column == TAU || column == LOG_WIDTH || column == MOTION || column == ROTATION_RATE;
+    let rate = select(of_row.share, of_row.share_of_time, is_of_time) * rate_of(column, k);
     if column != ROTATION && column != LOG_SCALE {
         parameters[to] = clamped(column, updated(to, d_parameters[by], rate, bias));
     } else if k == 0u {

@@ -9,4 +9,8 @@ struct Statistics {
     visits: u32,
     // 1 if Adam can use the gradient of this step, else 0.
     is_usable: u32,
+    // Factor of the learning rates, 0 to 1.
+    share: f32,
+    // That of the columns of time.
+    share_of_time: f32,
 }

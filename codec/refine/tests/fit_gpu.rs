@@ -12,8 +12,8 @@ use fixtures::{COLUMN_NAMES, TIMELINE};
 use libtest_mimic::{Arguments, Completion, Failed, Trial};
 use refine::fit::gpu::Gpu;
 use refine::fit::{
-    Backend, Cpu, DensityRule, DeviceError, Fit, FitSettings, FrameView, Gradient, Lpips, Parameters,
-    Photograph, Real, RenderedImage, Run, StepReport, Timeline, TrainingView, WeightTensor, cpu,
+    Backend, Carried, Cpu, DeviceError, Fit, FitSettings, FrameView, Gradient, Lpips, Parameters, Photograph,
+    Real, RenderedImage, Run, StepReport, Timeline, TrainingView, WeightTensor, cpu,
 };
 
 fn main() -> ExitCode {
@@ -209,7 +209,7 @@ fn training_views(size: [u32; 2], frames: &[f64]) -> Vec<TrainingView> {
 fn settings(steps: u64) -> FitSettings {
     // High, so that it shows in a few steps.
     let fragment_weight = 0.03;
-    FitSettings { steps, floor: 0, rule: DensityRule::Floor, detach_tau: true, fragment_weight, seed: 3 }
+    FitSettings { steps, floor: 0, fragment_weight, seed: 3, ..FitSettings::default() }
 }
 
 /// Fits `parameters` to `views` for `count` of `steps`. Returns the fit and the reports.
@@ -220,8 +220,22 @@ fn fitted(
     [count, steps]: [u64; 2],
     lpips: Option<&Lpips<f32>>,
 ) -> Result<(Fit, Vec<StepReport>), DeviceError> {
-    let cameras = views.iter().map(|view| &view.camera);
-    let mut run = Run::start(Fit::new(settings(steps), parameters.clone(), TIMELINE, cameras), backend)?;
+    run_of(backend, new_fit(parameters, views, steps), views, count, lpips)
+}
+
+fn new_fit(parameters: &Parameters<f32>, views: &[TrainingView], steps: u64) -> Fit {
+    Fit::new(settings(steps), parameters.clone(), TIMELINE, views.iter().map(|view| &view.camera))
+}
+
+/// Takes `count` steps of `fit`.
+fn run_of(
+    backend: &mut dyn Backend,
+    fit: Fit,
+    views: &[TrainingView],
+    count: u64,
+    lpips: Option<&Lpips<f32>>,
+) -> Result<(Fit, Vec<StepReport>), DeviceError> {
+    let mut run = Run::start(fit, backend)?;
     let all: Vec<&TrainingView> = views.iter().collect();
     let reports = (0..count).map(|_| run.step(&all, lpips)).collect::<Result<_, _>>()?;
     Ok((run.pause()?, reports))
@@ -247,10 +261,23 @@ fn parameters_of(fit: &Fit) -> Parameters<f32> {
 
 fn a_step(mut gpu: Gpu) -> Result<(), DeviceError> {
     let views = training_views([64, 64], &[4.0]);
-    for (what, start) in [("moving", cloud(41, 500, 3)), ("static", static_cloud(41, 500, 0))] {
-        let expected = fitted(&mut Cpu::default(), &start, &views, [1, 100], None)?.0;
-        let found = fitted(&mut gpu, &start, &views, [1, 100], None)?.0;
-        let none = parameters_of(&fitted(&mut Cpu::default(), &start, &views, [0, 100], None)?.0);
+    let pasts = |row: usize| match row % 3 {
+        0 => Carried::NONE,
+        1 => Carried { share: 0.25, ..Carried::NONE },
+        _ => Carried { share: 0.5, is_static: true, ..Carried::NONE },
+    };
+    let dynamic = cloud(41, 500, 3);
+    let carried = (0..dynamic.len()).map(pasts).collect();
+    let cases = [("dynamic", dynamic.clone(), None), ("static", static_cloud(41, 500, 0), None)];
+    for (what, start, carried) in cases.into_iter().chain([("carried", dynamic, Some(carried))]) {
+        let fit = new_fit(&start, &views, 100);
+        let fit = match carried {
+            Some(carried) => fit.carrying(carried),
+            None => fit,
+        };
+        let expected = run_of(&mut Cpu::default(), fit.clone(), &views, 1, None)?.0;
+        let found = run_of(&mut gpu, fit.clone(), &views, 1, None)?.0;
+        let none = parameters_of(&fit);
         let (found, expected) = (parameters_of(&found), parameters_of(&expected));
         let all = columns(&found).zip(columns(&expected)).zip(columns(&none));
         for (((name, a), (_, b)), (_, before)) in all {

@@ -13,7 +13,7 @@ pub use head::{SegmentPackage, encode_take_head};
 pub use package::{Package, package};
 pub use span::{Resident, SPAN_TOLERANCE_S, span_holds};
 #[cfg(feature = "encode")]
-pub use split::{SplitSegment, retime, split};
+pub use split::{SegmentGrid, SplitSegment, retime, split};
 #[cfg(feature = "encode")]
 pub use table::take_order;
 pub use table::{Segment, SegmentLayer, Take};

@@ -33,7 +33,7 @@ pub struct SplitSegment {
 /// # Panics
 /// If the duration or the unit is not between 1e-9 and 1e9 seconds, or the field breaks its invariants.
 pub fn split(field: &Field, duration_s: f64, unit_s: f64) -> Vec<SplitSegment> {
-    let grid = Grid::new(duration_s, unit_s);
+    let grid = SegmentGrid::new(duration_s, unit_s);
     let mut places: BTreeMap<(u8, u64), Vec<usize>> = BTreeMap::new();
     for row in 0..field.len() {
         places.entry(grid.place(life(field, row).map(|t| t * duration_s))).or_default().push(row);
@@ -63,19 +63,25 @@ fn life(field: &Field, row: usize) -> [f64; 2] {
     }
 }
 
-/// The segments of a take, by level and number.
-struct Grid {
+/// The segments that a take may have, by level and number: on level `l` one begins at every multiple of `2^l` units
+/// and lasts twice that, cut to the take; the top one spans it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SegmentGrid {
     duration_s: f64,
     unit_s: f64,
     /// The level whose first segment spans the take.
     top: u8,
 }
 
-impl Grid {
-    fn new(duration_s: f64, unit_s: f64) -> Grid {
+impl SegmentGrid {
+    /// The grid of a take of `duration_s` seconds, with steps of `unit_s` seconds on level 0.
+    ///
+    /// # Panics
+    /// If one is not between 1e-9 and 1e9.
+    pub fn new(duration_s: f64, unit_s: f64) -> SegmentGrid {
         let is_valid = |seconds: f64| (1e-9..=1e9).contains(&seconds);
         assert!(is_valid(duration_s) && is_valid(unit_s), "{duration_s} s and {unit_s} s are 1e-9 to 1e9 s");
-        let mut grid = Grid { duration_s, unit_s, top: 0 };
+        let mut grid = SegmentGrid { duration_s, unit_s, top: 0 };
         while 2.0 * grid.step(grid.top) < duration_s {
             grid.top += 1;
         }
@@ -88,7 +94,7 @@ impl Grid {
     }
 
     /// Start and duration in seconds of a segment, cut to the take.
-    fn span(&self, level: u8, number: u64) -> (f64, f64) {
+    pub fn span(&self, level: u8, number: u64) -> (f64, f64) {
         if level == self.top {
             return (0.0, self.duration_s);
         }
@@ -99,8 +105,9 @@ impl Grid {
         (start, if start + duration < end { duration.next_up() } else { duration })
     }
 
-    /// Level and number of the segment of a Gaussian, by the seconds at which its life begins and ends.
-    fn place(&self, [birth, death]: [f64; 2]) -> (u8, u64) {
+    /// Level and number of the segment of a Gaussian, by the seconds at which its life begins and ends, which are within
+    /// the take.
+    pub fn place(&self, [birth, death]: [f64; 2]) -> (u8, u64) {
         let lowest = (0..self.top).find_map(|level| {
             let mut number = (birth / self.step(level)) as u64;
             // A segment begins before the take ends.

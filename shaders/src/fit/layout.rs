@@ -87,6 +87,10 @@ pub struct Statistics {
     pub visits: u32,
     /// 1 if Adam could use the gradient of the last step, else 0.
     pub is_usable: u32,
+    /// Factor of the learning rates, 0 to 1.
+    pub share: f32,
+    /// That of the columns of time: window, motion and rotation rates.
+    pub share_of_time: f32,
 }
 
 /// The results of a step: eight numbers, which the shaders address by index.

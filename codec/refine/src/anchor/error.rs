@@ -38,7 +38,7 @@ pub enum AnchorError {
 
 impl AnchorError {
     /// Whether other frames may still have a surface.
-    pub(super) fn is_of_one_frame(&self) -> bool {
+    pub fn is_of_one_frame(&self) -> bool {
         use AnchorError::*;
         matches!(self, NoViews | NoSubject | OneView | NoHull | NoDepths | NoRays)
     }

@@ -40,7 +40,7 @@ pub use cpu::Cpu;
 pub use density::{DensityChange, DensityRule};
 pub(crate) use loss::ssim_and_gradient;
 pub use loss::{Lpips, LpipsError, LpipsNetwork, WeightTensor, subject_psnr};
-pub use parameters::{Parameters, Timeline};
+pub use parameters::{Carried, Parameters, Timeline};
 pub use precision::Real;
 pub use training::{FRAGMENT_WEIGHT, Fit, FitSettings, Run};
 pub use views::{FrameView, Photograph, RenderedImage, TrainingView};

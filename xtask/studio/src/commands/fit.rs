@@ -7,7 +7,9 @@ use std::time::{Duration, Instant};
 use crate::capture::CaptureFiles;
 use crate::eval::fragments_per_lit_pixel;
 use crate::export::fitted_field_file;
-use crate::fit::{self, DepthScale, FitPlan, FitProgress, FitRuntime, FitStart, Fitted, TrainingViews, log};
+use crate::fit::{
+    self, DepthScale, FitPlan, FitProgress, FitRuntime, FitStart, Fitted, SlidePlan, TrainingViews, log,
+};
 use crate::input::{Input, is_take, not_one_field};
 use crate::messages::count;
 use crate::progress::counting;
@@ -26,8 +28,9 @@ use serde_json::{Value, json};
 use super::capture::{
     FrameSelection, HeldFrames, LpipsOption, describe, load_training_views, note_assumed_fps,
 };
+use super::fit_folder::{fit_folder, report_folder};
 use super::fit_source::FitSource;
-use super::takes::{self, TakeCommand, TakeOptions};
+use super::takes::{self, TakeCommand, TakeOptions, part_seconds};
 
 /// Fit a field to the photographs of a capture.
 #[derive(clap::Args, Clone, Debug)]
@@ -37,7 +40,8 @@ pub struct Args {
     capture: Option<PathBuf>,
     /// Field file (.ply) to write; CAPTURE's name with .ply in the current folder by default. The table and
     /// the picture of the fit (.fit.csv, .fit.png) are written beside it and, until it is done, a
-    /// .checkpoint, from which the same command resumes
+    /// .checkpoint, from which the same command resumes. A name without extension is that of a field folder: the
+    /// fit slides along the capture, with the memory of a few seconds, and the same command resumes it
     #[arg(short, long, value_name = "PATH")]
     out: Option<PathBuf>,
     #[command(flatten)]
@@ -65,6 +69,9 @@ pub struct Args {
     /// Prune without the lower limit of --gaussians
     #[arg(long)]
     no_floor: bool,
+    /// Seconds of a part of a field folder, and of the grid of its segments; --steps and --gaussians are of a part
+    #[arg(long, value_name = "S", value_parser = part_seconds, conflicts_with = "list")]
+    split: Option<f64>,
     #[command(flatten)]
     options: FitOptions,
     /// Print JSON
@@ -201,6 +208,15 @@ fn run_one(args: &Args) -> anyhow::Result<()> {
     let start = Instant::now();
     let default = || PathBuf::from(format!("{}.ply", name_of(args.capture())));
     let out = args.out.clone().unwrap_or_else(default);
+    if out.extension().is_none() {
+        return slide(args, &out);
+    }
+    if let Some(seconds) = args.split {
+        bail!(Fault::Usage(format!(
+            "--split {seconds}: {} is one field; name a folder to fit a field folder, or leave --split out",
+            out.display()
+        )));
+    }
     let result = fit_capture(args, &out)?;
     report(args, &result, &out, start)
 }
@@ -257,7 +273,11 @@ impl FitOptions {
 
     /// The plan of these options, with the default anchor and the floor.
     pub(super) fn plan(&self, capture_files: &CaptureFiles, holdout: Holdout) -> Result<FitPlan, Fault> {
-        let default = FitPlan::default_for(capture_files, holdout)?;
+        self.plan_from(FitPlan::default_for(capture_files, holdout)?)
+    }
+
+    /// `default`, with what these options state instead.
+    fn plan_from(&self, default: FitPlan) -> Result<FitPlan, Fault> {
         let gaussians = self.gaussians.map_or(default.gaussians, |n| n as usize);
         Ok(FitPlan {
             lpips: self.lpips.record()?,
@@ -323,7 +343,7 @@ fn fit_capture(args: &Args, out: &Path) -> anyhow::Result<FitResult> {
     let holdout = Holdout::from(args.holdout);
     let splits = describe(&capture_files, holdout)?;
     let lpips = args.options.lpips.load()?;
-    let plan = plan(args, &capture_files)?;
+    let plan = plan(args, args.options.plan(&capture_files, holdout)?)?;
     fit::check_checkpoint(&plan, out)?;
     let views = load_training_views(&capture_files, holdout)?;
     let mut backend = args.options.open_backend()?;
@@ -361,6 +381,9 @@ pub(super) struct FitResult {
     /// What the field costs a player; `None` if it shows nothing, or was not counted.
     pub(super) fragments_per_lit_pixel: Option<f64>,
 }
+
+/// Default length of a part of a field folder in seconds.
+const UNIT_S: f64 = 1.0;
 
 /// About as many photographs, evenly, tell what a field costs a player.
 const COUNTED_VIEWS: usize = 8;
@@ -402,8 +425,7 @@ fn open_gpu() -> Result<Box<dyn Backend>, Fault> {
     ))
 }
 
-fn plan(args: &Args, capture_files: &CaptureFiles) -> anyhow::Result<FitPlan> {
-    let plan = args.options.plan(capture_files, args.holdout.into())?;
+fn plan(args: &Args, plan: FitPlan) -> anyhow::Result<FitPlan> {
     let start = match (&args.depths, &args.from) {
         (Some(folder), _) => FitStart::Depths(folder.to_string_lossy().into_owned(), args.depth_scale),
         (_, Some(path)) => FitStart::Field(path.to_string_lossy().into_owned(), fit::file_crc(path)?),
@@ -415,6 +437,38 @@ fn plan(args: &Args, capture_files: &CaptureFiles) -> anyhow::Result<FitPlan> {
     };
     let floor = if args.no_floor { 0 } else { plan.floor };
     Ok(FitPlan { start, floor, ..plan })
+}
+
+/// Fits a field folder to a capture.
+fn slide(args: &Args, out: &Path) -> anyhow::Result<()> {
+    output::check_folder(out)?;
+    let unit_s = args.split.unwrap_or(UNIT_S);
+    let others = [(args.from.is_some(), "--from"), (matches!(args.anchor, Anchor::None), "--anchor none")];
+    if let Some((_, option)) = others.iter().find(|(is_given, _)| *is_given) {
+        bail!(Fault::Usage(format!(
+            "{option}: a field folder starts from an anchor; leave it out, or name a field file (.ply)"
+        )));
+    }
+    let mut capture_files = args.selection.open(args.capture())?;
+    args.options.state_fps(&mut capture_files)?;
+    if capture_files.capture.duration_s() <= 0.0 {
+        bail!(Fault::Usage(format!(
+            "{}: one frame has no time to slide along; name a field file (.ply)",
+            out.display()
+        )));
+    }
+    let holdout = Holdout::from(args.holdout);
+    let lpips = args.options.lpips.load()?;
+    let default = FitPlan::default_for_seconds(&capture_files, holdout, unit_s)?;
+    let plan = SlidePlan { fit: plan(args, args.options.plan_from(default)?)?, unit_s };
+    fit::check_slide(&plan, out)?;
+    let mut backend = args.options.open_backend()?;
+    let runtime = args.options.runtime(&mut *backend, lpips.as_ref());
+    note_assumed_fps(&capture_files, "--fps states another number");
+    eprintln!("note: {}", describe(&capture_files, holdout)?);
+    let slid = fit_folder(out, &plan, &capture_files, runtime)?;
+    report_folder(out, &slid, capture_files.capture.duration_s(), args.json);
+    Ok(())
 }
 
 fn show(bar: &ProgressBar, progress: &FitProgress) {

@@ -5,6 +5,7 @@ pub(crate) mod depths;
 pub(crate) mod eval;
 pub(crate) mod export;
 pub(crate) mod fit;
+mod fit_folder;
 mod fit_source;
 pub(crate) mod inspect;
 pub(crate) mod join;

@@ -27,7 +27,7 @@ use serde_json::{Value, json};
 
 use super::capture::{FrameSelection, HeldFrames, load_training_views, note_assumed_fps};
 use super::fit::fragment_weight;
-use super::takes::{self, TakeCommand, TakeOptions};
+use super::takes::{self, TakeCommand, TakeOptions, part_seconds};
 
 /// Maximum loss in dB of a prefix of a package against a package of its size.
 const PREFIX_LOSS_DB: f64 = 0.5;
@@ -88,7 +88,7 @@ pub struct Args {
     capture: Option<PathBuf>,
     /// Split the field into segments, as a take: on level l one begins at every multiple of 2^l S seconds, and lasts
     /// twice that; 1 to 2 suit windows of a few frames
-    #[arg(long, value_name = "S", value_parser = split_seconds)]
+    #[arg(long, value_name = "S", value_parser = part_seconds)]
     split: Option<f64>,
     /// Coder of the Gaussians
     #[arg(long, value_enum, default_value_t = Coder::Context)]
@@ -122,11 +122,6 @@ struct Rank(Option<Ranking>);
 
 pub(super) fn budget(text: &str) -> Result<NonZeroUsize, String> {
     text.parse().map_err(|_| "not a number of Gaussians, 1 or more".into())
-}
-
-fn split_seconds(text: &str) -> Result<f64, String> {
-    let seconds = text.parse().ok().filter(|seconds| (0.01..=3600.0).contains(seconds));
-    seconds.ok_or_else(|| "a number of seconds from 0.01 to 3600".into())
 }
 
 fn fragments(text: &str) -> Result<f64, String> {

@@ -11,7 +11,7 @@ use super::log::{Density, LogEntry, beside};
 use super::plan::{FitPlan, crc};
 
 /// First bytes of a checkpoint; the last one is the version of its contents.
-const MAGIC: [u8; 8] = *b"aarcfit\x04";
+const MAGIC: [u8; 8] = *b"aarcfit\x05";
 
 /// A fit and its plan.
 #[derive(Serialize, Deserialize)]

@@ -11,6 +11,7 @@ mod checkpoint;
 pub mod log;
 mod plan;
 mod refinement;
+mod slide;
 mod start;
 mod training_views;
 
@@ -21,7 +22,7 @@ use codec::{ClipInfo, Field, Viewpoint};
 use image::RgbImage;
 use program::{Fault, output};
 use refine::capture::CalibratedCamera;
-use refine::fit::{Backend, DeviceError, Lpips, RenderedImage, Run, TrainingView};
+use refine::fit::{Backend, DeviceError, Fit, Lpips, Parameters, RenderedImage, Run, TrainingView};
 
 use crate::capture::CaptureFiles;
 use crate::scene::{DEFAULT_DURATION_S, DEFAULT_METRES_PER_UNIT, DEFAULT_UP};
@@ -30,6 +31,7 @@ use checkpoint::{Checkpoint, Tally};
 use log::LogEntry;
 pub use plan::{DepthScale, FitPlan, FitStart, SH_DEGREE, crc, file_crc};
 pub use refinement::{Refinement, RefinementReport};
+pub use slide::{Assembled, SlidField, SlidePlan, SlideProgress, check_slide, slide, slide_cost};
 pub use training_views::TrainingViews;
 use training_views::mean_psnr;
 
@@ -73,6 +75,8 @@ pub struct FitProgress {
 pub struct Fitted {
     /// The field.
     pub field: Field,
+    /// Its parameters.
+    pub parameters: Parameters<f32>,
     /// The table.
     pub entries: Vec<LogEntry>,
     /// Number of non-finite gradients and moments, which the optimizer skips.
@@ -95,7 +99,6 @@ pub struct Fitted {
 /// # Errors
 /// A [`Fault`] if there is no Gaussian to start from, a file cannot be read or written, or the device
 /// fails. The last checkpoint stays.
-// Long: the loop over steps with its checkpoints and table shares all of its state.
 pub fn fit(
     plan: &FitPlan,
     capture_files: &CaptureFiles,
@@ -104,6 +107,22 @@ pub fn fit(
     out: &Path,
     on_progress: &mut dyn FnMut(&FitProgress),
 ) -> anyhow::Result<Fitted> {
+    let start = |_: &mut dyn Backend| start::start(plan, capture_files, views).map(Some);
+    let fitted = fit_from(plan, capture_files, views, runtime, out, on_progress, start)?;
+    Ok(fitted.expect("there is something to fit"))
+}
+
+/// [`fit`], from what `start` makes where there is no checkpoint; `None` if that is nothing.
+// Long: the loop over steps with its checkpoints and table shares all of its state.
+fn fit_from(
+    plan: &FitPlan,
+    capture_files: &CaptureFiles,
+    views: &TrainingViews,
+    runtime: FitRuntime,
+    out: &Path,
+    on_progress: &mut dyn FnMut(&FitProgress),
+    start: impl FnOnce(&mut dyn Backend) -> anyhow::Result<Option<Fit>>,
+) -> anyhow::Result<Option<Fitted>> {
     let FitRuntime { lpips, backend, checkpoint_every } = runtime;
     if let Some(lpips) = lpips {
         for camera in &capture_files.capture.cameras {
@@ -116,7 +135,7 @@ pub fn fit(
         match Checkpoint::load(&path, plan)? {
             Some(checkpoint) => checkpoint,
             None => {
-                let fit = start::start(plan, capture_files, views)?;
+                let Some(fit) = start(&mut *backend)? else { return Ok(None) };
                 Checkpoint {
                     plan: plan.clone(),
                     fit,
@@ -184,8 +203,9 @@ pub fn fit(
         }
     }
     let fit = run.pause().map_err(on_device)?;
-    Ok(Fitted {
+    Ok(Some(Fitted {
         field: fit.to_field(),
+        parameters: fit.parameters().clone(),
         entries,
         non_finite: fit.non_finite(),
         resumed_at,
@@ -193,10 +213,10 @@ pub fn fit(
         ms_per_step: 1e3 * step_time.as_secs_f64() / (plan.steps - resumed_at) as f64,
         backend: backend.name(),
         peak_device_bytes: backend.peak_device_bytes(),
-    })
+    }))
 }
 
-fn on_device(error: DeviceError) -> Fault {
+pub(super) fn on_device(error: DeviceError) -> Fault {
     Fault::Device(error.to_string())
 }
 

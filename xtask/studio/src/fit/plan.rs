@@ -90,8 +90,13 @@ impl FitPlan {
     /// [`Fault::Data`] if `holdout` leaves no photograph to fit to.
     pub fn default_for(capture_files: &CaptureFiles, holdout: Holdout) -> Result<FitPlan, Fault> {
         let frames = train_frames(capture_files, holdout)?.len();
+        Ok(FitPlan::for_frames(capture_files, holdout, frames))
+    }
+
+    /// The default plan for so many frames to fit to of a capture.
+    fn for_frames(capture_files: &CaptureFiles, holdout: Holdout, frames: usize) -> FitPlan {
         let gaussians = default_gaussians(frames, capture_files);
-        Ok(FitPlan {
+        FitPlan {
             steps: default_steps(frames),
             start: FitStart::Sweep,
             anchor_cameras: Vec::new(),
@@ -107,7 +112,21 @@ impl FitPlan {
             holdout,
             lpips: None,
             capture: fingerprint(capture_files),
-        })
+        }
+    }
+
+    /// The default plan for `unit_s` seconds of a capture that lasts longer.
+    ///
+    /// # Errors
+    /// Those of [`FitPlan::default_for`].
+    pub fn default_for_seconds(
+        capture_files: &CaptureFiles,
+        holdout: Holdout,
+        unit_s: f64,
+    ) -> Result<FitPlan, Fault> {
+        let frames = train_frames(capture_files, holdout)?.len() as f64;
+        let frames = (frames * unit_s / capture_files.capture.duration_s()).round().max(1.0);
+        Ok(FitPlan::for_frames(capture_files, holdout, frames as usize))
     }
 
     pub(super) fn fit_settings(&self) -> FitSettings {

@@ -49,41 +49,22 @@ pub(super) fn start(
     capture_files: &CaptureFiles,
     views: &TrainingViews,
 ) -> anyhow::Result<Fit> {
-    let anchor_settings = AnchorSettings {
-        views: anchor_cameras(plan, capture_files)?,
-        gaussians: plan.gaussians,
-        mirror: plan.mirror,
-        motion_start: plan.motion_start,
-        filter: plan.filter,
-        sh_degree: plan.sh_degree,
-        ..AnchorSettings::default()
-    };
     let parameters = match &plan.start {
-        FitStart::Hull => anchored(
-            AnchorSettings { source: DepthSource::Hull, ..anchor_settings },
-            capture_files,
-            views,
-            None,
-        )?,
-        FitStart::Sweep => anchored(
-            AnchorSettings { source: DepthSource::HullAndSweep, ..anchor_settings },
-            capture_files,
-            views,
-            None,
-        )?,
-        FitStart::Depths(folder, scale) => {
-            let source = DepthSource::Given(scale.alignment(views));
-            anchored(
-                AnchorSettings { source, ..anchor_settings },
-                capture_files,
-                views,
-                Some(Path::new(folder)),
-            )?
+        FitStart::Hull | FitStart::Sweep | FitStart::Depths(..) => {
+            let frame_time = |frame| capture_files.capture.frame_clip_time(frame) * views.timeline.intervals;
+            let train: Vec<&(PhotoId, TrainingView)> = views.train.iter().collect();
+            let anchored = anchored(plan, plan.gaussians, capture_files, views, &train, &frame_time);
+            anchored.map_err(AnchorFault::into_fault)?
         }
         FitStart::Scatter => {
             let cameras: Vec<_> = capture_files.capture.cameras.iter().map(|camera| &camera.camera).collect();
-            scatter(&anchor_settings, views.timeline, &cameras, plan.seed)
-                .map_err(|error| Fault::Data(error.to_string()))?
+            scatter(
+                &anchor_settings(plan, plan.gaussians, capture_files)?,
+                views.timeline,
+                &cameras,
+                plan.seed,
+            )
+            .map_err(|error| Fault::Data(error.to_string()))?
         }
         FitStart::Field(path, _) => {
             let (field, _) = Input::load(Path::new(path))?.into_field();
@@ -106,8 +87,24 @@ fn anchor_cameras(plan: &FitPlan, capture_files: &CaptureFiles) -> Result<Option
     Ok((!indices.is_empty()).then_some(indices))
 }
 
+fn anchor_settings(
+    plan: &FitPlan,
+    gaussians: usize,
+    capture_files: &CaptureFiles,
+) -> Result<AnchorSettings, Fault> {
+    Ok(AnchorSettings {
+        views: anchor_cameras(plan, capture_files)?,
+        gaussians,
+        mirror: plan.mirror,
+        motion_start: plan.motion_start,
+        filter: plan.filter,
+        sh_degree: plan.sh_degree,
+        ..AnchorSettings::default()
+    })
+}
+
 /// An error while making an anchor: of the anchor, or of a depth map.
-enum AnchorFault {
+pub(super) enum AnchorFault {
     Anchor(AnchorError),
     Fault(Fault),
 }
@@ -118,14 +115,35 @@ impl From<AnchorError> for AnchorFault {
     }
 }
 
-fn anchored(
-    anchor_settings: AnchorSettings,
+impl AnchorFault {
+    pub(super) fn into_fault(self) -> Fault {
+        match self {
+            AnchorFault::Anchor(error) => Fault::Data(format!("no anchor: {error}")),
+            AnchorFault::Fault(fault) => fault,
+        }
+    }
+}
+
+/// About `gaussians` Gaussians on the surfaces that the photographs `train` of `views` show, by the start of the plan,
+/// which has an anchor; `frame_time` gives the time of a frame in intervals.
+pub(super) fn anchored(
+    plan: &FitPlan,
+    gaussians: usize,
     capture_files: &CaptureFiles,
     views: &TrainingViews,
-    depths: Option<&Path>,
-) -> Result<Parameters<f32>, Fault> {
+    train: &[&(PhotoId, TrainingView)],
+    frame_time: &dyn Fn(usize) -> f64,
+) -> Result<Parameters<f32>, AnchorFault> {
+    let (source, depths) = match &plan.start {
+        FitStart::Hull => (DepthSource::Hull, None),
+        FitStart::Depths(folder, scale) => {
+            (DepthSource::Given(scale.alignment(views)), Some(Path::new(folder)))
+        }
+        FitStart::Sweep | FitStart::Scatter | FitStart::Field(..) => (DepthSource::HullAndSweep, None),
+    };
+    let settings = anchor_settings(plan, gaussians, capture_files).map_err(AnchorFault::Fault)?;
     let mut frames: BTreeMap<usize, Vec<&(PhotoId, TrainingView)>> = BTreeMap::new();
-    for view in &views.train {
+    for &view in train {
         frames.entry(view.0.frame).or_default().push(view);
     }
     let anchor_view = |(photo_id, view): &(PhotoId, TrainingView)| {
@@ -136,16 +154,11 @@ fn anchored(
         let (camera, photograph) = (view.camera.clone(), view.photograph.clone());
         Ok(AnchorView { camera_id: photo_id.camera, camera, photograph, depths })
     };
-    let intervals = views.timeline.intervals;
     let frames = frames.into_iter().map(|(frame, views)| {
         let views = views.into_iter().map(anchor_view).collect::<Result<_, AnchorFault>>()?;
-        let time = capture_files.capture.frame_clip_time(frame) * intervals;
-        Ok(AnchorFrame { frame, time, views })
+        Ok(AnchorFrame { frame, time: frame_time(frame), views })
     });
-    anchor(&anchor_settings, views.timeline, frames).map_err(|fault| match fault {
-        AnchorFault::Anchor(error) => Fault::Data(format!("no anchor: {error}")),
-        AnchorFault::Fault(fault) => fault,
-    })
+    anchor(&AnchorSettings { source, ..settings }, views.timeline, frames)
 }
 
 #[cfg(test)]

@@ -2,7 +2,6 @@
 
 use std::collections::BTreeSet;
 
-use codec::Camera;
 use program::Fault;
 use rayon::prelude::*;
 use refine::capture::{Holdout, PhotoId, Split};
@@ -11,7 +10,7 @@ use refine::fit::{self, Photograph, RenderedImage, Timeline, TrainingView};
 use crate::capture::CaptureFiles;
 
 /// Maximum number of held-out photographs that the table of a fit measures.
-const CHECKED_MAX: usize = 8;
+pub(super) const CHECKED_MAX: usize = 8;
 
 /// Memory budget for decoding photographs in parallel, and the bytes that decoding a pixel takes: as in
 /// the file, as 16 bits per channel, as doubles, and as doubles without lens distortion. A decoded pixel
@@ -46,26 +45,17 @@ impl TrainingViews {
         };
         let fitted = select(&|split| split == Split::Train);
         let timeline = Timeline::of(&capture_files.capture, &fitted);
-        let load = |photo_id: &PhotoId| {
-            let photograph = Photograph::from(&capture_files.photo(*photo_id)?);
-            on_photo();
-            Ok((*photo_id, view_of(capture_files, *photo_id, timeline, photograph)))
-        };
-        let batch = (DECODING_BYTES / (BYTES_PER_PIXEL * capture_files.pixels_max())).max(1);
-        let load_all = |photo_ids: &[PhotoId]| -> Result<Vec<(PhotoId, TrainingView)>, Fault> {
-            let mut loaded = Vec::with_capacity(photo_ids.len());
-            for photo_ids in photo_ids.chunks(batch) {
-                loaded.extend(photo_ids.par_iter().map(load).collect::<Result<Vec<_>, Fault>>()?);
-            }
-            Ok(loaded)
-        };
-        let held = load_all(&evenly(&select(&|split| split != Split::Train), CHECKED_MAX))?;
-        let train = load_all(&fitted)?;
+        let held = evenly(&select(&|split| split != Split::Train), CHECKED_MAX);
+        let [held, train] = [&held, &fitted].map(|ids| load_views(capture_files, ids, &on_photo));
+        let (mut held, mut train) = (held?, train?);
+        for (photo_id, view) in held.iter_mut().chain(&mut train) {
+            view.time = capture_files.capture.clip_time(*photo_id) * timeline.intervals;
+        }
         Ok(TrainingViews { train, held: held.into_iter().map(|(_, view)| view).collect(), timeline })
     }
 }
 
-fn splits(capture_files: &CaptureFiles, holdout: Holdout) -> Result<Vec<(PhotoId, Split)>, Fault> {
+pub(super) fn splits(capture_files: &CaptureFiles, holdout: Holdout) -> Result<Vec<(PhotoId, Split)>, Fault> {
     Split::assign(&capture_files.capture, holdout).map_err(|error| Fault::Data(error.to_string()))
 }
 
@@ -78,14 +68,27 @@ pub(super) fn train_frames(capture_files: &CaptureFiles, holdout: Holdout) -> Re
     Ok(train.map(|(photo_id, _)| photo_id.frame).collect())
 }
 
-fn view_of(
+/// Decodes photographs, as many at once as the memory budget allows; their times are 0. Calls `on_photo` after each.
+///
+/// # Errors
+/// [`Fault::Data`] that names the file.
+pub(super) fn load_views(
     capture_files: &CaptureFiles,
-    photo_id: PhotoId,
-    timeline: Timeline,
-    photograph: Photograph,
-) -> TrainingView {
-    let camera: Camera = capture_files.capture.cameras[photo_id.camera].camera.clone();
-    TrainingView { camera, time: capture_files.capture.clip_time(photo_id) * timeline.intervals, photograph }
+    photo_ids: &[PhotoId],
+    on_photo: &(impl Fn() + Sync),
+) -> Result<Vec<(PhotoId, TrainingView)>, Fault> {
+    let load = |photo_id: &PhotoId| {
+        let photograph = Photograph::from(&capture_files.photo(*photo_id)?);
+        let camera = capture_files.capture.cameras[photo_id.camera].camera.clone();
+        on_photo();
+        Ok((*photo_id, TrainingView { camera, time: 0.0, photograph }))
+    };
+    let batch = (DECODING_BYTES / (BYTES_PER_PIXEL * capture_files.pixels_max())).max(1);
+    let mut loaded = Vec::with_capacity(photo_ids.len());
+    for photo_ids in photo_ids.chunks(batch) {
+        loaded.extend(photo_ids.par_iter().map(load).collect::<Result<Vec<_>, Fault>>()?);
+    }
+    Ok(loaded)
 }
 
 /// Mean PSNR of the subject in the held-out photographs, in dB; `None` if none is held out.
@@ -97,7 +100,7 @@ pub(super) fn mean_psnr(views: &TrainingViews, pictures: &[RenderedImage<f32>]) 
 }
 
 /// At most `count` evenly spaced items of `all`, with its first and last.
-fn evenly<T: Copy>(all: &[T], count: usize) -> Vec<T> {
+pub(super) fn evenly<T: Copy>(all: &[T], count: usize) -> Vec<T> {
     let count = count.min(all.len());
     (0..count).map(|i| all[if count == 1 { 0 } else { i * (all.len() - 1) / (count - 1) }]).collect()
 }

@@ -37,16 +37,16 @@ struct Manifest {
 
 /// A segment in `field.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct FolderEntry {
+pub(crate) struct FolderEntry {
     /// Name of its field file.
-    pub(super) file: String,
-    pub(super) start_s: f64,
-    pub(super) duration_s: f64,
+    pub(crate) file: String,
+    pub(crate) start_s: f64,
+    pub(crate) duration_s: f64,
     #[serde(default)]
-    pub(super) level: u8,
+    pub(crate) level: u8,
     /// Name of the field file of its static background.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub(super) plate: Option<String>,
+    pub(crate) plate: Option<String>,
 }
 
 impl FieldFolder {
@@ -130,7 +130,7 @@ impl FieldFolder {
     }
 
     /// The text of a `field.json`.
-    pub(super) fn manifest(duration_s: f64, fps: f32, segments: Vec<FolderEntry>) -> String {
+    pub(crate) fn manifest(duration_s: f64, fps: f32, segments: Vec<FolderEntry>) -> String {
         let manifest = Manifest { version: FIELD_FOLDER_VERSION, duration_s, fps, segments };
         let text = serde_json::to_string_pretty(&manifest).expect("numbers and names");
         format!("{text}\n")
@@ -138,7 +138,7 @@ impl FieldFolder {
 }
 
 impl FolderEntry {
-    fn span(&self) -> Span {
+    pub(crate) fn span(&self) -> Span {
         Span { start_s: self.start_s, duration_s: self.duration_s, level: self.level }
     }
 }

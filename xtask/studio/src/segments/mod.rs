@@ -28,13 +28,14 @@ pub(crate) use course::course;
 pub use course::{Course, CourseRow};
 pub use decoded::DecodedTake;
 pub use file::TakeFile;
+pub(crate) use folder::FolderEntry;
 pub use folder::{FIELD_FOLDER_VERSION, FieldFolder};
 pub use join::{JoinPlan, JoinedTake};
 pub use package::package_take;
 pub use report::{SegmentReport, TakeReport};
 pub use sources::SegmentSources;
 pub use span::Span;
-pub(crate) use span::gaps;
+pub(crate) use span::{gaps, order_of};
 pub use trim::{TrimmedTake, trim};
 #[cfg(feature = "measure")]
 pub(crate) use walk::TakeWalk;

@@ -38,7 +38,7 @@ impl From<&Segment> for Span {
 }
 
 /// The order in which a take of `take_s` seconds holds these segments.
-pub(super) fn order_of(take_s: f64, spans: &[Span]) -> Vec<usize> {
+pub(crate) fn order_of(take_s: f64, spans: &[Span]) -> Vec<usize> {
     let pairs: Vec<(f64, f64)> = spans.iter().map(|span| (span.start_s, span.duration_s)).collect();
     take_order(take_s, &pairs)
 }

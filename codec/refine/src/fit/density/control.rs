@@ -119,8 +119,9 @@ impl DensityControl {
             DensityRule::Relocate => {
                 let floating = floaters(parameters, bounds);
                 change.floaters = floating.iter().filter(|floats| **floats).count();
-                let dead: Vec<bool> =
-                    (0..count).map(|row| floating[row] || !is_opaque(parameters, row)).collect();
+                let dead: Vec<bool> = (0..count)
+                    .map(|row| moments.is_own(row) && (floating[row] || !is_opaque(parameters, row)))
+                    .collect();
                 change.relocated = relocate(parameters, moments, &dead, bounds, &mut random);
             }
             DensityRule::Fixed => {}

@@ -27,7 +27,8 @@ pub(super) fn densify<T: Real>(
     random: &mut fastrand::Rng,
 ) -> (usize, usize) {
     let count = parameters.len();
-    let mut selected: Vec<usize> = (0..count).filter(|row| gradients.mean(*row) > GRADIENT_MIN).collect();
+    let mut selected: Vec<usize> =
+        (0..count).filter(|row| gradients.mean(*row) > GRADIENT_MIN && moments.is_own(*row)).collect();
     selected.sort_unstable_by(|&a, &b| gradients.mean(b).total_cmp(&gradients.mean(a)).then(a.cmp(&b)));
     selected.truncate(cap.saturating_sub(count));
     selected.sort_unstable();

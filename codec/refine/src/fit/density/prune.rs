@@ -22,16 +22,18 @@ pub(super) fn prune<T: Real>(
     change: &mut DensityChange,
 ) {
     let count = parameters.len();
-    let floating = floaters(parameters, bounds);
+    let mut floating = floaters(parameters, bounds);
+    (0..count).for_each(|row| floating[row] &= moments.is_own(row));
+    let stays = |row: usize| parameters.is_finite(row) && !moments.is_own(row);
     let mut kept: Vec<usize> =
-        (0..count).filter(|row| !floating[*row] && is_opaque(parameters, *row)).collect();
+        (0..count).filter(|&row| stays(row) || !floating[row] && is_opaque(parameters, row)).collect();
     let unbounded = kept.len();
     if unbounded < floor {
         kept = (0..count).filter(|row| parameters.is_finite(*row)).collect();
         let logit = |row: usize| parameters.logits[row].to_double();
         kept.sort_unstable_by(|&a, &b| {
             let by_opacity = logit(b).total_cmp(&logit(a));
-            floating[a].cmp(&floating[b]).then(by_opacity).then(a.cmp(&b))
+            (!stays(a), floating[a]).cmp(&(!stays(b), floating[b])).then(by_opacity).then(a.cmp(&b))
         });
         kept.truncate(floor);
         kept.sort_unstable();

@@ -38,13 +38,14 @@ pub(super) fn relocate<T: Real>(
 ) -> usize {
     let mut total = 0.0;
     let weight = |row: usize| {
-        if !dead[row] {
+        if !dead[row] && moments.is_own(row) {
             total += sigmoid(parameters.logits[row].to_double());
         }
         total
     };
     let cumulative: Vec<f64> = (0..parameters.len()).map(weight).collect();
-    let (Some(last), true) = (dead.iter().rposition(|dead| !dead), dead.contains(&true)) else { return 0 };
+    let last = (0..parameters.len()).rfind(|row| !dead[*row] && moments.is_own(*row));
+    let (Some(last), true) = (last, dead.contains(&true)) else { return 0 };
     let mut copies = vec![1; parameters.len()];
     let mut sources: Vec<usize> = (0..parameters.len()).collect();
     for row in (0..parameters.len()).filter(|row| dead[*row]) {
@@ -64,29 +65,11 @@ pub(super) fn relocate<T: Real>(
     for row in (0..parameters.len()).filter(|row| dead[*row]) {
         if let Some(tau) = parameters.tau.get(row) {
             let jittered = tau.to_double() + TAU_JITTER * (2.0 * random.f64() - 1.0);
-            center_window(parameters, row, T::from_f64(jittered.clamp(bounds.tau[0], bounds.tau[1])));
+            parameters.center_window(row, T::from_f64(jittered.clamp(bounds.tau[0], bounds.tau[1])));
         }
         moments.clear(row);
     }
     dead.iter().filter(|dead| **dead).count()
-}
-
-/// Moves the window of a row to `tau`; its trajectory and rotation over time stay the same.
-fn center_window<T: Real>(parameters: &mut Parameters<T>, row: usize, tau: T) {
-    let d = tau - parameters.tau[row];
-    parameters.tau[row] = tau;
-    let order = usize::from(parameters.motion_order);
-    let motion = &mut parameters.motion[row * order..(row + 1) * order];
-    for axis in 0..3 {
-        let c: [T; 3] = std::array::from_fn(|power| motion.get(power).map_or(T::zero(), |c| c[axis]));
-        let (two, three) = (T::from_f64(2.0), T::from_f64(3.0));
-        parameters.centers[row][axis] += d * (c[0] + d * (c[1] + d * c[2]));
-        let moved = [c[0] + d * (two * c[1] + three * d * c[2]), c[1] + three * d * c[2], c[2]];
-        motion.iter_mut().zip(moved).for_each(|(c, moved)| c[axis] = moved);
-    }
-    if let Some(rate) = parameters.rotation_rates.get(row) {
-        (0..4).for_each(|i| parameters.rotations[row][i] += d * rate[i]);
-    }
 }
 
 /// Opacity for a logit.

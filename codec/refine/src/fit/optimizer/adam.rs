@@ -19,8 +19,12 @@ pub(in crate::fit) const EPSILON: f64 = 1e-15;
 /// Rows per parallel task.
 const CHUNK: usize = 1024;
 
+/// The first of the columns of time, which are the last: window, motion and rotation rates.
+const TIME_COLUMN: usize = 5;
+
 /// Moves `rows` against their gradients (row `i` of `gradient` is that of `rows[i]`) and projects them
-/// into the bounds. Skips rows whose gradient, or its square, is not finite; returns how many.
+/// into the bounds. Steps of carried rows are shorter by their [share](super::super::parameters::Carried::share). Skips
+/// rows whose gradient, or its square, is not finite; returns how many.
 ///
 /// # Panics
 /// If `rows` are not strictly ascending, or the shapes differ.
@@ -47,30 +51,29 @@ pub(in crate::fit) fn adam<T: Real>(
             }
         });
     }
-    let correction = |(row, usable): (&u32, &bool)| {
-        let visits = &mut moments.visits[*row as usize];
-        *visits = visits.saturating_add(u32::from(*usable));
-        let correction = |beta: f64| T::from_f64(1.0 / (1.0 - num_traits::pow(beta, *visits as usize)));
-        usable.then(|| [correction(BETA1), correction(BETA2)])
-    };
-    let corrections: Vec<Option<[T; 2]>> = rows.iter().zip(&usable).map(correction).collect();
+    let (corrections, of_time) = corrections(moments, rows, &usable);
 
     let rates = rates.by_column(parameters);
     let values = parameters.columns_mut().into_iter().zip(rates);
     let moments = moments.first.columns_mut().into_iter().zip(moments.second.columns_mut());
-    for (((values, rates), (first, second)), gradient) in values.zip(moments).zip(gradient.columns()) {
+    let columns = values.zip(moments).zip(gradient.columns()).enumerate();
+    for (number, (((values, rates), (first, second)), gradient)) in columns {
+        let corrections = match &of_time {
+            Some(of_time) if number >= TIME_COLUMN => of_time,
+            _ => &corrections,
+        };
         if !values.is_empty() {
             let column = Column { values, first, second };
             // The compiler makes vectors of a row whose length it knows: those of the columns up to degree 3.
             match rates.len() {
-                1 => step::<T, 1>(column, rows, gradient, &corrections, &rates),
-                3 => step::<T, 3>(column, rows, gradient, &corrections, &rates),
-                4 => step::<T, 4>(column, rows, gradient, &corrections, &rates),
-                6 => step::<T, 6>(column, rows, gradient, &corrections, &rates),
-                9 => step::<T, 9>(column, rows, gradient, &corrections, &rates),
-                12 => step::<T, 12>(column, rows, gradient, &corrections, &rates),
-                27 => step::<T, 27>(column, rows, gradient, &corrections, &rates),
-                48 => step::<T, 48>(column, rows, gradient, &corrections, &rates),
+                1 => step::<T, 1>(column, rows, gradient, corrections, &rates),
+                3 => step::<T, 3>(column, rows, gradient, corrections, &rates),
+                4 => step::<T, 4>(column, rows, gradient, corrections, &rates),
+                6 => step::<T, 6>(column, rows, gradient, corrections, &rates),
+                9 => step::<T, 9>(column, rows, gradient, corrections, &rates),
+                12 => step::<T, 12>(column, rows, gradient, corrections, &rates),
+                27 => step::<T, 27>(column, rows, gradient, corrections, &rates),
+                48 => step::<T, 48>(column, rows, gradient, corrections, &rates),
                 length => unreachable!("no column has {length} numbers a row"),
             }
         }
@@ -79,6 +82,36 @@ pub(in crate::fit) fn adam<T: Real>(
         bounds.project(parameters, *row as usize);
     }
     usable.iter().filter(|usable| !**usable).count()
+}
+
+/// Bias corrections of the first and the second moment of each row; `None` where it is skipped.
+type Corrections<T> = Vec<Option<[T; 2]>>;
+
+/// Counts the gradients of `rows` and returns their bias corrections, and in a fit that goes on from an earlier one those
+/// of the columns of time apart. The first correction has the share of the row, because a factor of it is one of the step.
+fn corrections<T: Real>(
+    moments: &mut Moments<T>,
+    rows: &[u32],
+    usable: &[bool],
+) -> (Corrections<T>, Option<Corrections<T>>) {
+    let correction = |(row, usable): (&u32, &bool)| {
+        let visits = &mut moments.visits[*row as usize];
+        *visits = visits.saturating_add(u32::from(*usable));
+        let correction = |beta: f64| T::from_f64(1.0 / (1.0 - num_traits::pow(beta, *visits as usize)));
+        usable.then(|| [correction(BETA1), correction(BETA2)])
+    };
+    let all: Corrections<T> = rows.iter().zip(usable).map(correction).collect();
+    if moments.carried.is_empty() {
+        return (all, None);
+    }
+    let shared = |share: fn(&Moments<T>, usize) -> f32| -> Corrections<T> {
+        let of_row = |(correction, row): (&Option<[T; 2]>, &u32)| {
+            let share = T::from_f64(share(moments, *row as usize).into());
+            correction.map(|[first, second]| [share * first, second])
+        };
+        all.iter().zip(rows).map(of_row).collect()
+    };
+    (shared(Moments::share), Some(shared(Moments::share_of_time)))
 }
 
 /// One column of the parameters with its moments.
@@ -194,6 +227,33 @@ mod tests {
         run(&mut all, &mut moments, &[1], &gradient);
         assert!((all.tau[1] - (2.0 - 2.5e-3)).abs() < 1e-6, "{}", all.tau[1]);
         assert_eq!(moments.visits, [50, 1]);
+    }
+
+    #[test]
+    fn steps_of_carried_rows_are_shorter_and_what_stands_still_keeps_its_time() {
+        use crate::fit::parameters::Carried;
+        let mut all = parameters::<f64>(3);
+        let mut moments = Moments::new(&all);
+        moments.carried = vec![
+            Carried::NONE,
+            Carried { share: 0.25, ..Carried::NONE },
+            Carried { share: 0.5, is_static: true, ..Carried::NONE },
+        ];
+        let mut gradient = all.zeros(3);
+        for column in gradient.columns_mut() {
+            column.fill(1.0);
+        }
+        let before = all.clone();
+        run(&mut all, &mut moments, &[0, 1, 2], &gradient);
+        let columns = before.columns().into_iter().zip(all.columns()).enumerate();
+        for (number, (before, after)) in columns {
+            let per_row = before.len() / 3;
+            let moved = |row: usize| before[row * per_row] - after[row * per_row];
+            let of_static = if number >= TIME_COLUMN { 0.0 } else { 0.5 };
+            assert!(moved(0) > 0.0, "column {number}");
+            assert!((moved(1) - 0.25 * moved(0)).abs() < 1e-12, "column {number}");
+            assert!((moved(2) - of_static * moved(0)).abs() < 1e-12, "column {number}");
+        }
     }
 
     #[test]

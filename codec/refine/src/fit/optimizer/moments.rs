@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::fit::parameters::Parameters;
+use crate::fit::parameters::{Carried, Parameters};
 use crate::fit::precision::Real;
 
 /// Adam's moments of the rows of some parameters.
@@ -14,13 +14,20 @@ pub(in crate::fit) struct Moments<T> {
     pub(in crate::fit) second: Parameters<T>,
     /// Number of gradients that each row has had.
     pub(in crate::fit) visits: Vec<u32>,
+    /// The past of each row, in a fit that goes on from an earlier one; else empty.
+    pub(in crate::fit) carried: Vec<Carried>,
 }
 
 impl<T: Real> Moments<T> {
     /// The moments of parameters that have not moved yet: zeros.
     pub(in crate::fit) fn new(parameters: &Parameters<T>) -> Moments<T> {
         let rows = parameters.len();
-        Moments { first: parameters.zeros(rows), second: parameters.zeros(rows), visits: vec![0; rows] }
+        Moments {
+            first: parameters.zeros(rows),
+            second: parameters.zeros(rows),
+            visits: vec![0; rows],
+            carried: Vec::new(),
+        }
     }
 
     /// Copies `rows`, in that order; a row may occur more than once.
@@ -29,7 +36,23 @@ impl<T: Real> Moments<T> {
             first: self.first.select(rows),
             second: self.second.select(rows),
             visits: rows.iter().map(|row| self.visits[*row]).collect(),
+            carried: rows.iter().filter_map(|row| self.carried.get(*row).copied()).collect(),
         }
+    }
+
+    /// Factor of the learning rates of a row, 0 to 1.
+    pub(in crate::fit) fn share(&self, row: usize) -> f32 {
+        self.carried.get(row).map_or(1.0, |carried| carried.share)
+    }
+
+    /// That of its window, motion and rotation rates.
+    pub(in crate::fit) fn share_of_time(&self, row: usize) -> f32 {
+        self.carried.get(row).map_or(1.0, |carried| if carried.is_static { 0.0 } else { carried.share })
+    }
+
+    /// Whether all of the life of a row so far is in the photographs of this fit.
+    pub(in crate::fit) fn is_own(&self, row: usize) -> bool {
+        self.carried.get(row).is_none_or(|carried| carried.is_own())
     }
 
     /// Resets a row to zeros.

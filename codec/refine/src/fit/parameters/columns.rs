@@ -204,6 +204,24 @@ impl<T: Real> Parameters<T> {
         self.rotation_rates.extend(other.rotation_rates);
     }
 
+    /// Moves the window of a row to `tau`; its trajectory and rotation over time stay the same.
+    pub(in crate::fit) fn center_window(&mut self, row: usize, tau: T) {
+        let d = tau - self.tau[row];
+        self.tau[row] = tau;
+        let order = usize::from(self.motion_order);
+        let motion = &mut self.motion[row * order..(row + 1) * order];
+        for axis in 0..3 {
+            let c: [T; 3] = std::array::from_fn(|power| motion.get(power).map_or(T::zero(), |c| c[axis]));
+            let (two, three) = (T::from_f64(2.0), T::from_f64(3.0));
+            self.centers[row][axis] += d * (c[0] + d * (c[1] + d * c[2]));
+            let moved = [c[0] + d * (two * c[1] + three * d * c[2]), c[1] + three * d * c[2], c[2]];
+            motion.iter_mut().zip(moved).for_each(|(c, moved)| c[axis] = moved);
+        }
+        if let Some(rate) = self.rotation_rates.get(row) {
+            (0..4).for_each(|i| self.rotations[row][i] += d * rate[i]);
+        }
+    }
+
     /// The columns as flat slices, row after row: centres, rotations, log-scales, logits, spherical
     /// harmonics, `tau`, log-widths, motion, rotation rates.
     pub fn columns(&self) -> [&[T]; COLUMNS] {

@@ -2,11 +2,14 @@
 //! units of time ([`Timeline`]) and length ([`scene_extent`]).
 
 mod bounds;
+mod carried;
 mod columns;
 mod extent;
 mod timeline;
 
 pub(super) use bounds::{Bounds, NORM_MIN};
+pub use carried::Carried;
+pub(super) use carried::keep_births;
 pub(super) use columns::COLUMNS;
 #[cfg(feature = "gpu")]
 pub(super) use columns::LOGIT_MAX;

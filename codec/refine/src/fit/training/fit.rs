@@ -9,13 +9,12 @@ use serde::{Deserialize, Serialize};
 use crate::fit::backend::TrainingState;
 use crate::fit::density::{DensityChange, DensityControl, DensityRule, DensityState};
 use crate::fit::optimizer::{LearningRates, Moments};
-use crate::fit::parameters::{Bounds, Parameters, Timeline, scene_extent};
+use crate::fit::parameters::{Bounds, Carried, Parameters, Timeline, keep_births, scene_extent};
 
 /// Steps between controls of the number of Gaussians, as in 3D Gaussian Splatting.
 const INTERVAL: usize = 100;
 
-/// Largest number of Gaussians that densification makes, as a multiple of the larger of the floor and
-/// the initial count: the paper's fits end with 1.1 to 1.75 times their floor.
+/// Default of [`FitSettings::cap`], as a multiple of the larger of the floor and the initial number.
 const CAP: usize = 2;
 
 /// A value of [`FitSettings::fragment_weight`] that saves most of the fragments and costs next to no quality;
@@ -30,6 +29,9 @@ pub struct FitSettings {
     /// Capacity floor, the paper's `N_min` (Eq. 8): pruning leaves at least this many Gaussians; 0 for
     /// no floor.
     pub floor: usize,
+    /// Largest number of Gaussians that densification makes; `None` for twice the larger of the floor and the initial
+    /// number: the paper's fits end with 1.1 to 1.75 times their floor.
+    pub cap: Option<usize>,
     /// Rule of capacity control.
     pub rule: DensityRule,
     /// Stops the gradient of positions and rotations with respect to `tau`: window centres then move by
@@ -48,6 +50,7 @@ impl Default for FitSettings {
         FitSettings {
             steps: 96_000,
             floor: 200_000,
+            cap: None,
             rule: DensityRule::Floor,
             detach_tau: true,
             fragment_weight: 0.0,
@@ -70,6 +73,8 @@ pub struct Fit {
     pub(super) steps_done: u64,
     pub(super) non_finite: u64,
     initial_count: usize,
+    /// Whether it goes on from an earlier fit.
+    carries: bool,
 }
 
 impl Fit {
@@ -93,14 +98,40 @@ impl Fit {
                 rule: settings.rule,
                 interval: INTERVAL,
                 floor: settings.floor,
-                cap: CAP * settings.floor.max(parameters.len()),
+                cap: settings.cap.unwrap_or(CAP * settings.floor.max(parameters.len())),
             },
             density: DensityState::new(parameters.len(), settings.seed),
             initial_count: parameters.len(),
             parameters,
             steps_done: 0,
             non_finite: 0,
+            carries: false,
         }
+    }
+
+    /// The fit goes on from an earlier one: `carried` is the past of each row.
+    ///
+    /// # Panics
+    /// If there is not one for each Gaussian.
+    pub fn carrying(mut self, carried: Vec<Carried>) -> Fit {
+        assert_eq!(carried.len(), self.len(), "a past for each Gaussian");
+        // What stands still is moved by no rate of time.
+        let dynamic: Vec<usize> = (0..self.len()).filter(|row| !carried[*row].is_static).collect();
+        self.rates = LearningRates::new(self.bounds.extent, &self.parameters.select(&dynamic));
+        self.moments.carried = carried;
+        self.carries = true;
+        self.keep_births();
+        self
+    }
+
+    /// Whether windows have to be kept within [`Carried::birth`] after this step.
+    pub(super) fn is_keeping_due(&self) -> bool {
+        self.carries && (self.is_done() || self.steps_done.is_multiple_of(INTERVAL as u64))
+    }
+
+    /// Keeps windows within [`Carried::birth`].
+    pub(super) fn keep_births(&mut self) {
+        keep_births(&mut self.parameters, &self.moments.carried, &self.bounds);
     }
 
     /// Moves the training state out, for a back end.
@@ -139,6 +170,11 @@ impl Fit {
     /// The fitted field.
     pub fn to_field(&self) -> Field {
         self.parameters.to_field(self.timeline)
+    }
+
+    /// The parameters, which a back end has while it steps.
+    pub fn parameters(&self) -> &Parameters<f32> {
+        &self.parameters
     }
 
     /// Number of steps done.
@@ -180,10 +216,11 @@ impl Fit {
     /// do not.
     pub fn is_consistent(&self) -> bool {
         let rows = self.parameters.len();
-        let Moments { first, second, visits } = &self.moments;
+        let Moments { first, second, visits, carried } = &self.moments;
         self.parameters.is_consistent()
             && [first, second].iter().all(|moment| moment.has_shape_of(&self.parameters))
             && visits.len() == rows
+            && carried.len() == if self.carries { rows } else { 0 }
             && self.density.screen_gradients.sums.len() == rows
             && self.density.screen_gradients.images.len() == rows
     }

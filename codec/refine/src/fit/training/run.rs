@@ -52,9 +52,15 @@ impl<'a> Run<'a> {
         fit.non_finite += report.non_finite as u64;
         fit.steps_done += 1;
         self.change = DensityChange::default();
-        if fit.is_control_due(self.count) {
+        let (is_control_due, is_keeping_due) = (fit.is_control_due(self.count), fit.is_keeping_due());
+        if is_control_due || is_keeping_due {
             fit.put(self.backend.store()?);
-            self.change = fit.control();
+            if is_control_due {
+                self.change = fit.control();
+            }
+            if is_keeping_due {
+                fit.keep_births();
+            }
             self.count = fit.len();
             self.backend.load(fit.take())?;
         }

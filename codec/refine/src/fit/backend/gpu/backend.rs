@@ -9,7 +9,7 @@ use super::plan::Plan;
 use super::transfer;
 use crate::fit::backend::{Backend, DeviceError, Gradient, StepConfig, StepReport, TrainingState};
 use crate::fit::loss::{LAMBDA, lpips_loss};
-use crate::fit::parameters::Parameters;
+use crate::fit::parameters::{Carried, Parameters};
 use crate::fit::views::{FrameView, RenderedImage, TrainingView};
 
 /// Initial capacity for splat-tile pairs.
@@ -25,6 +25,8 @@ pub struct Gpu {
 struct Loaded {
     /// A row of zeros with the columns of the parameters.
     shape: Parameters<f32>,
+    /// The past of the rows, which the device does not change.
+    carried: Vec<Carried>,
     kernels: Kernels,
     buffers: Buffers,
     plan: Plan,
@@ -123,7 +125,8 @@ impl Backend for Gpu {
         };
         transfer::upload(device, &buffers.gaussians, &state);
         let plan = Plan::new(device, &kernels, &buffers)?;
-        self.loaded = Some(Loaded { shape: state.parameters.zeros(1), kernels, buffers, plan });
+        let (shape, carried) = (state.parameters.zeros(1), state.moments.carried);
+        self.loaded = Some(Loaded { shape, carried, kernels, buffers, plan });
         Ok(())
     }
 
@@ -177,7 +180,7 @@ impl Backend for Gpu {
 
     fn store(&mut self) -> Result<TrainingState, DeviceError> {
         let (device, loaded) = self.loaded();
-        transfer::download(device, &loaded.buffers.gaussians, &loaded.shape)
+        transfer::download(device, &loaded.buffers.gaussians, &loaded.shape, loaded.carried.clone())
     }
 
     fn peak_device_bytes(&self) -> Option<u64> {

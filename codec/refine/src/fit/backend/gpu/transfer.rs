@@ -8,7 +8,7 @@ use super::device::{Buffer, Device};
 use crate::fit::backend::{DeviceError, StepConfig, TrainingState};
 use crate::fit::density::ScreenGradients;
 use crate::fit::optimizer::{LearningRates, Moments};
-use crate::fit::parameters::{Bounds, COLUMNS as FIT_COLUMNS, LOGIT_MAX, Parameters};
+use crate::fit::parameters::{Bounds, COLUMNS as FIT_COLUMNS, Carried, LOGIT_MAX, Parameters};
 use crate::fit::views::{FrameView, Photograph};
 
 /// Bytes per number.
@@ -39,23 +39,24 @@ pub(super) fn upload(device: &Device, to: &PerGaussian, state: &TrainingState) {
             offset += column.len() as u64 * WORD;
         }
     }
-    let rows = screen_gradients.sums.iter().zip(&screen_gradients.images).zip(&moments.visits);
-    let statistics: Vec<Statistics> = rows
-        .map(|((&screen_gradient, &images), &visits)| Statistics {
-            screen_gradient,
-            images,
-            visits,
-            is_usable: 0,
-        })
-        .collect();
+    let statistics_of = |row: usize| Statistics {
+        screen_gradient: screen_gradients.sums[row],
+        images: screen_gradients.images[row],
+        visits: moments.visits[row],
+        is_usable: 0,
+        share: moments.share(row),
+        share_of_time: moments.share_of_time(row),
+    };
+    let statistics: Vec<Statistics> = (0..parameters.len()).map(statistics_of).collect();
     device.write(&to.statistics, 0, &statistics);
 }
 
-/// Copies it back; `shape` has the columns of the parameters.
+/// Copies it back; `shape` has the columns of the parameters, and `carried` is what was uploaded.
 pub(super) fn download(
     device: &Device,
     from: &PerGaussian,
     shape: &Parameters<f32>,
+    carried: Vec<Carried>,
 ) -> Result<TrainingState, DeviceError> {
     let rows = from.count as usize;
     let parameters = rows_of(device, &from.parameters, shape, rows, rows)?;
@@ -64,7 +65,12 @@ pub(super) fn download(
     let statistics: Vec<Statistics> = device.read(&from.statistics, rows)?;
     Ok(TrainingState {
         parameters,
-        moments: Moments { first, second, visits: statistics.iter().map(|row| row.visits).collect() },
+        moments: Moments {
+            first,
+            second,
+            visits: statistics.iter().map(|row| row.visits).collect(),
+            carried,
+        },
         screen_gradients: ScreenGradients {
             sums: statistics.iter().map(|row| row.screen_gradient).collect(),
             images: statistics.iter().map(|row| row.images).collect(),

@@ -1,0 +1,134 @@
+//! [`assemble`]: the parts of all steps become the segments of a field folder.
+//!
+//! A Gaussian belongs to the segment that `package --split` would give it: the lowest level whose segment holds its life.
+//! Parts are read one after another, and a segment is written as soon as no later part can have a row of it.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use codec::{ClipInfo, SegmentGrid};
+use program::{Fault, output};
+use refine::fit::{Parameters, Timeline};
+
+use super::windows::Windows;
+use super::work_folder::WorkFolder;
+use crate::export::fitted_field_file;
+use crate::import::FitRecord;
+use crate::scene::FIELD_FOLDER;
+use crate::segments::{FieldFolder, FolderEntry, Span, order_of};
+
+/// What was written.
+#[derive(Clone, Debug, Default)]
+pub struct Assembled {
+    /// Gaussians on each level.
+    pub gaussians: Vec<usize>,
+    /// Number of segments.
+    pub segments: usize,
+}
+
+/// Writes the segments and `field.json` to `out`.
+///
+/// # Errors
+/// [`Fault::Data`] if a part is damaged or nothing was fitted; [`Fault::Usage`] if a file cannot be written.
+pub(super) fn assemble(
+    out: &Path,
+    work: &WorkFolder,
+    windows: &Windows,
+    interval_s: f64,
+    [duration_s, unit_s]: [f64; 2],
+    info: &ClipInfo,
+    record: &FitRecord,
+) -> anyhow::Result<Assembled> {
+    let grid = SegmentGrid::new(duration_s, unit_s);
+    let mut open: BTreeMap<(u8, u64), Parameters<f32>> = BTreeMap::new();
+    let (mut entries, mut assembled) = (Vec::new(), Assembled::default());
+    for step in 0..windows.count {
+        let part = work.part(step)?;
+        let [from_s, to_s] = windows.span_s(step);
+        for (place, rows) in places(&grid, duration_s, &lives(&part, interval_s, [from_s, to_s])) {
+            let mut rows = part.select(&rows);
+            // In intervals of the segment.
+            let shift = (grid.span(place.0, place.1).0 - from_s) / interval_s;
+            rows.tau.iter_mut().for_each(|tau| *tau = (f64::from(*tau) - shift) as f32);
+            match open.get_mut(&place) {
+                Some(all) => all.append(rows),
+                None => drop(open.insert(place, rows)),
+            }
+        }
+        let until_s = windows.final_until_s(step);
+        let closed: Vec<(u8, u64)> = open
+            .keys()
+            .copied()
+            .filter(|&(level, number)| {
+                let (start_s, duration) = grid.span(level, number);
+                start_s + duration <= until_s
+            })
+            .collect();
+        for place in closed {
+            let rows = open.remove(&place).expect("it is open");
+            let level = usize::from(place.0);
+            assembled.gaussians.resize(assembled.gaussians.len().max(level + 1), 0);
+            assembled.gaussians[level] += rows.len();
+            entries.push(write_segment(out, &grid, place, &rows, interval_s, (info, record))?);
+        }
+    }
+    if entries.is_empty() {
+        return Err(Fault::Data(
+            "no photograph shows a subject, and there is no field; check the masks".into(),
+        )
+        .into());
+    }
+    let spans: Vec<Span> = entries.iter().map(FolderEntry::span).collect();
+    let entries: Vec<FolderEntry> =
+        order_of(duration_s, &spans).into_iter().map(|i| entries[i].clone()).collect();
+    assembled.segments = entries.len();
+    let manifest = FieldFolder::manifest(duration_s, info.fps, entries);
+    output::write_durable(&out.join(FIELD_FOLDER), manifest.as_bytes())?;
+    Ok(assembled)
+}
+
+/// The rows of each segment, by the lives of all rows.
+fn places(
+    grid: &SegmentGrid,
+    duration_s: f64,
+    lives: &[Option<[f64; 2]>],
+) -> BTreeMap<(u8, u64), Vec<usize>> {
+    let mut rows_of: BTreeMap<(u8, u64), Vec<usize>> = BTreeMap::new();
+    for (row, life) in lives.iter().enumerate() {
+        let [birth_s, death_s] = life.expect("only those that are alive are written");
+        let within = [birth_s.max(0.0), death_s.min(duration_s)];
+        if within[0] <= within[1] {
+            rows_of.entry(grid.place(within)).or_default().push(row);
+        }
+    }
+    rows_of
+}
+
+/// Writes the field file of a segment, whose rows have times in its intervals.
+fn write_segment(
+    out: &Path,
+    grid: &SegmentGrid,
+    (level, number): (u8, u64),
+    rows: &Parameters<f32>,
+    interval_s: f64,
+    (info, record): (&ClipInfo, &FitRecord),
+) -> anyhow::Result<FolderEntry> {
+    let (start_s, duration_s) = grid.span(level, number);
+    let field = rows.to_field(Timeline { frames: 2, intervals: duration_s / interval_s });
+    let info = ClipInfo { duration_s: duration_s as f32, ..info.clone() };
+    let file = format!("segment-{level:02}-{number:06}.ply");
+    output::write_durable(&out.join(&file), &fitted_field_file(&field, &info, record))?;
+    Ok(FolderEntry { file, start_s, duration_s, level, plate: None })
+}
+
+/// Birth and death of each row in seconds of the take; `None` for one that is never alive.
+pub(super) fn lives(
+    parameters: &Parameters<f32>,
+    interval_s: f64,
+    [from_s, to_s]: [f64; 2],
+) -> Vec<Option<[f64; 2]>> {
+    let timeline = Timeline { frames: 2, intervals: (to_s - from_s) / interval_s };
+    let field = parameters.to_field(timeline);
+    let second = |t: f64| from_s + t * (to_s - from_s);
+    (0..field.len()).map(|row| field.life(row).map(|(birth, death)| [second(birth), second(death)])).collect()
+}

@@ -1,0 +1,14 @@
+//! [`SlidePlan`]: the settings of a sliding fit.
+
+use serde::{Deserialize, Serialize};
+
+use crate::fit::plan::FitPlan;
+
+/// Settings that determine the result of a sliding fit.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SlidePlan {
+    /// Those of a step; numbers of steps and Gaussians are of a part of the take.
+    pub fit: FitPlan,
+    /// Length of a part in seconds.
+    pub unit_s: f64,
+}
