@@ -94,7 +94,8 @@ impl Input {
     /// The photographs that it was fitted to, as far as a field file records them.
     pub fn fit_record(&self) -> FitRecord {
         match self {
-            Input::Package(_) | Input::Take(_) => FitRecord::default(),
+            Input::Package(_) => FitRecord::default(),
+            Input::Take(take) => FitRecord { holdout: take.holdout(), ..FitRecord::default() },
             Input::Scene(scene) => scene.subject.hints.fit.clone(),
         }
     }

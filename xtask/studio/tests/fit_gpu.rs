@@ -10,7 +10,7 @@ use std::process::ExitCode;
 use libtest_mimic::{Arguments, Completion, Failed, Trial};
 use refine::fit::gpu::Gpu;
 use small_stage::{fit, kill_when, measured, stage};
-use tool::{NO_DEVICE, aarc_studio_with};
+use tool::{NO_DEVICE, aarc_studio, aarc_studio_with};
 
 fn main() -> ExitCode {
     let said = || {
@@ -19,6 +19,7 @@ fn main() -> ExitCode {
     };
     let trials = vec![
         with_device("a device fits as the CPU does", fits_as_the_cpu),
+        with_device("a device slides as the CPU does", slides_as_the_cpu),
         with_device("the CPU goes on where a device was", goes_on_elsewhere),
         Trial::test("without a device a fit ends with 5", said),
     ];
@@ -50,6 +51,34 @@ fn fits_as_the_cpu() {
     assert!((by_cpu - by_device).abs() < 0.5, "{by_cpu} {by_device}");
     let table = fs::read_to_string(folder.join("field.fit.csv")).unwrap();
     assert!(table.lines().last().unwrap().ends_with(&format!("\"{backend}\"")), "{table}");
+}
+
+fn slides_as_the_cpu() {
+    let folder = stage();
+    let folder = folder.path();
+    // Three parts.
+    let args = [
+        "fit",
+        "stage",
+        "--split",
+        "0.05",
+        "--steps",
+        "60",
+        "--gaussians",
+        "300",
+        "--sh-degree",
+        "0",
+        "--json",
+    ];
+    let measured = |out: &str, backend: &str| {
+        let json = aarc_studio(folder, &[&args[..], &["-o", out, "--backend", backend]].concat()).json();
+        assert_eq!(json["steps"], 3, "{json}");
+        let eval = aarc_studio(folder, &["eval", out, "--capture", "stage", "--json"]).json();
+        eval["splits"]["train"]["psnr_fg"].as_f64().unwrap()
+    };
+    let (by_cpu, by_device) = (measured("cpu", "cpu"), measured("gpu", "gpu"));
+    println!("{by_cpu:.2} dB by the CPU, {by_device:.2} dB by the device");
+    assert!((by_cpu - by_device).abs() < 0.5 && by_device > 14.0, "{by_cpu} {by_device}");
 }
 
 fn goes_on_elsewhere() {

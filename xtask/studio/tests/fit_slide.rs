@@ -87,6 +87,9 @@ fn a_take_becomes_a_field_folder() {
     let package = ["package", "field", "-o", "take.aarc", "--coder", "fixed", "--rank", "mass", "--json"];
     let packaged = aarc_studio(folder, &package).json();
     assert_eq!(packaged["segments"].as_array().map(Vec::len), json["segments"].as_u64().map(|n| n as usize));
+    // Its segments record the frames that were held out.
+    let eval = aarc_studio(folder, &["eval", "field", "--capture", "stage", "--json"]).success();
+    assert!(!eval.stderr.contains("holdout"), "{}", eval.stderr);
     // It is finished.
     let error = aarc_studio(folder, &FIT).error(2);
     assert!(error.contains("field: it is finished already; remove it, or name another --out"), "{error}");

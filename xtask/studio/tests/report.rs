@@ -180,6 +180,35 @@ fn a_take_is_measured_over_time() {
 }
 
 #[test]
+fn a_take_is_compared_with_its_photographs() {
+    let folder = stage();
+    let run = |line: &str| aarc_studio(folder.path(), &line.split_whitespace().collect::<Vec<_>>());
+    run("fit stage -o field.ply --steps 300 --gaussians 400 --sh-degree 0").success();
+    run("package field.ply --split 0.04 -o take.aarc --coder fixed --rank mass").success();
+    let report = run("report take.aarc --size 64x48 --capture stage -o out --json").json();
+    let photographs = &report["photographs"];
+    assert_eq!(photographs["cameras"], json!(["01", "04", "06"]));
+    let frames = photographs["frames"].as_array().unwrap();
+    assert_eq!((frames.len(), &frames[0]["flicker"]), (5, &Value::Null));
+    let number = |value: &Value| value.as_f64().unwrap();
+    assert!(frames.iter().all(|frame| number(&frame["psnr_db"]) > 12.0), "{photographs}");
+    assert!(
+        frames[1..].iter().all(|frame| (0.1..60.0).contains(&number(&frame["flicker"]))),
+        "{photographs}"
+    );
+    assert!(number(&photographs["median_at_cuts_db"]) > 12.0 && photographs["flicker_at_cuts"].is_number());
+    let csv = fs::read_to_string(folder.path().join("out/photographs.csv")).unwrap();
+    assert_eq!(csv.lines().count(), 6);
+    let page = fs::read_to_string(folder.path().join("out/report.html")).unwrap();
+    assert!(page.contains("Photographs over time") && page.contains("flicker (of 255)"));
+
+    let error = run("report take.aarc --capture stage --frames 0..3 -o out").error(2);
+    assert!(error.contains("stage: it lasts 0.067 s, and the take 0.133 s"), "{error}");
+    let error = run("report field.ply --capture stage -o out").error(2);
+    assert!(error.contains("--capture: field.ply is no take; add --refine, or leave it out"), "{error}");
+}
+
+#[test]
 fn a_field_folder_and_a_field_that_was_split_have_reports() {
     let folder = tempdir().unwrap();
     fs::write(folder.path().join("a.ply"), field_file(&field(200, 0, Some(1), false), &info())).unwrap();

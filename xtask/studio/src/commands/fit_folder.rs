@@ -11,6 +11,9 @@ use crate::fit::{FitRuntime, SlidField, SlidePlan, slide, slide_cost};
 use crate::messages::count;
 use crate::progress::counting;
 
+/// Remaining seconds from which a note says how long it takes.
+const NOTED_S: f64 = 10.0;
+
 /// How fast a fit goes.
 #[derive(Default)]
 struct Pace {
@@ -57,7 +60,8 @@ pub(super) fn fit_folder(
         let done = progress.step as u64 * plan.fit.steps + fit.step;
         bar.set_position(done);
         let (is_first, steps_per_s) = pace.after(done);
-        if is_first {
+        // A note about what is nearly done would only be noise.
+        if is_first && (all - done) as f64 > NOTED_S * steps_per_s {
             let left =
                 Duration::try_from_secs_f64((all - done) as f64 / steps_per_s).unwrap_or(Duration::MAX);
             bar.suspend(|| eprintln!("note: {}: about {} more", out.display(), HumanDuration(left)));

@@ -28,7 +28,11 @@ impl<'a> FitSource<'a> {
     pub(crate) fn of(path: &'a Path, input: &Input) -> FitSource<'a> {
         FitSource {
             path,
-            kind: if matches!(input, Input::Scene(_)) { "this field" } else { "a package" },
+            kind: match input {
+                Input::Scene(_) => "this field",
+                Input::Take(_) => "this take",
+                Input::Package(_) => "a package",
+            },
             record: input.fit_record(),
             frames: input.frames(),
             is_static: input.is_static(),

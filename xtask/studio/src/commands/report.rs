@@ -71,8 +71,9 @@ pub struct Args {
     #[arg(long, value_name = "N", requires = "capture", conflicts_with_all = ["rd", "stability", "fit"],
           value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
     refine: Option<u64>,
-    /// Folder of the capture of these photographs
-    #[arg(long, value_name = "DIR", requires = "refine")]
+    /// Folder of the capture of these photographs; of a take, also without --refine: compare it with all frames of a few
+    /// cameras, at the cuts and between
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["rd", "stability", "fit"])]
     capture: Option<PathBuf>,
     /// Folder for the files of the report
     #[arg(short, long, value_name = "DIR", default_value = "report")]
@@ -80,7 +81,7 @@ pub struct Args {
     /// Print the report as JSON
     #[arg(long)]
     json: bool,
-    #[command(flatten, next_help_heading = "Of the photographs of --fit and --refine")]
+    #[command(flatten, next_help_heading = "Of the photographs of --fit, --refine and --capture")]
     part: PartSelection,
     #[command(flatten, next_help_heading = "Of the fits of --fit")]
     options: FitOptions,
@@ -119,7 +120,13 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     match page_of {
         Some(PageSubject::Clip(path)) => report.add_page(path, args)?,
         Some(PageSubject::Take { path, reference }) => {
-            report.add_take(&take::TakeRequest { path, reference, size: args.size })?;
+            report.add_take(&take::TakeRequest {
+                path,
+                reference,
+                size: args.size,
+                capture: args.capture.as_deref(),
+                part: &args.part,
+            })?;
         }
         None => {}
     }
@@ -155,7 +162,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
 impl Args {
     /// What the page is of; `None` with `--rd`, `--stability` or `--fit`.
     fn page_of(&self) -> Result<Option<PageSubject<'_>>, Fault> {
-        let looks_at_photographs = self.fit || self.refine.is_some();
+        let looks_at_photographs = self.fit || self.capture.is_some();
         if !(self.fit || self.options.is_default()) || !(looks_at_photographs || self.part.is_default()) {
             let what = "--steps and the other options of fits need --fit, --frames and --cameras need --fit or --refine; \
                         add it, or leave them out";
@@ -170,6 +177,12 @@ impl Args {
         };
         let is_take = is_take(path)?;
         match others {
+            [] if !is_take && self.capture.is_some() && self.refine.is_none() => {
+                let path = path.display();
+                return Err(Fault::Usage(format!(
+                    "--capture: {path} is no take; add --refine, or leave it out"
+                )));
+            }
             [] if !is_take => return Ok(Some(PageSubject::Clip(path))),
             [] | [_] if is_take => {}
             _ => {

@@ -1,13 +1,14 @@
 //! Compares a field, a package or a folder of pictures with the photographs of a capture.
 //!
 //! Measures: means of each split (`means`), baselines for held frames (`baselines`), means over scenes
-//! (`scenes`), prefixes of a package (`prefixes`), cost for a player (`fragments`). Pictures, as in the paper's appendices: beside the
+//! (`scenes`), prefixes of a package (`prefixes`), frames of a take (`over_time`), cost for a player (`fragments`). Pictures, as in the paper's appendices: beside the
 //! photographs (`strips`), between captured frames (`quarter`), from new viewpoints (`free`).
 
 mod baselines;
 mod fragments;
 mod free;
 mod means;
+mod over_time;
 mod prefixes;
 mod quarter;
 mod scenes;
@@ -31,6 +32,7 @@ pub use baselines::{Baseline, judge_baselines};
 pub use fragments::fragments_per_lit_pixel;
 pub use free::free_views;
 pub use means::{SplitMeasures, baseline_rows, csv, means, parse_csv, table};
+pub use over_time::{FrameErrors, over_time};
 pub use prefixes::{PrefixEval, PrefixEvalStep, eval_prefixes};
 pub use quarter::{Interval, fastest_interval, quarter_frames};
 pub use scenes::{SceneMeasures, Spread, over_scenes, scenes_table};

@@ -21,5 +21,5 @@ pub use file::ReportFile;
 #[cfg(feature = "measure")]
 pub(crate) use page::layers_parameter;
 #[cfg(feature = "measure")]
-pub use page::{Findings, LayerInstant, TakeFindings, TakeInstant, TakeSetup};
+pub use page::{Findings, LayerInstant, TakeFindings, TakeInstant, TakePhotographs, TakeSetup};
 pub use subject::ReportSubject;

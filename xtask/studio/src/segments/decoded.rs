@@ -4,6 +4,7 @@ use std::path::Path;
 
 use codec::{Clip, ClipInfo, Field, Limits, Temporal, Viewpoint, retime, sh_coefficients};
 use program::{Fault, counted};
+use refine::capture::Holdout;
 use refine::reference::RenderScene;
 
 use super::file::TakeFile;
@@ -155,6 +156,16 @@ impl DecodedTake {
             segments.push(DecodedSegment { span, content });
         }
         Ok(DecodedTake { info, duration_s, segments, bounds })
+    }
+
+    /// The frames that its fit held out; `None` where the segments that were read do not agree on it.
+    pub fn holdout(&self) -> Option<Holdout> {
+        let mut all = self.segments.iter().map(|segment| match &segment.content {
+            SegmentContent::Scene(scene) => scene.subject.hints.fit.holdout,
+            SegmentContent::Clip(_) => None,
+        });
+        let first = all.next()??;
+        all.all(|holdout| holdout == Some(first)).then_some(first)
     }
 
     /// The union of the segments for the reference renderer.

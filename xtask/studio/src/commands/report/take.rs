@@ -10,13 +10,16 @@ use program::Fault;
 use refine::image::{Image, psnr};
 use refine::reference::{Order, Radius, RenderScene, coverage, render};
 
+use crate::capture::CaptureFiles;
+use crate::commands::capture::PartSelection;
+use crate::eval::over_time;
 use crate::input::Input;
 use crate::left_out::{LeftOut, TakeLeftOut};
 use crate::machine::machine;
 use crate::messages::decimal;
 use crate::package::PackageSettings;
 use crate::progress::StagedProgress;
-use crate::report::{LayerInstant, TakeFindings, TakeInstant, TakeSetup, layers_parameter};
+use crate::report::{LayerInstant, TakeFindings, TakeInstant, TakePhotographs, TakeSetup, layers_parameter};
 use crate::scene::name_of;
 use crate::segments::{FieldFolder, SegmentSources, Span, TakeFile, TakeWalk, course, gaps, package_take};
 
@@ -35,6 +38,9 @@ const BEFORE_S: f64 = 1e-4;
 /// Instants at which layers are compared.
 const LAYER_INSTANTS: usize = 16;
 
+/// Most cameras whose photographs a take is compared with.
+const CAMERAS: usize = 3;
+
 /// Largest difference of the durations of a take and its field in seconds: rounding.
 const DURATION_SLACK_S: f64 = 1e-3;
 
@@ -46,14 +52,17 @@ pub(super) struct TakeRequest<'a> {
     pub(super) reference: Option<&'a Path>,
     /// Size of the measured pictures.
     pub(super) size: Option<[u32; 2]>,
+    /// Folder of its capture, and the cameras and frames of it.
+    pub(super) capture: Option<&'a Path>,
+    pub(super) part: &'a PartSelection,
 }
 
 /// Measures a take or a field folder.
 pub(super) fn measure(request: &TakeRequest) -> anyhow::Result<TakeFindings> {
-    let TakeRequest { path, reference, size } = *request;
+    let TakeRequest { path, reference, .. } = *request;
     if !FieldFolder::is_one(path) {
         let name = path.file_stem().unwrap_or_default().to_string_lossy();
-        return measure_file(path, &name, reference, size.unwrap_or(SIZE));
+        return measure_file(path, &name, reference, request);
     }
     if let Some(reference) = reference {
         let what = "a field folder is compared with itself; leave it out, or name a package of the folder";
@@ -62,7 +71,7 @@ pub(super) fn measure(request: &TakeRequest) -> anyhow::Result<TakeFindings> {
     let folder = tempfile::tempdir()?;
     let packaged = folder.path().join("take.aarc");
     package_take(&SegmentSources::of_folder(path)?, &PackageSettings::default(), &packaged)?;
-    measure_file(&packaged, &name_of(path), Some(path), size.unwrap_or(SIZE))
+    measure_file(&packaged, &name_of(path), Some(path), request)
 }
 
 /// The field that a take is compared with.
@@ -113,8 +122,9 @@ fn measure_file(
     path: &Path,
     name: &str,
     reference: Option<&Path>,
-    size: [u32; 2],
+    request: &TakeRequest,
 ) -> anyhow::Result<TakeFindings> {
+    let size = request.size.unwrap_or(SIZE);
     let file = TakeFile::open(path)?;
     let take = file.take();
     if file.bytes() < take.package_bytes() {
@@ -125,6 +135,7 @@ fn measure_file(
         )));
     }
     let mut compared = reference.map(|path| Reference::load(path, take)).transpose()?;
+    let capture_files = request.capture.map(|folder| capture_of(folder, request.part, take)).transpose()?;
     let (viewpoint, camera) = view(take, size);
     let layers = take.segments.iter().map(|segment| segment.layers.len()).max().unwrap_or(1);
     let (cuts, times) = (cuts(take), instants(take));
@@ -138,6 +149,10 @@ fn measure_file(
         progress.step();
     }
     let of_layers = LayerErrors::measure(layers, &mut walk, &camera, &progress)?;
+    let photographs = match &capture_files {
+        Some(capture_files) => Some(photographs(capture_files, &mut walk, &cuts, &progress)?),
+        None => None,
+    };
     progress.stage("segments", take.segments.len());
     let left_out = left_out(&file, || progress.step())?;
     progress.finish();
@@ -161,8 +176,47 @@ fn measure_file(
         instants,
         parameter: (layers > 1).then(|| layers_parameter(of_layers.points(take, &camera))),
         layers: of_layers.instants,
+        photographs,
         left_out,
     })
+}
+
+/// Opens the capture that a take was fitted to.
+///
+/// # Errors
+/// [`Fault::Usage`] if it lasts longer or shorter than the take.
+fn capture_of(folder: &Path, part: &PartSelection, take: &Take) -> anyhow::Result<CaptureFiles> {
+    let capture_files = part.open(folder, None)?;
+    let duration_s = capture_files.capture.duration_s();
+    if (duration_s - take.duration_s).abs() > DURATION_SLACK_S {
+        let [own, of_take] = [duration_s, take.duration_s].map(|seconds| decimal(seconds, 3));
+        bail!(Fault::Usage(format!(
+            "{}: it lasts {own} s, and the take {of_take} s; name its capture, and its frames with --frames",
+            folder.display()
+        )));
+    }
+    Ok(capture_files)
+}
+
+/// Compares a take with the photographs of a few cameras, spread evenly.
+fn photographs(
+    capture_files: &CaptureFiles,
+    walk: &mut TakeWalk,
+    cuts_s: &[f64],
+    progress: &StagedProgress,
+) -> anyhow::Result<TakePhotographs> {
+    let capture = &capture_files.capture;
+    let all = capture.cameras.len();
+    let count = all.min(CAMERAS);
+    let cameras: Vec<usize> = (0..count).map(|i| (2 * i + 1) * all / (2 * count)).collect();
+    progress.stage("photographs", capture.frames());
+    let draw = |camera: &Camera, t_s: f64| {
+        walk.go_to(t_s)?;
+        Ok(render(&walk.to_reference(None), camera, t_s / walk.duration_s(), Order::Depth))
+    };
+    let frames = over_time(capture_files, &cameras, draw, || progress.step())?;
+    let cameras = cameras.into_iter().map(|camera| capture.cameras[camera].name.clone()).collect();
+    Ok(TakePhotographs::new(cameras, frames, cuts_s))
 }
 
 /// The first viewpoint of a take, or one that frames all of it.

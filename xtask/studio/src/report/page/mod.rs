@@ -2,6 +2,7 @@
 
 mod findings;
 mod front;
+mod photographs;
 mod rows;
 mod tables;
 mod take;
@@ -19,6 +20,7 @@ use crate::messages::decimal;
 use crate::report::fitting::{self, FitLog};
 pub use findings::Findings;
 use front::{Chart, Mark, svg};
+pub use photographs::TakePhotographs;
 pub(crate) use take::layers_parameter;
 pub use take::{LayerInstant, TakeFindings, TakeInstant, TakeSetup};
 

@@ -9,7 +9,9 @@ use measure::parameter::{FlowStage, Parameter};
 use serde::Serialize;
 use serde_json::{Map, Value};
 
+use super::photographs::TakePhotographs;
 use super::{parameter_lines, rows, section};
+use crate::eval::FrameErrors;
 use crate::left_out::LeftOut;
 use crate::messages::{count, decimal};
 use crate::report::ReportFile;
@@ -39,6 +41,8 @@ pub struct TakeFindings {
     pub instants: Vec<TakeInstant>,
     /// PSNR of the first layers at several instants.
     pub layers: Vec<LayerInstant>,
+    /// What photographs show; `None` if no capture was given.
+    pub photographs: Option<TakePhotographs>,
     /// The number of layers as a parameter: error against bytes. `None` if every segment has one layer.
     pub parameter: Option<Parameter>,
     /// Optional parts that segments lack.
@@ -162,6 +166,9 @@ impl TakeFindings {
             setup.viewpoint
         );
         let _ = writeln!(text, "error    {}", self.exactness());
+        if let Some(photographs) = &self.photographs {
+            let _ = writeln!(text, "photos   {}", photographs.sentence());
+        }
         if !self.gaps.is_empty() {
             let _ = writeln!(text, "gaps     nothing is shown {}", self.gaps_in_words());
         }
@@ -192,12 +199,18 @@ impl TakeFindings {
     pub fn files(&self) -> anyhow::Result<Vec<ReportFile>> {
         let json = format!("{:#}\n", Value::Object(self.to_json()?));
         let parameters: Vec<Parameter> = self.parameter.clone().into_iter().collect();
-        Ok(vec![
+        let of_photographs = self
+            .photographs
+            .as_ref()
+            .map(|photographs| ReportFile { name: "photographs.csv".into(), text: photographs.csv() });
+        let mut files = vec![
             ReportFile { name: "report.html".into(), text: self.html().context("the page")? },
             ReportFile { name: "report.csv".into(), text: rows::csv(&parameters) },
             ReportFile { name: "over_time.csv".into(), text: self.over_time() },
             ReportFile { name: "report.json".into(), text: json },
-        ])
+        ];
+        files.extend(of_photographs);
+        Ok(files)
     }
 
     /// All numbers as JSON.
@@ -215,6 +228,7 @@ impl TakeFindings {
             ("gaps", serde_json::to_value(&self.gaps)?),
             ("over_time", serde_json::to_value(&self.instants)?),
             ("worst", serde_json::to_value(self.worst())?),
+            ("photographs", serde_json::to_value(&self.photographs)?),
             ("layers_over_time", serde_json::to_value(&self.layers)?),
             ("knobs", rows::values(&parameters)?),
             ("left_out", serde_json::to_value(&self.left_out)?),
@@ -271,6 +285,9 @@ impl TakeFindings {
             let line = PlotLine { name: String::new(), points };
             text += &svg(Scale::Linear, "s", &[self.chart("PSNR against the field (dB)", vec![line])])?;
         }
+        if let Some(photographs) = &self.photographs {
+            text += &self.beside_photographs(photographs)?;
+        }
         text += "<h2>Error against run time</h2>\n";
         match &self.parameter {
             None => text += "<p>Every segment has one layer, so there is nothing to choose.</p>\n",
@@ -307,6 +324,23 @@ impl TakeFindings {
             escape(&self.machine),
             escape(viewpoint)
         );
+    }
+
+    fn beside_photographs(&self, photographs: &TakePhotographs) -> anyhow::Result<String> {
+        let mut text = format!(
+            "<h2>Photographs over time</h2>\n<p>Against them: {}. Within one frame of a cut counts as at it. Flicker is what the picture \
+             changes from frame to frame and the photograph does not: root of the mean square over the pixels of the \
+             subject.</p>\n",
+            escape(&photographs.sentence())
+        );
+        let line = |y: fn(&FrameErrors) -> Option<f64>| PlotLine {
+            name: String::new(),
+            points: photographs.frames.iter().filter_map(|frame| Some((frame.t_s, y(frame)?))).collect(),
+        };
+        let psnr = self.chart("PSNR of the subject (dB)", vec![line(|frame| frame.psnr_db)]);
+        let flicker = self.chart("flicker (of 255)", vec![line(|frame| frame.flicker)]);
+        text += &svg(Scale::Linear, "s", &[psnr, LineChart { from_zero: true, ..flicker }])?;
+        Ok(text)
     }
 
     fn chart(&self, title: &str, lines: Vec<PlotLine>) -> LineChart {
