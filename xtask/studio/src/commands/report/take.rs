@@ -125,15 +125,8 @@ fn measure_file(
     request: &TakeRequest,
 ) -> anyhow::Result<TakeFindings> {
     let size = request.size.unwrap_or(SIZE);
-    let file = TakeFile::open(path)?;
+    let file = open_whole(path)?;
     let take = file.take();
-    if file.bytes() < take.package_bytes() {
-        let (bytes, all) = (file.bytes(), take.package_bytes());
-        bail!(Fault::Data(format!(
-            "{}: cut short, {bytes} of {all} bytes; get the file again",
-            path.display()
-        )));
-    }
     let mut compared = reference.map(|path| Reference::load(path, take)).transpose()?;
     let capture_files = request.capture.map(|folder| capture_of(folder, request.part, take)).transpose()?;
     let (viewpoint, camera) = view(take, size);
@@ -179,6 +172,19 @@ fn measure_file(
         photographs,
         left_out,
     })
+}
+
+/// Opens the file of a take that is all there.
+fn open_whole(path: &Path) -> anyhow::Result<TakeFile> {
+    let file = TakeFile::open(path)?;
+    let (bytes, all) = (file.bytes(), file.take().package_bytes());
+    if bytes < all {
+        bail!(Fault::Data(format!(
+            "{}: cut short, {bytes} of {all} bytes; get the file again",
+            path.display()
+        )));
+    }
+    Ok(file)
 }
 
 /// Opens the capture that a take was fitted to.
