@@ -47,7 +47,7 @@ const FAILURES: &[Failure] = &[
     (
         "fit stage -o folder --frames 0..1",
         USAGE,
-        "folder: one frame has no time to slide",
+        "folder: one frame to fit to has no time to slide",
         "name a field file",
     ),
     ("fit stage -o field.ply --split 1", USAGE, "--split 1: field.ply is one field", "leave --split out"),

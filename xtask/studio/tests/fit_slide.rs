@@ -214,7 +214,12 @@ fn the_subject_leaves_and_a_camera_fails() {
     let none =
         Command::new(env!("CARGO_BIN_EXE_aarc-studio")).current_dir(folder).args(FIT).output().unwrap();
     let said = String::from_utf8_lossy(&none.stderr);
-    assert!(none.status.code() == Some(3) && said.contains("no photograph shows a subject"), "{said}");
+    assert!(
+        none.status.code() == Some(3)
+            && said.contains("no anchor: ")
+            && said.contains("no part of the take has a Gaussian"),
+        "{said}"
+    );
 }
 
 #[test]
@@ -238,4 +243,35 @@ fn what_stands_still_is_one_segment_over_the_take() {
     let temporal = field.temporal.expect("windows are wide, not endless");
     let narrowest = temporal.s.iter().copied().fold(f32::INFINITY, f32::min);
     assert!(temporal.motion_order == 0 && narrowest > 10.0, "{narrowest}: it never moves and is always on");
+
+    // No camera takes a photograph for longer than a part, and it stands there still.
+    for camera in 0..8 {
+        for frame in 9..36 {
+            fs::remove_file(folder.join(format!("stage/images/{camera:02}/{frame:06}.png"))).unwrap();
+        }
+    }
+    fs::remove_dir_all(folder.join("field")).unwrap();
+    let json = fitted(folder);
+    let background = json["gaussians_by_level"].as_array().unwrap().last().unwrap().as_u64().unwrap();
+    assert!(background > 100, "{json}");
+}
+
+#[test]
+fn parts_may_be_longer_than_the_take_and_shorter_than_an_interval() {
+    let folder = stage_of("5");
+    let folder = folder.path();
+    let fit =
+        ["fit", "stage", "-o", "field", "--steps", "40", "--gaussians", "300", "--sh-degree", "0", "--json"];
+    for (split, steps) in [("100", 1), ("0.02", 7)] {
+        let json = aarc_studio(folder, &[&fit[..], &["--split", split]].concat()).json();
+        assert_eq!(json["steps"], steps, "{json}");
+        assert!(measured(folder) > 10.0, "{split}: {}", measured(folder));
+        fs::remove_dir_all(folder.join("field")).unwrap();
+    }
+    let one = [&fit[..], &["--frames", "0..2", "--holdout", "odd"]].concat();
+    let error = aarc_studio(folder, &one).error(2);
+    assert!(error.contains("field: one frame to fit to has no time to slide along"), "{error}");
+    // One camera gives no hull.
+    let alone = aarc_studio(folder, &[&fit[..], &["--cameras", "00", "--split", "0.1"]].concat());
+    assert!(alone.code == Some(3) && alone.stderr.contains("no anchor: "), "{}", alone.stderr);
 }

@@ -442,7 +442,6 @@ fn plan(args: &Args, plan: FitPlan) -> anyhow::Result<FitPlan> {
 /// Fits a field folder to a capture.
 fn slide(args: &Args, out: &Path) -> anyhow::Result<()> {
     output::check_folder(out)?;
-    let unit_s = args.split.unwrap_or(UNIT_S);
     let others = [(args.from.is_some(), "--from"), (matches!(args.anchor, Anchor::None), "--anchor none")];
     if let Some((_, option)) = others.iter().find(|(is_given, _)| *is_given) {
         bail!(Fault::Usage(format!(
@@ -451,13 +450,15 @@ fn slide(args: &Args, out: &Path) -> anyhow::Result<()> {
     }
     let mut capture_files = args.selection.open(args.capture())?;
     args.options.state_fps(&mut capture_files)?;
-    if capture_files.capture.duration_s() <= 0.0 {
+    let holdout = Holdout::from(args.holdout);
+    let duration_s = capture_files.capture.duration_s();
+    if fit::train_frames(&capture_files, holdout)?.len() < 2 || duration_s <= 0.0 {
         bail!(Fault::Usage(format!(
-            "{}: one frame has no time to slide along; name a field file (.ply)",
+            "{}: one frame to fit to has no time to slide along; name a field file (.ply)",
             out.display()
         )));
     }
-    let holdout = Holdout::from(args.holdout);
+    let unit_s = args.split.unwrap_or(UNIT_S).min(duration_s);
     let lpips = args.options.lpips.load()?;
     let default = FitPlan::default_for_seconds(&capture_files, holdout, unit_s)?;
     let plan = SlidePlan { fit: plan(args, args.options.plan_from(default)?)?, unit_s };

@@ -32,8 +32,8 @@ use log::LogEntry;
 pub use plan::{DepthScale, FitPlan, FitStart, SH_DEGREE, crc, file_crc};
 pub use refinement::{Refinement, RefinementReport};
 pub use slide::{Assembled, SlidField, SlidePlan, SlideProgress, check_slide, slide, slide_cost};
-pub use training_views::TrainingViews;
 use training_views::mean_psnr;
+pub use training_views::{TrainingViews, train_frames};
 
 /// Default time between two checkpoints.
 pub const CHECKPOINT_EVERY: Duration = Duration::from_secs(120);

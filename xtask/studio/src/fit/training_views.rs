@@ -63,7 +63,7 @@ pub(super) fn splits(capture_files: &CaptureFiles, holdout: Holdout) -> Result<V
 ///
 /// # Errors
 /// [`Fault::Data`] if there are none.
-pub(super) fn train_frames(capture_files: &CaptureFiles, holdout: Holdout) -> Result<BTreeSet<usize>, Fault> {
+pub fn train_frames(capture_files: &CaptureFiles, holdout: Holdout) -> Result<BTreeSet<usize>, Fault> {
     let train = splits(capture_files, holdout)?.into_iter().filter(|(_, split)| *split == Split::Train);
     Ok(train.map(|(photo_id, _)| photo_id.frame).collect())
 }

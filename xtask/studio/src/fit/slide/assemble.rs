@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use codec::{ClipInfo, SegmentGrid};
-use program::{Fault, output};
+use program::output;
 use refine::fit::{Parameters, Timeline};
 
 use super::windows::Windows;
@@ -26,10 +26,10 @@ pub struct Assembled {
     pub segments: usize,
 }
 
-/// Writes the segments and `field.json` to `out`.
+/// Writes the segments and `field.json` to `out`; `None` if nothing was fitted.
 ///
 /// # Errors
-/// [`Fault::Data`] if a part is damaged or nothing was fitted; [`Fault::Usage`] if a file cannot be written.
+/// [`Fault::Data`](program::Fault::Data) if a part is damaged; [`Fault::Usage`](program::Fault::Usage) if a file cannot be written.
 pub(super) fn assemble(
     out: &Path,
     work: &WorkFolder,
@@ -38,7 +38,7 @@ pub(super) fn assemble(
     [duration_s, unit_s]: [f64; 2],
     info: &ClipInfo,
     record: &FitRecord,
-) -> anyhow::Result<Assembled> {
+) -> anyhow::Result<Option<Assembled>> {
     let grid = SegmentGrid::new(duration_s, unit_s);
     let mut open: BTreeMap<(u8, u64), Parameters<f32>> = BTreeMap::new();
     let (mut entries, mut assembled) = (Vec::new(), Assembled::default());
@@ -73,10 +73,7 @@ pub(super) fn assemble(
         }
     }
     if entries.is_empty() {
-        return Err(Fault::Data(
-            "no photograph shows a subject, and there is no field; check the masks".into(),
-        )
-        .into());
+        return Ok(None);
     }
     let spans: Vec<Span> = entries.iter().map(FolderEntry::span).collect();
     let entries: Vec<FolderEntry> =
@@ -84,7 +81,7 @@ pub(super) fn assemble(
     assembled.segments = entries.len();
     let manifest = FieldFolder::manifest(duration_s, info.fps, entries);
     output::write_durable(&out.join(FIELD_FOLDER), manifest.as_bytes())?;
-    Ok(assembled)
+    Ok(Some(assembled))
 }
 
 /// The rows of each segment, by the lives of all rows.

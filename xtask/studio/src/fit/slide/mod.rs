@@ -23,7 +23,9 @@ use std::path::Path;
 use std::thread;
 use std::time::Instant;
 
+use anyhow::bail;
 use program::Fault;
+use refine::anchor::AnchorError;
 use refine::fit::{Backend, Parameters};
 
 use super::{FitProgress, FitRuntime, clip_info, fit_from};
@@ -32,8 +34,9 @@ use crate::import::FitRecord;
 pub use assemble::Assembled;
 use assemble::{assemble, lives};
 use background::background;
-use photographs::Photographs;
+use photographs::{Loaded, Photographs};
 pub use plan::SlidePlan;
+use step::Start;
 use windows::Windows;
 use work_folder::{State, WorkFolder};
 
@@ -131,18 +134,23 @@ pub fn slide(
         None => begin(plan, &photographs, backend)?,
     };
     let resumed_at = state.next;
-    // A resumed step reads what the step before it would have left.
-    let mut before = match resumed_at {
-        1.. if resumed_at < windows.count => photographs.load_seen_before(resumed_at)?,
-        _ => Vec::new(),
-    };
-    let mut new = if resumed_at < windows.count { photographs.load_new(resumed_at)? } else { Vec::new() };
+    let [mut before, mut new] = first_photographs(&photographs, resumed_at)?;
+    let mut without_anchor = None;
     for step in resumed_at..windows.count {
         let start = Instant::now();
         let views = photographs.views(step, before, new)?;
         let carried = std::mem::take(&mut state.carried);
-        let begin =
-            |backend: &mut dyn Backend| step::start(&plan.fit, &photographs, step, &views, carried, backend);
+        let mut passed_on = Parameters::default();
+        let begin = |backend: &mut dyn Backend| {
+            Ok(match step::start(&plan.fit, &photographs, step, &views, carried, backend)? {
+                Start::Fit(fit) => Some(*fit),
+                Start::Nothing { carried, why } => {
+                    passed_on = *carried;
+                    without_anchor = without_anchor.take().or(why);
+                    None
+                }
+            })
+        };
         let mut on_fit =
             |fit: &FitProgress| on_progress(&SlideProgress { step, steps: windows.count, fit: *fit });
         let runtime = FitRuntime { backend: &mut *backend, lpips, checkpoint_every };
@@ -152,25 +160,39 @@ pub fn slide(
                 fit_from(&plan.fit, capture_files, &views, runtime, &work.step(step), &mut on_fit, begin);
             (fitted, ahead.map(|ahead| ahead.join().expect("no panic")))
         });
-        let fitted = fitted?.map_or_else(Parameters::default, |fitted| fitted.parameters);
-        let [finished, mut going_on] =
-            divided(&fitted, interval_s, windows.span_s(step), windows.final_until_s(step));
-        if step + 1 < windows.count {
-            let shift = (windows.span_s(step + 1)[0] - windows.span_s(step)[0]) / interval_s;
-            going_on.tau.iter_mut().for_each(|tau| *tau = (f64::from(*tau) - shift) as f32);
-        }
+        let fitted = fitted?.map_or(passed_on, |fitted| fitted.parameters);
+        let [finished, going_on] = divided(&fitted, &windows, step, interval_s);
         (state.carried, state.next) = (going_on, step + 1);
         state.seconds += start.elapsed().as_secs_f64();
         work.complete(step, &finished, &state)?;
         new = ahead.transpose()?.unwrap_or_default();
         before = views.train;
     }
-    let record = FitRecord { holdout: Some(plan.fit.holdout), ..Default::default() };
-    let info = clip_info(capture_files);
-    let times = [duration_s, plan.unit_s];
-    let assembled = assemble(out, &work, &windows, interval_s, times, &info, &record)?;
+    let assembled = whole(plan, &photographs, &work, out, without_anchor)?;
     work.remove()?;
     Ok(SlidField { assembled, steps: windows.count, resumed_at, seconds: state.seconds })
+}
+
+/// Makes the field folder of what all steps finished; `without_anchor` says why a step had no anchor.
+fn whole(
+    plan: &SlidePlan,
+    photographs: &Photographs,
+    work: &WorkFolder,
+    out: &Path,
+    without_anchor: Option<AnchorError>,
+) -> anyhow::Result<Assembled> {
+    let &Photographs { capture_files, windows, interval_s, .. } = photographs;
+    let record = FitRecord { holdout: Some(plan.fit.holdout), ..Default::default() };
+    let info = clip_info(capture_files);
+    let times = [capture_files.capture.duration_s(), plan.unit_s];
+    let Some(assembled) = assemble(out, work, &windows, interval_s, times, &info, &record)? else {
+        let why = without_anchor.map_or_else(String::new, |error| format!("no anchor: {error}; "));
+        let out = out.display();
+        bail!(Fault::Data(format!(
+            "{why}no part of the take has a Gaussian; remove {out} and choose another --anchor"
+        )));
+    };
+    Ok(assembled)
 }
 
 /// The state before the first step: the background of a take of several parts.
@@ -184,20 +206,35 @@ fn begin(plan: &SlidePlan, photographs: &Photographs, backend: &mut dyn Backend)
     Ok(State { plan: plan.clone(), next: 0, carried, seconds: 0.0 })
 }
 
-/// The rows that are dead at second `until_s` of the take, and the others that are ever alive.
+/// The photographs that step `step` shares with the one before it, and its new ones.
+fn first_photographs(photographs: &Photographs, step: usize) -> Result<[Loaded; 2], Fault> {
+    if step >= photographs.windows.count {
+        return Ok([Vec::new(), Vec::new()]);
+    }
+    let before = if step > 0 { photographs.load_seen_before(step)? } else { Vec::new() };
+    Ok([before, photographs.load_new(step)?])
+}
+
+/// The rows that are as they stay after step `step`, with times in its intervals, and the others that are ever alive, with
+/// times in intervals of the next step.
 fn divided(
     fitted: &Parameters<f32>,
+    windows: &Windows,
+    step: usize,
     interval_s: f64,
-    span_s: [f64; 2],
-    until_s: f64,
 ) -> [Parameters<f32>; 2] {
     let (mut finished, mut going_on) = (Vec::new(), Vec::new());
-    for (row, life) in lives(fitted, interval_s, span_s).into_iter().enumerate() {
+    for (row, life) in lives(fitted, interval_s, windows.span_s(step)).into_iter().enumerate() {
         match life {
-            Some([_, death_s]) if death_s <= until_s => finished.push(row),
+            Some([_, death_s]) if death_s <= windows.final_until_s(step) => finished.push(row),
             Some(_) => going_on.push(row),
             None => {}
         }
     }
-    [finished, going_on].map(|rows| fitted.select(&rows))
+    let [finished, mut going_on] = [finished, going_on].map(|rows| fitted.select(&rows));
+    if step + 1 < windows.count {
+        let shift = (windows.span_s(step + 1)[0] - windows.span_s(step)[0]) / interval_s;
+        going_on.tau.iter_mut().for_each(|tau| *tau = (f64::from(*tau) - shift) as f32);
+    }
+    [finished, going_on]
 }

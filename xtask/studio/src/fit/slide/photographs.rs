@@ -90,7 +90,11 @@ impl<'a> Photographs<'a> {
             view.time = self.time_s(*photo_id) / self.interval_s;
         }
         let intervals = self.capture_files.capture.duration_s() / self.interval_s;
-        Ok(TrainingViews { train, held: Vec::new(), timeline: Timeline { frames: frames.len(), intervals } })
+        Ok(TrainingViews {
+            train,
+            held: Vec::new(),
+            timeline: Timeline { frames: frames.len().max(2), intervals },
+        })
     }
 
     /// The views of step `step`: photographs of the step before it that it still sees, and `new` ones; and a few held-out

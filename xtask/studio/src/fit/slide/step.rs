@@ -1,6 +1,7 @@
 //! [`start`]: what a step of a sliding fit begins with: Gaussians of the step before it, and anchors where these show
 //! nothing yet.
 
+use refine::anchor::AnchorError;
 use refine::capture::PhotoId;
 use refine::fit::{Backend, Fit, Parameters, TrainingView};
 
@@ -11,8 +12,20 @@ use crate::fit::plan::FitPlan;
 use crate::fit::start::{AnchorFault, anchored};
 use crate::fit::training_views::TrainingViews;
 
-/// A fit for step `step`; `None` if there is nothing to fit: no subject, and nothing from before. `carried` has times in
-/// intervals of this step.
+/// What a step begins with.
+pub(super) enum Start {
+    /// A fit before its first step.
+    Fit(Box<Fit>),
+    /// There is nothing to fit: no photograph, or no subject and nothing from before.
+    Nothing {
+        /// Gaussians of the step before, with times in intervals of this step.
+        carried: Box<Parameters<f32>>,
+        /// Why there is no anchor.
+        why: Option<AnchorError>,
+    },
+}
+
+/// The start of step `step`. `carried` has times in intervals of this step.
 ///
 /// # Errors
 /// Those of the anchor, and of the device.
@@ -23,7 +36,7 @@ pub(super) fn start(
     views: &TrainingViews,
     carried: Parameters<f32>,
     backend: &mut dyn Backend,
-) -> anyhow::Result<Option<Fit>> {
+) -> anyhow::Result<Start> {
     let &Photographs { capture_files, windows, interval_s, .. } = photographs;
     let [from_s, to_s] = windows.span_s(step);
     let is_new =
@@ -31,10 +44,14 @@ pub(super) fn start(
     let new: Vec<&(PhotoId, TrainingView)> = views.train.iter().filter(|(id, _)| is_new(*id)).collect();
     let frame_time = |frame: usize| (capture_files.capture.frame_times_s[frame] - from_s) / interval_s;
     let gaussians = (plan.gaussians as f64 * windows.new_units(step)).ceil() as usize;
+    let mut without_anchor = None;
     let anchors = match anchored(plan, gaussians, capture_files, views, &new, &frame_time) {
         Ok(anchors) => Some(anchors),
         // The subject is not there, or no camera took a photograph.
-        Err(AnchorFault::Anchor(error)) if error.is_of_one_frame() || new.is_empty() => None,
+        Err(AnchorFault::Anchor(error)) if error.is_of_one_frame() || new.is_empty() => {
+            without_anchor = Some(error);
+            None
+        }
         Err(fault) => return Err(fault.into_fault().into()),
     };
     let take = [-from_s, capture_files.capture.duration_s() - from_s].map(|second| second / interval_s);
@@ -60,12 +77,12 @@ pub(super) fn start(
         }
     }
     if parameters.is_empty() || views.train.is_empty() {
-        return Ok(None);
+        return Ok(Start::Nothing { carried: Box::new(parameters), why: without_anchor });
     }
     let floor = (plan.floor as f64 * windows.units(step)).ceil() as usize;
     let cap = 2 * (plan.gaussians as f64 * windows.units(step)).ceil() as usize;
     let settings = refine::fit::FitSettings { floor, cap: Some(cap), ..plan.fit_settings() };
     let cameras = capture_files.capture.cameras.iter().map(|camera| &camera.camera);
     let fit = Fit::new(settings, parameters, views.timeline, cameras);
-    Ok(Some(fit.carrying(pasts)))
+    Ok(Start::Fit(Box::new(fit.carrying(pasts))))
 }
