@@ -87,9 +87,15 @@ fn a_take_becomes_a_field_folder() {
     let package = ["package", "field", "-o", "take.aarc", "--coder", "fixed", "--rank", "mass", "--json"];
     let packaged = aarc_studio(folder, &package).json();
     assert_eq!(packaged["segments"].as_array().map(Vec::len), json["segments"].as_u64().map(|n| n as usize));
-    // Its segments record the frames that were held out.
-    let eval = aarc_studio(folder, &["eval", "field", "--capture", "stage", "--json"]).success();
-    assert!(!eval.stderr.contains("holdout"), "{}", eval.stderr);
+    let gaussians: usize = files
+        .values()
+        .filter_map(|file| {
+            let text = String::from_utf8_lossy(&file[..file.len().min(4000)]).into_owned();
+            text.lines().find_map(|line| line.strip_prefix("element vertex ")?.parse::<usize>().ok())
+        })
+        .sum();
+    let by_level = json["gaussians_by_level"].as_array().unwrap();
+    assert_eq!(by_level.iter().map(|n| n.as_u64().unwrap() as usize).sum::<usize>(), gaussians, "{json}");
     // It is finished.
     let error = aarc_studio(folder, &FIT).error(2);
     assert!(error.contains("field: it is finished already; remove it, or name another --out"), "{error}");
@@ -105,6 +111,12 @@ fn a_killed_fit_goes_on_with_the_same_result() {
     fs::remove_dir_all(folder.join("field")).unwrap();
     let work = folder.join("field/fit");
 
+    // In the first step: another length of parts is another plan.
+    let often = [&FIT[..], &["--checkpoint-every", "0.01"]].concat();
+    kill_when(folder, &often, || work.join("step-0000.checkpoint").exists());
+    let longer: Vec<&str> = FIT.iter().map(|word| if *word == "0.4" { "0.65" } else { *word }).collect();
+    let error = aarc_studio(folder, &longer).error(2);
+    assert!(error.contains("with other options"), "{error}");
     // In the second step, beyond a checkpoint.
     let often = [&FIT[..], &["--checkpoint-every", "0.01"]].concat();
     kill_when(folder, &often, || work.join("step-0001.checkpoint").exists());
@@ -268,6 +280,20 @@ fn parts_may_be_longer_than_the_take_and_shorter_than_an_interval() {
         assert!(measured(folder) > 10.0, "{split}: {}", measured(folder));
         fs::remove_dir_all(folder.join("field")).unwrap();
     }
+    // Its segments record the frames that were held out.
+    aarc_studio(folder, &[&fit[..], &["--holdout", "odd", "--split", "0.05"]].concat()).success();
+    let eval = aarc_studio(folder, &["eval", "field", "--capture", "stage", "--json"]).json();
+    assert_eq!(eval["splits"]["interp_b"]["images"], 2 * 7, "{eval}");
+    fs::remove_dir_all(folder.join("field")).unwrap();
+    // What is in the folder of the fit is its own.
+    fs::create_dir_all(folder.join("field/fit")).unwrap();
+    fs::write(folder.join("field/fit/mine.txt"), b"precious").unwrap();
+    let error = aarc_studio(folder, &fit).error(2);
+    assert!(error.contains("field/fit: it is of no fit; move it, or name another --out"), "{error}");
+    fs::write(folder.join("field/fit/lock"), b"").unwrap();
+    aarc_studio(folder, &fit).success();
+    assert_eq!(fs::read(folder.join("field/fit/mine.txt")).unwrap(), b"precious");
+    fs::remove_dir_all(folder.join("field")).unwrap();
     let one = [&fit[..], &["--frames", "0..2", "--holdout", "odd"]].concat();
     let error = aarc_studio(folder, &one).error(2);
     assert!(error.contains("field: one frame to fit to has no time to slide along"), "{error}");

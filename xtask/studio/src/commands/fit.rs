@@ -8,7 +8,8 @@ use crate::capture::CaptureFiles;
 use crate::eval::fragments_per_lit_pixel;
 use crate::export::fitted_field_file;
 use crate::fit::{
-    self, DepthScale, FitPlan, FitProgress, FitRuntime, FitStart, Fitted, SlidePlan, TrainingViews, log,
+    self, DepthScale, FitPlan, FitProgress, FitRuntime, FitStart, Fitted, SlidePlan, TrainingViews,
+    WorkFolder, log,
 };
 use crate::input::{Input, is_take, not_one_field};
 use crate::messages::count;
@@ -462,12 +463,12 @@ fn slide(args: &Args, out: &Path) -> anyhow::Result<()> {
     let lpips = args.options.lpips.load()?;
     let default = FitPlan::default_for_seconds(&capture_files, holdout, unit_s)?;
     let plan = SlidePlan { fit: plan(args, args.options.plan_from(default)?)?, unit_s };
-    fit::check_slide(&plan, out)?;
+    let work = WorkFolder::open(&plan, out)?;
     let mut backend = args.options.open_backend()?;
     let runtime = args.options.runtime(&mut *backend, lpips.as_ref());
     note_assumed_fps(&capture_files, "--fps states another number");
     eprintln!("note: {}", describe(&capture_files, holdout)?);
-    let slid = fit_folder(out, &plan, &capture_files, runtime)?;
+    let slid = fit_folder(out, &plan, &capture_files, runtime, work)?;
     report_folder(out, &slid, capture_files.capture.duration_s(), args.json);
     Ok(())
 }

@@ -7,7 +7,7 @@ use indicatif::HumanDuration;
 use serde_json::json;
 
 use crate::capture::CaptureFiles;
-use crate::fit::{FitRuntime, SlidField, SlidePlan, slide, slide_cost};
+use crate::fit::{FitRuntime, SlidField, SlidePlan, WorkFolder, slide, slide_cost};
 use crate::messages::count;
 use crate::progress::counting;
 
@@ -42,6 +42,7 @@ pub(super) fn fit_folder(
     plan: &SlidePlan,
     capture_files: &CaptureFiles,
     runtime: FitRuntime,
+    work: WorkFolder,
 ) -> anyhow::Result<SlidField> {
     let cost = slide_cost(plan, capture_files);
     eprintln!(
@@ -55,7 +56,7 @@ pub(super) fn fit_folder(
     let all = cost.steps as u64 * plan.fit.steps;
     let bar = counting(all, "steps");
     let mut pace = Pace::default();
-    let slid = slide(plan, capture_files, runtime, out, &mut |progress| {
+    let slid = slide(plan, capture_files, runtime, work, &mut |progress| {
         let fit = &progress.fit;
         let done = progress.step as u64 * plan.fit.steps + fit.step;
         bar.set_position(done);
@@ -93,10 +94,10 @@ pub(super) fn report_folder(out: &Path, slid: &SlidField, duration_s: f64, is_js
         );
         return;
     }
-    println!(
-        "Gaussians        {} on levels 0 and up",
-        slid.assembled.gaussians.iter().map(usize::to_string).collect::<Vec<_>>().join(", ")
-    );
+    let levels = slid.assembled.gaussians.iter().enumerate().filter(|(_, gaussians)| **gaussians > 0);
+    let levels: Vec<String> =
+        levels.map(|(level, gaussians)| format!("{gaussians} on level {level}")).collect();
+    println!("Gaussians        {}", levels.join(", "));
     println!("segments         {}", slid.assembled.segments);
     if slid.resumed_at > 0 {
         println!("resumed          at part {}", slid.resumed_at + 1);

@@ -31,7 +31,7 @@ use checkpoint::{Checkpoint, Tally};
 use log::LogEntry;
 pub use plan::{DepthScale, FitPlan, FitStart, SH_DEGREE, crc, file_crc};
 pub use refinement::{Refinement, RefinementReport};
-pub use slide::{Assembled, SlidField, SlidePlan, SlideProgress, check_slide, slide, slide_cost};
+pub use slide::{Assembled, SlidField, SlidePlan, SlideProgress, WorkFolder, slide, slide_cost};
 use training_views::mean_psnr;
 pub use training_views::{TrainingViews, train_frames};
 

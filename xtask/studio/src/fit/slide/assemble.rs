@@ -26,12 +26,11 @@ pub struct Assembled {
     pub segments: usize,
 }
 
-/// Writes the segments and `field.json` to `out`; `None` if nothing was fitted.
+/// Writes the segments and `field.json` to the field folder; `None` if nothing was fitted.
 ///
 /// # Errors
 /// [`Fault::Data`](program::Fault::Data) if a part is damaged; [`Fault::Usage`](program::Fault::Usage) if a file cannot be written.
 pub(super) fn assemble(
-    out: &Path,
     work: &WorkFolder,
     windows: &Windows,
     interval_s: f64,
@@ -45,7 +44,7 @@ pub(super) fn assemble(
     for step in 0..windows.count {
         let part = work.part(step)?;
         let [from_s, to_s] = windows.span_s(step);
-        for (place, rows) in places(&grid, duration_s, &lives(&part, interval_s, [from_s, to_s])) {
+        for (place, rows) in places(&grid, [from_s, duration_s], &lives(&part, interval_s, [from_s, to_s])) {
             let mut rows = part.select(&rows);
             // In intervals of the segment.
             let shift = (grid.span(place.0, place.1).0 - from_s) / interval_s;
@@ -69,7 +68,7 @@ pub(super) fn assemble(
             let level = usize::from(place.0);
             assembled.gaussians.resize(assembled.gaussians.len().max(level + 1), 0);
             assembled.gaussians[level] += rows.len();
-            entries.push(write_segment(out, &grid, place, &rows, interval_s, (info, record))?);
+            entries.push(write_segment(&work.out, &grid, place, &rows, interval_s, (info, record))?);
         }
     }
     if entries.is_empty() {
@@ -80,20 +79,21 @@ pub(super) fn assemble(
         order_of(duration_s, &spans).into_iter().map(|i| entries[i].clone()).collect();
     assembled.segments = entries.len();
     let manifest = FieldFolder::manifest(duration_s, info.fps, entries);
-    output::write_durable(&out.join(FIELD_FOLDER), manifest.as_bytes())?;
+    output::write_durable(&work.out.join(FIELD_FOLDER), manifest.as_bytes())?;
     Ok(Some(assembled))
 }
 
-/// The rows of each segment, by the lives of all rows.
+/// The rows of each segment, by the lives of all rows of a part. A row that was fitted from second `from_s` on counts as
+/// alive until then, because segments that end before are written.
 fn places(
     grid: &SegmentGrid,
-    duration_s: f64,
+    [from_s, duration_s]: [f64; 2],
     lives: &[Option<[f64; 2]>],
 ) -> BTreeMap<(u8, u64), Vec<usize>> {
     let mut rows_of: BTreeMap<(u8, u64), Vec<usize>> = BTreeMap::new();
     for (row, life) in lives.iter().enumerate() {
         let [birth_s, death_s] = life.expect("only those that are alive are written");
-        let within = [birth_s.max(0.0), death_s.min(duration_s)];
+        let within = [birth_s.max(0.0), death_s.max(from_s).min(duration_s)];
         if within[0] <= within[1] {
             rows_of.entry(grid.place(within)).or_default().push(row);
         }
@@ -128,4 +128,23 @@ pub(super) fn lives(
     let field = parameters.to_field(timeline);
     let second = |t: f64| from_s + t * (to_s - from_s);
     (0..field.len()).map(|row| field.life(row).map(|(birth, death)| [second(birth), second(death)])).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_row_that_dies_before_its_step_goes_to_no_segment_that_is_written() {
+        let grid = SegmentGrid::new(20.0, 1.0);
+        // The step sees photographs from second 9.75 on; segments that end before are written.
+        let lives = [Some([2.1, 2.5]), Some([9.0, 9.9]), Some([-3.0, 30.0])];
+        let rows_of = places(&grid, [9.75, 20.0], &lives);
+        for (place, rows) in &rows_of {
+            let (start_s, duration_s) = grid.span(place.0, place.1);
+            assert!(start_s + duration_s > 9.75, "{place:?}: {rows:?}");
+        }
+        assert_eq!(rows_of.values().map(Vec::len).sum::<usize>(), 3);
+        assert_eq!(rows_of[&(0, 9)], [1]);
+    }
 }

@@ -19,7 +19,6 @@ mod step;
 mod windows;
 mod work_folder;
 
-use std::path::Path;
 use std::thread;
 use std::time::Instant;
 
@@ -38,7 +37,8 @@ use photographs::{Loaded, Photographs};
 pub use plan::SlidePlan;
 use step::Start;
 use windows::Windows;
-use work_folder::{State, WorkFolder};
+use work_folder::State;
+pub use work_folder::WorkFolder;
 
 /// Progress of a sliding fit.
 #[derive(Clone, Copy, Debug)]
@@ -80,6 +80,9 @@ const NUMBERS_MAX: f64 = 3.0 + 4.0 + 3.0 + 1.0 + 48.0 + 2.0 + 9.0 + 4.0;
 const STORED_BYTES: f64 = 4.0 * NUMBERS_MAX;
 const FITTED_BYTES: f64 = 4.0 * STORED_BYTES;
 
+/// The program itself.
+const PROCESS_BYTES: f64 = 20e6;
+
 /// Largest number of parts of the take with photographs in memory: a window, and what is read ahead.
 const UNITS_MAX: f64 = 2.75;
 
@@ -95,20 +98,10 @@ pub fn slide_cost(plan: &SlidePlan, capture_files: &CaptureFiles) -> SlideCost {
     let gaussians = 2.0 * plan.fit.gaussians as f64;
     SlideCost {
         steps,
-        memory_bytes: frames * frame_bytes + 1.75 * gaussians * FITTED_BYTES,
+        memory_bytes: PROCESS_BYTES + frames * frame_bytes + 1.75 * gaussians * FITTED_BYTES,
         // Parts and segments are there together for a moment.
         disk_bytes: 2.0 * steps as f64 * gaussians * STORED_BYTES,
     }
-}
-
-/// Checks, before photographs are read, that a sliding fit with this plan can begin or go on in the folder `out`, which
-/// it makes.
-///
-/// # Errors
-/// [`Fault::Usage`] if the folder is finished, another process fits to it, it was begun with another plan, or it cannot
-/// be written; [`Fault::Data`] if it is damaged.
-pub fn check_slide(plan: &SlidePlan, out: &Path) -> Result<(), Fault> {
-    WorkFolder::open(out)?.state(plan).map(drop)
 }
 
 /// Fits a field folder to a capture.
@@ -120,7 +113,7 @@ pub fn slide(
     plan: &SlidePlan,
     capture_files: &CaptureFiles,
     runtime: FitRuntime,
-    out: &Path,
+    work: WorkFolder,
     on_progress: &mut dyn FnMut(&SlideProgress),
 ) -> anyhow::Result<SlidField> {
     let FitRuntime { backend, lpips, checkpoint_every } = runtime;
@@ -128,10 +121,13 @@ pub fn slide(
     let windows = Windows::new(duration_s, plan.unit_s);
     let photographs = Photographs::new(capture_files, windows, plan.fit.holdout)?;
     let interval_s = photographs.interval_s;
-    let work = WorkFolder::open(out)?;
     let mut state = match work.state(plan)? {
         Some(state) => state,
-        None => begin(plan, &photographs, backend)?,
+        None => {
+            let state = begin(plan, &photographs, backend)?;
+            work.write_state(&state)?;
+            state
+        }
     };
     let resumed_at = state.next;
     let [mut before, mut new] = first_photographs(&photographs, resumed_at)?;
@@ -168,7 +164,7 @@ pub fn slide(
         new = ahead.transpose()?.unwrap_or_default();
         before = views.train;
     }
-    let assembled = whole(plan, &photographs, &work, out, without_anchor)?;
+    let assembled = whole(plan, &photographs, &work, without_anchor)?;
     work.remove()?;
     Ok(SlidField { assembled, steps: windows.count, resumed_at, seconds: state.seconds })
 }
@@ -178,18 +174,17 @@ fn whole(
     plan: &SlidePlan,
     photographs: &Photographs,
     work: &WorkFolder,
-    out: &Path,
     without_anchor: Option<AnchorError>,
 ) -> anyhow::Result<Assembled> {
     let &Photographs { capture_files, windows, interval_s, .. } = photographs;
     let record = FitRecord { holdout: Some(plan.fit.holdout), ..Default::default() };
     let info = clip_info(capture_files);
     let times = [capture_files.capture.duration_s(), plan.unit_s];
-    let Some(assembled) = assemble(out, work, &windows, interval_s, times, &info, &record)? else {
+    let Some(assembled) = assemble(work, &windows, interval_s, times, &info, &record)? else {
         let why = without_anchor.map_or_else(String::new, |error| format!("no anchor: {error}; "));
-        let out = out.display();
+        let out = work.out.display();
         bail!(Fault::Data(format!(
-            "{why}no part of the take has a Gaussian; remove {out} and choose another --anchor"
+            "{why}no part of the take has a Gaussian; remove {out}/fit and choose another --anchor"
         )));
     };
     Ok(assembled)

@@ -1,4 +1,4 @@
-//! [`start`]: what a step of a sliding fit begins with: Gaussians of the step before it, and anchors where these show
+//! [`Start`]: what a step of a sliding fit begins with: Gaussians of the step before it, and anchors where these show
 //! nothing yet.
 
 use refine::anchor::AnchorError;

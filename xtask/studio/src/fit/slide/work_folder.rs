@@ -39,37 +39,53 @@ pub(super) struct State {
 }
 
 /// The folder; no other process fits in it meanwhile.
-pub(super) struct WorkFolder {
+pub struct WorkFolder {
+    /// The field folder.
+    pub(super) out: PathBuf,
     folder: PathBuf,
-    _lock: File,
+    lock: File,
 }
 
 impl WorkFolder {
-    /// Opens or makes the folder `out`.
+    /// Opens or makes the field folder `out` to fit with `plan`, before photographs are read.
     ///
     /// # Errors
-    /// [`Fault::Usage`] if it is a finished field folder, another process fits in it, or it cannot be written.
-    pub(super) fn open(out: &Path) -> Result<WorkFolder, Fault> {
-        if FieldFolder::is_one(out) {
-            let out = out.display();
-            return Err(Fault::Usage(format!(
-                "{out}: it is finished already; remove it, or name another --out"
-            )));
-        }
+    /// [`Fault::Usage`] if it is a finished field folder, another process fits in it, its folder `fit` is not of a fit or
+    /// was begun with another plan, or it cannot be written; [`Fault::Data`] if that is damaged.
+    pub fn open(plan: &SlidePlan, out: &Path) -> Result<WorkFolder, Fault> {
+        let is_finished = || match FieldFolder::is_one(out) {
+            true => Err(Fault::Usage(format!(
+                "{}: it is finished already; remove it, or name another --out",
+                out.display()
+            ))),
+            false => Ok(()),
+        };
+        is_finished()?;
         output::make_folder(out)?;
         let folder = out.join("fit");
-        output::make_folder(&folder)?;
         let path = folder.join("lock");
+        if folder.exists() && !path.exists() {
+            let folder = folder.display();
+            return Err(Fault::Usage(format!("{folder}: it is of no fit; move it, or name another --out")));
+        }
+        output::make_folder(&folder)?;
         let cannot = |error| Fault::Usage(format!("cannot write {}: {error}", path.display()));
         let lock = File::create(&path).map_err(cannot)?;
         match lock.try_lock() {
-            Ok(()) => Ok(WorkFolder { folder, _lock: lock }),
-            Err(TryLockError::WouldBlock) => Err(Fault::Usage(format!(
-                "{}: another process fits to it; wait for that, or name another --out",
-                out.display()
-            ))),
-            Err(TryLockError::Error(error)) => Err(cannot(error)),
+            Ok(()) => {}
+            Err(TryLockError::WouldBlock) => {
+                return Err(Fault::Usage(format!(
+                    "{}: another process fits to it; wait for that, or name another --out",
+                    out.display()
+                )));
+            }
+            Err(TryLockError::Error(error)) => return Err(cannot(error)),
         }
+        // A process may have finished it since.
+        is_finished()?;
+        let work = WorkFolder { out: out.to_owned(), folder, lock };
+        work.state(plan)?;
+        Ok(work)
     }
 
     /// The state that an earlier process left, if any.
@@ -120,19 +136,40 @@ impl WorkFolder {
         state: &State,
     ) -> anyhow::Result<()> {
         write(&self.part_path(step), finished)?;
-        write(&self.folder.join("state"), state)?;
+        self.write_state(state)?;
         Ok(crate::fit::remove_checkpoint(&self.step(step))?)
     }
 
-    /// Removes what only fitting needed.
+    /// Writes what the next step starts with.
+    ///
+    /// # Errors
+    /// [`Fault::Usage`] if it cannot be written.
+    pub(super) fn write_state(&self, state: &State) -> anyhow::Result<()> {
+        write(&self.folder.join("state"), state)
+    }
+
+    /// Removes what only fitting needed; other files in its folder stay.
     ///
     /// # Errors
     /// [`Fault::Usage`] if it cannot be removed.
     pub(super) fn remove(self) -> Result<(), Fault> {
-        let WorkFolder { folder, _lock: lock } = self;
+        let WorkFolder { folder, lock, .. } = self;
+        let cannot = |error| Fault::Usage(format!("cannot remove {}: {error}", folder.display()));
+        let mut is_empty = true;
+        for entry in fs::read_dir(&folder).map_err(cannot)? {
+            let entry = entry.map_err(cannot)?;
+            let name = entry.file_name();
+            let name = name.to_string_lossy();
+            match ["part-", "step-", "state", "lock"].iter().any(|own| name.starts_with(own)) {
+                true => fs::remove_file(entry.path()).map_err(cannot)?,
+                false => is_empty = false,
+            }
+        }
+        if is_empty {
+            fs::remove_dir(&folder).map_err(cannot)?;
+        }
         drop(lock);
-        fs::remove_dir_all(&folder)
-            .map_err(|error| Fault::Usage(format!("cannot remove {}: {error}", folder.display())))
+        Ok(())
     }
 }
 
