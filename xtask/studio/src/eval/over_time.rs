@@ -8,6 +8,7 @@ use refine::image::Image;
 use refine::metrics::ImageMetrics;
 use serde::Serialize;
 
+use super::means::mean;
 use crate::capture::CaptureFiles;
 
 /// Errors at a frame of a capture, over its cameras.
@@ -64,7 +65,7 @@ pub fn over_time(
 fn mean_psnr(now: &BTreeMap<usize, Compared>) -> Option<f64> {
     let psnr = |one: &Compared| ImageMetrics::of(&one.picture, &one.photo, None).psnr_fg;
     let known: Vec<f64> = now.values().filter_map(psnr).filter(|db| db.is_finite()).collect();
-    (!known.is_empty()).then(|| known.iter().sum::<f64>() / known.len() as f64)
+    (!known.is_empty()).then(|| mean(&known))
 }
 
 fn flicker(before: &BTreeMap<usize, Compared>, now: &BTreeMap<usize, Compared>) -> Option<f64> {

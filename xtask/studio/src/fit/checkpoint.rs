@@ -3,15 +3,16 @@
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-use program::{Fault, output};
+use program::Fault;
 use refine::fit::Fit;
 use serde::{Deserialize, Serialize};
 
 use super::log::{Density, LogEntry, beside};
-use super::plan::{FitPlan, crc};
+use super::plan::FitPlan;
+use super::stored::{Magic, Unstored, store, stored};
 
 /// First bytes of a checkpoint; the last one is the version of its contents.
-const MAGIC: [u8; 8] = *b"aarcfit\x05";
+const MAGIC: Magic = *b"aarcfit\x05";
 
 /// A fit and its plan.
 #[derive(Serialize, Deserialize)]
@@ -53,13 +54,11 @@ impl Checkpoint {
             Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
             read => read.map_err(|error| bad(error.to_string()))?,
         };
-        let body = bytes.strip_prefix(&MAGIC).ok_or_else(|| bad("no checkpoint of this version".into()))?;
         let damaged = || bad("the checkpoint is damaged".into());
-        let (checksum, body) = body.split_first_chunk().ok_or_else(damaged)?;
-        if u32::from_le_bytes(*checksum) != crc(body) {
-            return Err(damaged());
-        }
-        let checkpoint: Checkpoint = postcard::from_bytes(body).map_err(|_| damaged())?;
+        let checkpoint: Checkpoint = stored(MAGIC, &bytes).map_err(|why| match why {
+            Unstored::Version => bad("no checkpoint of this version".into()),
+            Unstored::Damaged => damaged(),
+        })?;
         if !checkpoint.fit.is_consistent() || checkpoint.fit.is_done() {
             return Err(damaged());
         }
@@ -77,8 +76,6 @@ impl Checkpoint {
     /// # Errors
     /// [`Fault::Usage`] that names the path.
     pub(super) fn save(&self, path: &Path) -> anyhow::Result<()> {
-        let body = postcard::to_stdvec(self)?;
-        let bytes = [&MAGIC[..], &crc(&body).to_le_bytes(), &body].concat();
-        Ok(output::write_durable(path, &bytes)?)
+        store(path, MAGIC, self)
     }
 }

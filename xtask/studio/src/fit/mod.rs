@@ -13,6 +13,7 @@ mod plan;
 mod refinement;
 mod slide;
 mod start;
+mod stored;
 mod training_views;
 
 use std::path::Path;

@@ -1,6 +1,5 @@
 //! Makes the first Gaussians of a fit from its [`FitStart`].
 
-use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::bail;
@@ -9,10 +8,10 @@ use refine::anchor::{
     Alignment, AnchorError, AnchorFrame, AnchorSettings, AnchorView, DepthSource, anchor, scatter,
 };
 use refine::capture::PhotoId;
-use refine::fit::{Fit, Parameters, Photograph, TrainingView};
+use refine::fit::{Fit, Parameters, TrainingView};
 
 use super::plan::{DepthScale, FitPlan, FitStart};
-use super::training_views::TrainingViews;
+use super::training_views::{TrainingViews, by_frame};
 use crate::capture::CaptureFiles;
 use crate::input::Input;
 
@@ -30,12 +29,9 @@ impl DepthScale {
 /// Whether masks carve a visual hull in every frame: at least two photographs show the subject, and at
 /// least one of these is masked.
 fn has_hull(views: &TrainingViews) -> bool {
-    let mut frames: BTreeMap<usize, Vec<&Photograph>> = BTreeMap::new();
-    for (photo_id, view) in &views.train {
-        frames.entry(photo_id.frame).or_default().push(&view.photograph);
-    }
-    frames.values().all(|photographs| {
-        let seen: Vec<_> = photographs.iter().filter(|photograph| photograph.has_subject()).collect();
+    by_frame(&views.train).values().all(|views| {
+        let photographs = views.iter().map(|(_, view)| &view.photograph);
+        let seen: Vec<_> = photographs.filter(|photograph| photograph.has_subject()).collect();
         seen.is_empty() || (seen.len() >= 2 && seen.iter().any(|photograph| photograph.is_masked()))
     })
 }
@@ -142,10 +138,6 @@ pub(super) fn anchored(
         FitStart::Sweep | FitStart::Scatter | FitStart::Field(..) => (DepthSource::HullAndSweep, None),
     };
     let settings = anchor_settings(plan, gaussians, capture_files).map_err(AnchorFault::Fault)?;
-    let mut frames: BTreeMap<usize, Vec<&(PhotoId, TrainingView)>> = BTreeMap::new();
-    for &view in train {
-        frames.entry(view.0.frame).or_default().push(view);
-    }
     let anchor_view = |(photo_id, view): &(PhotoId, TrainingView)| {
         let depths = match depths {
             Some(folder) => capture_files.depth(folder, *photo_id).map_err(AnchorFault::Fault)?,
@@ -154,7 +146,7 @@ pub(super) fn anchored(
         let (camera, photograph) = (view.camera.clone(), view.photograph.clone());
         Ok(AnchorView { camera_id: photo_id.camera, camera, photograph, depths })
     };
-    let frames = frames.into_iter().map(|(frame, views)| {
+    let frames = by_frame(train.iter().copied()).into_iter().map(|(frame, views)| {
         let views = views.into_iter().map(anchor_view).collect::<Result<_, AnchorFault>>()?;
         Ok(AnchorFrame { frame, time: frame_time(frame), views })
     });
@@ -164,7 +156,7 @@ pub(super) fn anchored(
 #[cfg(test)]
 mod tests {
     use codec::Camera;
-    use refine::fit::Timeline;
+    use refine::fit::{Photograph, Timeline};
 
     use super::*;
 

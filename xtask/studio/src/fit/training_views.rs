@@ -1,6 +1,6 @@
 //! [`TrainingViews`]: the photographs of a fit, decoded.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use program::Fault;
 use rayon::prelude::*;
@@ -89,6 +89,17 @@ pub(super) fn load_views(
         loaded.extend(photo_ids.par_iter().map(load).collect::<Result<Vec<_>, Fault>>()?);
     }
     Ok(loaded)
+}
+
+/// Views by the numbers of their frames, in their order.
+pub(super) fn by_frame<'a>(
+    views: impl IntoIterator<Item = &'a (PhotoId, TrainingView)>,
+) -> BTreeMap<usize, Vec<&'a (PhotoId, TrainingView)>> {
+    let mut frames: BTreeMap<usize, Vec<_>> = BTreeMap::new();
+    for view in views {
+        frames.entry(view.0.frame).or_default().push(view);
+    }
+    frames
 }
 
 /// Mean PSNR of the subject in the held-out photographs, in dB; `None` if none is held out.

@@ -11,9 +11,6 @@ use super::bounds::Bounds;
 use super::columns::Parameters;
 use crate::fit::precision::Real;
 
-/// Smallest opacity that is drawn, [`codec::ALPHA_MIN`]: a window begins and ends where the opacity falls below it.
-const ALPHA_MIN: f64 = codec::ALPHA_MIN;
-
 /// The past of a Gaussian in a fit that goes on from an earlier one.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Carried {
@@ -48,11 +45,10 @@ pub(in crate::fit) fn keep_births<T: Real>(
     }
     let width_min = libm::exp(bounds.log_widths[0]);
     for (row, Carried { birth, .. }) in carried.iter().enumerate() {
-        let opacity = 1.0 / (1.0 + libm::exp(-parameters.logits[row].to_double()));
         let (tau, width) =
             (parameters.tau[row].to_double(), libm::exp(parameters.log_widths[row].to_double()));
         let birth = f64::from(*birth);
-        let support_radius = (2.0 * libm::log((opacity / ALPHA_MIN).max(1.0))).sqrt();
+        let support_radius = parameters.support_radius(row);
         // NaN stays as it is.
         if tau - support_radius * width < birth {
             let narrower = ((tau - birth) / support_radius).max(width_min);

@@ -204,6 +204,13 @@ impl<T: Real> Parameters<T> {
         self.rotation_rates.extend(other.rotation_rates);
     }
 
+    /// How far the window of a row reaches from its centre, in its widths: until the opacity falls below
+    /// [`codec::ALPHA_MIN`]. 0 if it is never above that.
+    pub fn support_radius(&self, row: usize) -> f64 {
+        let opacity = 1.0 / (1.0 + libm::exp(-self.logits[row].to_double()));
+        (2.0 * libm::log((opacity / codec::ALPHA_MIN).max(1.0))).sqrt()
+    }
+
     /// Moves the window of a row to `tau`; its trajectory and rotation over time stay the same.
     pub(in crate::fit) fn center_window(&mut self, row: usize, tau: T) {
         let d = tau - self.tau[row];

@@ -97,13 +97,7 @@ impl Reference {
             let duration_s = f64::from(input.info().duration_s);
             (Reference::Whole(Box::new(input)), duration_s)
         };
-        if (duration_s - take.duration_s).abs() > DURATION_SLACK_S {
-            let [own, of_take] = [duration_s, take.duration_s].map(|seconds| decimal(seconds, 3));
-            bail!(Fault::Usage(format!(
-                "{}: it lasts {own} s, and the take {of_take} s; name the field that the take was packaged from",
-                path.display()
-            )));
-        }
+        check_duration(path, duration_s, take, "name the field that the take was packaged from")?;
         Ok(reference)
     }
 
@@ -174,6 +168,15 @@ fn measure_file(
     })
 }
 
+/// Checks that what is at `path` lasts as long as a take; `advice` says what to do otherwise.
+fn check_duration(path: &Path, duration_s: f64, take: &Take, advice: &str) -> Result<(), Fault> {
+    if (duration_s - take.duration_s).abs() <= DURATION_SLACK_S {
+        return Ok(());
+    }
+    let [own, of_take] = [duration_s, take.duration_s].map(|seconds| decimal(seconds, 3));
+    Err(Fault::Usage(format!("{}: it lasts {own} s, and the take {of_take} s; {advice}", path.display())))
+}
+
 /// Opens the file of a take that is all there.
 fn open_whole(path: &Path) -> anyhow::Result<TakeFile> {
     let file = TakeFile::open(path)?;
@@ -194,13 +197,7 @@ fn open_whole(path: &Path) -> anyhow::Result<TakeFile> {
 fn capture_of(folder: &Path, part: &PartSelection, take: &Take) -> anyhow::Result<CaptureFiles> {
     let capture_files = part.open(folder, None)?;
     let duration_s = capture_files.capture.duration_s();
-    if (duration_s - take.duration_s).abs() > DURATION_SLACK_S {
-        let [own, of_take] = [duration_s, take.duration_s].map(|seconds| decimal(seconds, 3));
-        bail!(Fault::Usage(format!(
-            "{}: it lasts {own} s, and the take {of_take} s; name its capture, and its frames with --frames",
-            folder.display()
-        )));
-    }
+    check_duration(folder, duration_s, take, "name its capture, and its frames with --frames")?;
     Ok(capture_files)
 }
 

@@ -4,18 +4,16 @@
 //! own frame have the same colour in the other frames. It is always on, and a step of the fit then anchors only
 //! what moves.
 
-use std::collections::BTreeMap;
-
 use codec::{SH_C0, sh_coefficients};
 use program::Fault;
 use refine::capture::PhotoId;
 use refine::fit::{Backend, Parameters, TrainingView};
 
-use super::shown::{SHOWN_ERROR, not_shown, pixel_of};
+use super::shown::{SHOWN_ERROR, joined, not_shown, pixel_of};
 use crate::capture::CaptureFiles;
 use crate::fit::plan::FitPlan;
 use crate::fit::start::{AnchorFault, anchored};
-use crate::fit::training_views::TrainingViews;
+use crate::fit::training_views::{TrainingViews, by_frame};
 
 /// Largest difference of a channel, of 255, between two photographs of what stands still: noise and rounding.
 const SAME: u8 = 10;
@@ -38,12 +36,8 @@ pub(super) fn background(
     taken: f64,
     backend: &mut dyn Backend,
 ) -> Result<Parameters<f32>, Fault> {
-    let mut frames: BTreeMap<usize, Vec<&(PhotoId, TrainingView)>> = BTreeMap::new();
-    for view in &views.train {
-        frames.entry(view.0.frame).or_default().push(view);
-    }
     let mut all = Parameters::default();
-    for own in frames.values() {
+    for own in by_frame(&views.train).values() {
         let time = |_| own[0].1.time;
         let anchors = match anchored(plan, plan.gaussians, capture_files, views, own, &time) {
             Ok(anchors) => anchors,
@@ -55,11 +49,8 @@ pub(super) fn background(
         let mut rows = anchors.select(&rows);
         rows.motion.fill([0.0; 3]);
         rows.log_widths.fill(libm::log(ALWAYS * taken) as f32);
-        if all.is_empty() {
-            all = rows;
-        } else {
-            all.append(rows.select(&not_shown(&all, &rows, own, backend)?));
-        }
+        let rows = rows.select(&not_shown(&all, &rows, own, backend)?);
+        all = joined(all, rows);
     }
     Ok(all)
 }

@@ -113,7 +113,7 @@ pub fn slide(
     plan: &SlidePlan,
     capture_files: &CaptureFiles,
     runtime: FitRuntime,
-    work: WorkFolder,
+    mut work: WorkFolder,
     on_progress: &mut dyn FnMut(&SlideProgress),
 ) -> anyhow::Result<SlidField> {
     let FitRuntime { backend, lpips, checkpoint_every } = runtime;
@@ -121,7 +121,7 @@ pub fn slide(
     let windows = Windows::new(duration_s, plan.unit_s);
     let photographs = Photographs::new(capture_files, windows, plan.fit.holdout)?;
     let interval_s = photographs.interval_s;
-    let mut state = match work.state(plan)? {
+    let mut state = match work.state.take() {
         Some(state) => state,
         None => {
             let state = begin(plan, &photographs, backend)?;

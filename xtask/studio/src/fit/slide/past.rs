@@ -29,15 +29,13 @@ pub(super) fn past(parameters: &Parameters<f32>, take: [f64; 2], end: f64) -> Ve
             } else {
                 1.0
             };
-            let opacity = 1.0 / (1.0 + libm::exp(-f64::from(parameters.logits[row])));
-            let support_radius = (2.0 * libm::log((opacity / codec::ALPHA_MIN).max(1.0))).sqrt();
             let farthest = (tau - take[0]).abs().max((tau - take[1]).abs()) / width;
             let is_static = libm::exp(-0.5 * farthest * farthest) >= ALWAYS_ON;
             let (share, birth) = match share >= ALL {
                 // The whole take shows it.
                 _ if is_static => ((end / (take[1] - take[0])).min(1.0) as f32, f32::NEG_INFINITY),
                 true => (1.0, if take[0] < 0.0 { 0.0 } else { f32::NEG_INFINITY }),
-                false => (share as f32, (tau - support_radius * width) as f32),
+                false => (share as f32, (tau - parameters.support_radius(row) * width) as f32),
             };
             Carried { share, birth, is_static }
         })

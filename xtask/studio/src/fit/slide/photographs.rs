@@ -52,12 +52,7 @@ impl<'a> Photographs<'a> {
     /// # Errors
     /// [`Fault::Data`] that names the file.
     pub(super) fn load_new(&self, step: usize) -> Result<Loaded, Fault> {
-        let is_new = |photo_id: &&PhotoId| {
-            let time_s = self.time_s(**photo_id);
-            self.windows.sees(step, time_s) && !(step > 0 && self.windows.sees(step - 1, time_s))
-        };
-        let ids: Vec<PhotoId> = self.fitted.iter().filter(is_new).copied().collect();
-        load_views(self.capture_files, &ids, &|| {})
+        self.load(|time_s| self.windows.sees_first(step, time_s))
     }
 
     /// Reads the photographs that step `step` and the step before it see.
@@ -65,11 +60,13 @@ impl<'a> Photographs<'a> {
     /// # Errors
     /// [`Fault::Data`] that names the file.
     pub(super) fn load_seen_before(&self, step: usize) -> Result<Loaded, Fault> {
-        let is_both = |photo_id: &&PhotoId| {
-            let time_s = self.time_s(**photo_id);
-            self.windows.sees(step, time_s) && self.windows.sees(step - 1, time_s)
-        };
-        let ids: Vec<PhotoId> = self.fitted.iter().filter(is_both).copied().collect();
+        self.load(|time_s| self.windows.sees(step, time_s) && self.windows.sees(step - 1, time_s))
+    }
+
+    /// Reads the photographs to fit to that were taken when they are wanted.
+    fn load(&self, is_wanted: impl Fn(f64) -> bool) -> Result<Loaded, Fault> {
+        let is_wanted = |photo_id: &&PhotoId| is_wanted(self.time_s(**photo_id));
+        let ids: Vec<PhotoId> = self.fitted.iter().filter(is_wanted).copied().collect();
         load_views(self.capture_files, &ids, &|| {})
     }
 

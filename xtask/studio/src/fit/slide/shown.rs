@@ -34,6 +34,9 @@ pub(super) fn not_shown(
     views: &[&(PhotoId, TrainingView)],
     backend: &mut dyn Backend,
 ) -> Result<Vec<usize>, Fault> {
+    if parameters.is_empty() {
+        return Ok((0..anchors.len()).collect());
+    }
     let mut rows_of: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
     for (row, tau) in anchors.tau.iter().enumerate() {
         rows_of.entry(tau.to_bits()).or_default().push(row);
@@ -60,4 +63,13 @@ pub(super) fn not_shown(
         }
     }
     Ok((0..anchors.len()).filter(|row| !is_shown[*row]).collect())
+}
+
+/// The rows of `first` and then those of `second`, which need not have its columns if there are none.
+pub(super) fn joined(mut first: Parameters<f32>, second: Parameters<f32>) -> Parameters<f32> {
+    if first.is_empty() {
+        return second;
+    }
+    first.append(second);
+    first
 }

@@ -3,11 +3,11 @@
 
 use refine::anchor::AnchorError;
 use refine::capture::PhotoId;
-use refine::fit::{Backend, Fit, Parameters, TrainingView};
+use refine::fit::{Backend, Fit, FitSettings, Parameters, TrainingView};
 
 use super::past::past;
 use super::photographs::Photographs;
-use super::shown::not_shown;
+use super::shown::{joined, not_shown};
 use crate::fit::plan::FitPlan;
 use crate::fit::start::{AnchorFault, anchored};
 use crate::fit::training_views::TrainingViews;
@@ -39,8 +39,7 @@ pub(super) fn start(
 ) -> anyhow::Result<Start> {
     let &Photographs { capture_files, windows, interval_s, .. } = photographs;
     let [from_s, to_s] = windows.span_s(step);
-    let is_new =
-        |photo_id: PhotoId| step == 0 || !windows.sees(step - 1, capture_files.capture.time_s(photo_id));
+    let is_new = |photo_id: PhotoId| windows.sees_first(step, capture_files.capture.time_s(photo_id));
     let new: Vec<&(PhotoId, TrainingView)> = views.train.iter().filter(|(id, _)| is_new(*id)).collect();
     let frame_time = |frame: usize| (capture_files.capture.frame_times_s[frame] - from_s) / interval_s;
     let gaussians = (plan.gaussians as f64 * windows.new_units(step)).ceil() as usize;
@@ -63,25 +62,16 @@ pub(super) fn start(
         parameters.tau[row] = (end / 2.0) as f32;
     }
     if let Some(anchors) = anchors {
-        let anchors = match parameters.is_empty() {
-            true => anchors,
-            false => {
-                let unseen = not_shown(&parameters, &anchors, &new, backend)?;
-                anchors.select(&unseen)
-            }
-        };
+        let anchors = anchors.select(&not_shown(&parameters, &anchors, &new, backend)?);
         pasts.extend(past(&anchors, take, end));
-        match parameters.is_empty() {
-            true => parameters = anchors,
-            false => parameters.append(anchors),
-        }
+        parameters = joined(parameters, anchors);
     }
     if parameters.is_empty() || views.train.is_empty() {
         return Ok(Start::Nothing { carried: Box::new(parameters), why: without_anchor });
     }
     let floor = (plan.floor as f64 * windows.units(step)).ceil() as usize;
     let cap = 2 * (plan.gaussians as f64 * windows.units(step)).ceil() as usize;
-    let settings = refine::fit::FitSettings { floor, cap: Some(cap), ..plan.fit_settings() };
+    let settings = FitSettings { floor, cap: Some(cap), ..plan.fit_settings() };
     let cameras = capture_files.capture.cameras.iter().map(|camera| &camera.camera);
     let fit = Fit::new(settings, parameters, views.timeline, cameras);
     Ok(Start::Fit(Box::new(fit.carrying(pasts))))

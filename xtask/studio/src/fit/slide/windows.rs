@@ -34,6 +34,11 @@ impl Windows {
         (step == 0 || time_s >= from_s) && (step + 1 == self.count || time_s < to_s)
     }
 
+    /// Whether step `step` sees a photograph taken at `time_s`, and the step before it does not.
+    pub(super) fn sees_first(&self, step: usize, time_s: f64) -> bool {
+        self.sees(step, time_s) && !(step > 0 && self.sees(step - 1, time_s))
+    }
+
     /// Parts of the take that step `step` sees and no step before it did.
     pub(super) fn new_units(&self, step: usize) -> f64 {
         let [from_s, to_s] = self.span_s(step);

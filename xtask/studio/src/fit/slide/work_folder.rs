@@ -19,12 +19,12 @@ use refine::fit::Parameters;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 use super::plan::SlidePlan;
-use crate::fit::plan::crc;
+use crate::fit::stored::{Magic, store, stored};
 use crate::messages::unreadable;
 use crate::segments::FieldFolder;
 
 /// First bytes of a file of a step; the last one is the version of its contents.
-const MAGIC: [u8; 8] = *b"aarcstp\x01";
+const MAGIC: Magic = *b"aarcstp\x01";
 
 /// What the next step starts with.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -44,6 +44,8 @@ pub struct WorkFolder {
     pub(super) out: PathBuf,
     folder: PathBuf,
     lock: File,
+    /// What an earlier process left, if any.
+    pub(super) state: Option<State>,
 }
 
 impl WorkFolder {
@@ -83,29 +85,8 @@ impl WorkFolder {
         }
         // A process may have finished it since.
         is_finished()?;
-        let work = WorkFolder { out: out.to_owned(), folder, lock };
-        work.state(plan)?;
-        Ok(work)
-    }
-
-    /// The state that an earlier process left, if any.
-    ///
-    /// # Errors
-    /// [`Fault::Data`] if it is damaged, [`Fault::Usage`] if it has another plan.
-    pub(super) fn state(&self, plan: &SlidePlan) -> Result<Option<State>, Fault> {
-        let path = self.folder.join("state");
-        if !path.exists() {
-            return Ok(None);
-        }
-        let state: State = read(&path)?;
-        match state.plan == *plan {
-            true => Ok(Some(state)),
-            false => Err(Fault::Usage(format!(
-                "{}: a fit of another capture or with other options was begun there; repeat these, remove it, or name \
-                 another --out",
-                self.folder.display()
-            ))),
-        }
+        let state = state_in(&folder, plan)?;
+        Ok(WorkFolder { out: out.to_owned(), folder, lock, state })
     }
 
     /// Path of the files of a step, without extension.
@@ -135,7 +116,7 @@ impl WorkFolder {
         finished: &Parameters<f32>,
         state: &State,
     ) -> anyhow::Result<()> {
-        write(&self.part_path(step), finished)?;
+        store(&self.part_path(step), MAGIC, finished)?;
         self.write_state(state)?;
         Ok(crate::fit::remove_checkpoint(&self.step(step))?)
     }
@@ -145,7 +126,7 @@ impl WorkFolder {
     /// # Errors
     /// [`Fault::Usage`] if it cannot be written.
     pub(super) fn write_state(&self, state: &State) -> anyhow::Result<()> {
-        write(&self.folder.join("state"), state)
+        store(&self.folder.join("state"), MAGIC, state)
     }
 
     /// Removes what only fitting needed; other files in its folder stay.
@@ -173,24 +154,32 @@ impl WorkFolder {
     }
 }
 
+/// The state that an earlier process left, if any.
+///
+/// # Errors
+/// [`Fault::Data`] if it is damaged, [`Fault::Usage`] if it has another plan.
+fn state_in(folder: &Path, plan: &SlidePlan) -> Result<Option<State>, Fault> {
+    let path = folder.join("state");
+    if !path.exists() {
+        return Ok(None);
+    }
+    let state: State = read(&path)?;
+    match state.plan == *plan {
+        true => Ok(Some(state)),
+        false => Err(Fault::Usage(format!(
+            "{}: a fit of another capture or with other options was begun there; repeat these, remove it, or name \
+             another --out",
+            folder.display()
+        ))),
+    }
+}
+
 fn read<T: DeserializeOwned>(path: &Path) -> Result<T, Fault> {
     let bytes = fs::read(path).map_err(|error| unreadable(path, &error))?;
-    let damaged = || {
+    stored(MAGIC, &bytes).map_err(|_| {
         Fault::Data(format!(
             "{}: damaged, or of another version; remove its folder to fit anew",
             path.display()
         ))
-    };
-    let body = bytes.strip_prefix(&MAGIC).ok_or_else(damaged)?;
-    let (checksum, body) = body.split_first_chunk().ok_or_else(damaged)?;
-    if u32::from_le_bytes(*checksum) != crc(body) {
-        return Err(damaged());
-    }
-    postcard::from_bytes(body).map_err(|_| damaged())
-}
-
-fn write(path: &Path, value: &impl Serialize) -> anyhow::Result<()> {
-    let body = postcard::to_stdvec(value)?;
-    let bytes = [&MAGIC[..], &crc(&body).to_le_bytes(), &body].concat();
-    Ok(output::write_durable(path, &bytes)?)
+    })
 }

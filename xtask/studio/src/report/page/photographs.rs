@@ -4,6 +4,7 @@ use std::fmt::Write;
 
 use serde::Serialize;
 
+use super::median;
 use crate::eval::FrameErrors;
 use crate::messages::decimal;
 
@@ -76,11 +77,6 @@ impl TakePhotographs {
 
 /// Seconds by which sums of seconds are rounded.
 const SLACK_S: f64 = 1e-6;
-
-fn median(mut numbers: Vec<f64>) -> Option<f64> {
-    numbers.sort_by(f64::total_cmp);
-    numbers.get(numbers.len() / 2).copied()
-}
 
 #[cfg(test)]
 mod tests {
