@@ -264,7 +264,8 @@ fn a_step(mut gpu: Gpu) -> Result<(), DeviceError> {
     let pasts = |row: usize| match row % 3 {
         0 => Carried::NONE,
         1 => Carried { share: 0.25, ..Carried::NONE },
-        _ => Carried { share: 0.5, is_static: true, ..Carried::NONE },
+        2 => Carried { share: 0.5, is_static: true, ..Carried::NONE },
+        _ => Carried::FIXED,
     };
     let dynamic = cloud(41, 500, 3);
     let carried = (0..dynamic.len()).map(pasts).collect();

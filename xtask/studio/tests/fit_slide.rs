@@ -77,7 +77,7 @@ fn a_take_becomes_a_field_folder() {
     let folder = take();
     let folder = folder.path();
     let json = fitted(folder);
-    assert_eq!((json["steps"].as_u64(), json["resumed_at"].as_u64()), (Some(3), Some(0)), "{json}");
+    assert_eq!((json["parts"].as_u64(), json["resumed_at"].as_u64()), (Some(3), Some(0)), "{json}");
     let files = field_files(folder);
     assert_eq!(files.len() as u64, json["segments"].as_u64().unwrap() + 1, "segments and field.json");
     assert!(files.contains_key("field.json"));
@@ -111,15 +111,16 @@ fn a_killed_fit_goes_on_with_the_same_result() {
     fs::remove_dir_all(folder.join("field")).unwrap();
     let work = folder.join("field/fit");
 
-    // In the first step: another length of parts is another plan.
+    // In the background: another length of parts is another plan.
     let often = [&FIT[..], &["--checkpoint-every", "0.01"]].concat();
-    kill_when(folder, &often, || work.join("step-0000.checkpoint").exists());
+    kill_when(folder, &often, || work.join("background.lock").exists());
     let longer: Vec<&str> = FIT.iter().map(|word| if *word == "0.4" { "0.65" } else { *word }).collect();
     let error = aarc_studio(folder, &longer).error(2);
     assert!(error.contains("with other options"), "{error}");
-    // In the second step, beyond a checkpoint.
-    let often = [&FIT[..], &["--checkpoint-every", "0.01"]].concat();
-    kill_when(folder, &often, || work.join("step-0001.checkpoint").exists());
+    // In the first part and in the second, beyond a checkpoint.
+    for checkpoint in ["part-0000.checkpoint", "part-0001.checkpoint"] {
+        kill_when(folder, &often, || work.join(checkpoint).exists());
+    }
     assert!(!folder.join("field/field.json").exists(), "nothing half-written");
     let other = [&FIT[..], &["--seed", "1"]].concat();
     let error = aarc_studio(folder, &other).error(2);
@@ -132,16 +133,20 @@ fn a_killed_fit_goes_on_with_the_same_result() {
     assert!(field_files(folder) == uninterrupted, "the same files, bit by bit");
 
     fs::remove_dir_all(folder.join("field")).unwrap();
-    kill_when(folder, &FIT, || work.join("state").exists());
-    let state = fs::read(work.join("state")).unwrap();
-    for (damaged, length) in [(&state[..], state.len() - 1), (b"aarcstp\x00", 8)] {
-        fs::write(work.join("state"), &damaged[..length]).unwrap();
-        let error = aarc_studio(folder, &FIT).error(3);
-        assert!(
-            error.contains("field/fit/state: damaged, or of another version; remove its folder"),
-            "{error}"
-        );
+    kill_when(folder, &FIT, || work.join("part-0000").exists());
+    for file in ["part-0000", "background", "plan"] {
+        let whole = fs::read(work.join(file)).unwrap();
+        for (damaged, length) in [(&whole[..], whole.len() - 1), (b"aarcstp\x00", 8)] {
+            fs::write(work.join(file), &damaged[..length]).unwrap();
+            let error = aarc_studio(folder, &FIT).error(3);
+            let expected =
+                format!("field/fit/{file}: damaged, or of another version; remove its folder to fit anew");
+            assert!(error.contains(&expected), "{error}");
+        }
+        fs::write(work.join(file), whole).unwrap();
     }
+    fitted(folder);
+    assert!(field_files(folder) == uninterrupted);
 }
 
 #[test]
@@ -170,8 +175,8 @@ fn photographs_vanish_while_it_fits() {
     fs::remove_dir_all(folder.join("field")).unwrap();
 
     let fit = start(folder);
-    // The photographs of the last step are not read before the second one begins.
-    wait_for(&folder.join("field/fit/step-0000.fit.csv"));
+    // The photographs of the last part are not read before the second one begins.
+    wait_for(&folder.join("field/fit/part-0000.fit.csv"));
     let photograph = folder.join("stage/images/00/000039.png");
     fs::rename(&photograph, folder.join("aside.png")).unwrap();
     let output = fit.wait_with_output().unwrap();
@@ -274,9 +279,9 @@ fn parts_may_be_longer_than_the_take_and_shorter_than_an_interval() {
     let folder = folder.path();
     let fit =
         ["fit", "stage", "-o", "field", "--steps", "40", "--gaussians", "300", "--sh-degree", "0", "--json"];
-    for (split, steps) in [("100", 1), ("0.02", 7)] {
+    for (split, parts) in [("100", 1), ("0.02", 7)] {
         let json = aarc_studio(folder, &[&fit[..], &["--split", split]].concat()).json();
-        assert_eq!(json["steps"], steps, "{json}");
+        assert_eq!(json["parts"], parts, "{json}");
         assert!(measured(folder) > 10.0, "{split}: {}", measured(folder));
         fs::remove_dir_all(folder.join("field")).unwrap();
     }

@@ -86,6 +86,15 @@ impl CaptureFiles {
             .map(PathBuf::as_path)
     }
 
+    /// Paths of a photograph and its mask.
+    ///
+    /// # Panics
+    /// If the capture has no such photograph.
+    pub fn files_of(&self, photo_id: PhotoId) -> impl Iterator<Item = &Path> {
+        let files = &self.files[&photo_id];
+        [Some(&files.image), files.mask.as_ref()].into_iter().flatten().map(PathBuf::as_path)
+    }
+
     /// Number of pixels of the largest photograph on disk.
     pub fn pixels_max(&self) -> usize {
         let pixels = |camera: &Camera| camera.width as usize * camera.height as usize;

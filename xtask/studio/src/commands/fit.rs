@@ -8,13 +8,13 @@ use crate::capture::CaptureFiles;
 use crate::eval::fragments_per_lit_pixel;
 use crate::export::fitted_field_file;
 use crate::fit::{
-    self, DepthScale, FitPlan, FitProgress, FitRuntime, FitStart, Fitted, SlidePlan, TrainingViews,
+    self, DepthScale, FitPlan, FitProgress, FitRuntime, FitStart, Fitted, Segments, SlidePlan, TrainingViews,
     WorkFolder, log,
 };
 use crate::input::{Input, is_take, not_one_field};
 use crate::messages::count;
 use crate::progress::counting;
-use crate::takes::{List, ListedTake};
+use crate::takes::{List, ListedTake, Shard};
 use anyhow::{Context, bail};
 use clap::{Args as _, FromArgMatches, ValueEnum};
 use codec::PixelFilter;
@@ -73,6 +73,11 @@ pub struct Args {
     /// Seconds of a part of a field folder, and of the grid of its segments; --steps and --gaussians are of a part
     #[arg(long, value_name = "S", value_parser = part_seconds, conflicts_with = "list")]
     split: Option<f64>,
+    /// Fit only these parts of a field folder, of which other machines fit the others: even ones each by itself, then odd
+    /// ones each between two of these, or a range A..B one after another. --shard deals even or odd ones out. The last
+    /// process completes the folder
+    #[arg(long, value_name = "even|odd|A..B", group = "shared", requires = "out")]
+    segments: Option<Segments>,
     #[command(flatten)]
     options: FitOptions,
     /// Print JSON
@@ -212,9 +217,10 @@ fn run_one(args: &Args) -> anyhow::Result<()> {
     if out.extension().is_none() {
         return slide(args, &out);
     }
-    if let Some(seconds) = args.split {
+    let of_folders = [(args.split.is_some(), "--split"), (args.segments.is_some(), "--segments")];
+    if let Some((_, option)) = of_folders.iter().find(|(is_given, _)| *is_given) {
         bail!(Fault::Usage(format!(
-            "--split {seconds}: {} is one field; name a folder to fit a field folder, or leave --split out",
+            "{option}: {} is one field; name a folder to fit a field folder, or leave {option} out",
             out.display()
         )));
     }
@@ -449,6 +455,11 @@ fn slide(args: &Args, out: &Path) -> anyhow::Result<()> {
             "{option}: a field folder starts from an anchor; leave it out, or name a field file (.ply)"
         )));
     }
+    let shard = args.many.shard;
+    if matches!(args.segments, Some(Segments::Range(_))) && shard.is_some() {
+        bail!(Fault::Usage("--shard deals --segments even or odd out; leave it out for a range".into()));
+    }
+    let segments = args.segments.as_ref().map(|segments| (segments, shard.unwrap_or(Shard::ALL)));
     let mut capture_files = args.selection.open(args.capture())?;
     args.options.state_fps(&mut capture_files)?;
     let holdout = Holdout::from(args.holdout);
@@ -463,12 +474,12 @@ fn slide(args: &Args, out: &Path) -> anyhow::Result<()> {
     let lpips = args.options.lpips.load()?;
     let default = FitPlan::default_for_seconds(&capture_files, holdout, unit_s)?;
     let plan = SlidePlan { fit: plan(args, args.options.plan_from(default)?)?, unit_s };
-    let work = WorkFolder::open(&plan, out)?;
+    let work = WorkFolder::open(&plan, out, segments.is_some())?;
     let mut backend = args.options.open_backend()?;
     let runtime = args.options.runtime(&mut *backend, lpips.as_ref());
     note_assumed_fps(&capture_files, "--fps states another number");
     eprintln!("note: {}", describe(&capture_files, holdout)?);
-    let slid = fit_folder(out, &plan, &capture_files, runtime, work)?;
+    let slid = fit_folder(out, &plan, &capture_files, runtime, work, segments)?;
     report_folder(out, &slid, capture_files.capture.duration_s(), args.json);
     Ok(())
 }

@@ -7,9 +7,10 @@ use indicatif::HumanDuration;
 use serde_json::json;
 
 use crate::capture::CaptureFiles;
-use crate::fit::{FitRuntime, SlidField, SlidePlan, WorkFolder, slide, slide_cost};
+use crate::fit::{FitRuntime, Segments, SlidField, SlidePlan, SlideProgress, WorkFolder, slide, slide_cost};
 use crate::messages::count;
 use crate::progress::counting;
+use crate::takes::Shard;
 
 /// Remaining seconds from which a note says how long it takes.
 const NOTED_S: f64 = 10.0;
@@ -36,45 +37,46 @@ impl Pace {
     }
 }
 
-/// Fits a field folder with a progress bar.
+/// Fits parts of a field folder, all or those of a shard, with a progress bar.
 pub(super) fn fit_folder(
     out: &Path,
     plan: &SlidePlan,
     capture_files: &CaptureFiles,
     runtime: FitRuntime,
     work: WorkFolder,
+    segments: Option<(&Segments, Shard)>,
 ) -> anyhow::Result<SlidField> {
     let cost = slide_cost(plan, capture_files);
     eprintln!(
         "note: {}: {}, about {:.0} MB of memory and {:.0} MB of disk",
         out.display(),
-        count(cost.steps, "step"),
+        count(cost.parts, "part"),
         cost.memory_bytes * 1e-6,
         cost.disk_bytes * 1e-6
     );
-    let duration_s = capture_files.capture.duration_s();
-    let all = cost.steps as u64 * plan.fit.steps;
-    let bar = counting(all, "steps");
+    let seconds_per_step = capture_files.capture.duration_s() / (cost.parts as u64 * plan.fit.steps) as f64;
+    let bar = counting(plan.fit.steps, "steps");
     let mut pace = Pace::default();
-    let slid = slide(plan, capture_files, runtime, work, &mut |progress| {
-        let fit = &progress.fit;
-        let done = progress.step as u64 * plan.fit.steps + fit.step;
+    let slid = slide(plan, capture_files, runtime, work, segments, &mut |progress| {
+        let SlideProgress { part, done, steps, fit } = *progress;
+        bar.set_length(steps);
         bar.set_position(done);
+        let held = fit.held_psnr_db.map_or(String::new(), |psnr| format!(", held {psnr:.2} dB"));
+        let Some(part) = part else {
+            bar.set_message(format!("background, loss {:.4}, {} Gaussians", fit.loss, fit.gaussians));
+            return;
+        };
         let (is_first, steps_per_s) = pace.after(done);
         // A note about what is nearly done would only be noise.
-        if is_first && (all - done) as f64 > NOTED_S * steps_per_s {
-            let left =
-                Duration::try_from_secs_f64((all - done) as f64 / steps_per_s).unwrap_or(Duration::MAX);
+        if is_first && (steps - done) as f64 > NOTED_S * steps_per_s {
+            let left = (steps - done) as f64 / steps_per_s;
+            let left = Duration::try_from_secs_f64(left).unwrap_or(Duration::MAX);
             bar.suspend(|| eprintln!("note: {}: about {} more", out.display(), HumanDuration(left)));
         }
-        let held = fit.held_psnr_db.map_or(String::new(), |psnr| format!(", held {psnr:.2} dB"));
-        let seconds_per_hour = 3600.0 * steps_per_s * duration_s / all as f64;
+        let seconds_per_hour = 3600.0 * steps_per_s * seconds_per_step;
         bar.set_message(format!(
-            "part {} of {}, loss {:.4}{held}, {} Gaussians, {seconds_per_hour:.1} s of the take per hour",
-            progress.step + 1,
-            cost.steps,
-            fit.loss,
-            fit.gaussians
+            "part {part} of {}, loss {:.4}{held}, {} Gaussians, {seconds_per_hour:.1} s of the take per hour",
+            cost.parts, fit.loss, fit.gaussians
         ));
     })?;
     bar.finish_and_clear();
@@ -83,24 +85,29 @@ pub(super) fn fit_folder(
 
 /// Prints what was written to `out`.
 pub(super) fn report_folder(out: &Path, slid: &SlidField, duration_s: f64, is_json: bool) {
+    let SlidField { assembled, parts, fitted, resumed_at, seconds } = slid;
     if is_json {
         println!(
             "{:#}",
             json!({
-                "out": out, "duration_s": duration_s, "segments": slid.assembled.segments,
-                "gaussians_by_level": slid.assembled.gaussians, "steps": slid.steps, "resumed_at": slid.resumed_at,
-                "seconds": slid.seconds,
+                "out": out, "duration_s": duration_s, "parts": parts, "fitted": fitted, "resumed_at": resumed_at,
+                "segments": assembled.as_ref().map(|assembled| assembled.segments),
+                "gaussians_by_level": assembled.as_ref().map(|assembled| &assembled.gaussians), "seconds": seconds,
             })
         );
         return;
     }
-    let levels = slid.assembled.gaussians.iter().enumerate().filter(|(_, gaussians)| **gaussians > 0);
+    if *resumed_at > 0 {
+        println!("resumed          with {resumed_at} of {} fitted", count(*parts, "part"));
+    }
+    let Some(assembled) = assembled else {
+        println!("{}: {fitted} of {} fitted, in {seconds:.1} s", out.display(), count(*parts, "part"));
+        return;
+    };
+    let levels = assembled.gaussians.iter().enumerate().filter(|(_, gaussians)| **gaussians > 0);
     let levels: Vec<String> =
         levels.map(|(level, gaussians)| format!("{gaussians} on level {level}")).collect();
     println!("Gaussians        {}", levels.join(", "));
-    println!("segments         {}", slid.assembled.segments);
-    if slid.resumed_at > 0 {
-        println!("resumed          at part {}", slid.resumed_at + 1);
-    }
-    println!("{}: {duration_s:.2} s, fitted in {:.1} s", out.display(), slid.seconds);
+    println!("segments         {}", assembled.segments);
+    println!("{}: {duration_s:.2} s, fitted in {seconds:.1} s", out.display());
 }

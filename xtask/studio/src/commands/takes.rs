@@ -18,10 +18,10 @@ pub(super) struct TakeOptions {
     /// Run for each take of a list: a text file with a path in each line, relative to its folder. --out is
     /// then the folder for the outputs, a record beside each, and a summary. An output is made again only if
     /// its take or an option changes. A failed take does not stop the others
-    #[arg(long, value_name = "FILE", requires = "out")]
+    #[arg(long, value_name = "FILE", requires = "out", group = "shared")]
     pub(super) list: Option<PathBuf>,
     /// Run only the I-th of N equal shares of the list, from 0/N to N-1/N
-    #[arg(long, value_name = "I/N", requires = "list")]
+    #[arg(long, value_name = "I/N", requires = "shared")]
     pub(super) shard: Option<Shard>,
 }
 

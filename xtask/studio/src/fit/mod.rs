@@ -23,7 +23,7 @@ use codec::{ClipInfo, Field, Viewpoint};
 use image::RgbImage;
 use program::{Fault, output};
 use refine::capture::CalibratedCamera;
-use refine::fit::{Backend, DeviceError, Fit, Lpips, Parameters, RenderedImage, Run, TrainingView};
+use refine::fit::{Backend, Carried, DeviceError, Fit, Lpips, Parameters, RenderedImage, Run, TrainingView};
 
 use crate::capture::CaptureFiles;
 use crate::scene::{DEFAULT_DURATION_S, DEFAULT_METRES_PER_UNIT, DEFAULT_UP};
@@ -32,7 +32,7 @@ use checkpoint::{Checkpoint, Tally};
 use log::LogEntry;
 pub use plan::{DepthScale, FitPlan, FitStart, SH_DEGREE, crc, file_crc};
 pub use refinement::{Refinement, RefinementReport};
-pub use slide::{Assembled, SlidField, SlidePlan, SlideProgress, WorkFolder, slide, slide_cost};
+pub use slide::{Assembled, Segments, SlidField, SlidePlan, SlideProgress, WorkFolder, slide, slide_cost};
 use training_views::mean_psnr;
 pub use training_views::{TrainingViews, train_frames};
 
@@ -78,6 +78,8 @@ pub struct Fitted {
     pub field: Field,
     /// Its parameters.
     pub parameters: Parameters<f32>,
+    /// The past of each row, if it went on from earlier fits.
+    pub carried: Vec<Carried>,
     /// The table.
     pub entries: Vec<LogEntry>,
     /// Number of non-finite gradients and moments, which the optimizer skips.
@@ -207,6 +209,7 @@ fn fit_from(
     Ok(Some(Fitted {
         field: fit.to_field(),
         parameters: fit.parameters().clone(),
+        carried: fit.carried().to_vec(),
         entries,
         non_finite: fit.non_finite(),
         resumed_at,

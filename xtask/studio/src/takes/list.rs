@@ -82,11 +82,11 @@ impl List {
 
     /// The takes of a shard.
     pub fn of(&self, shard: Shard) -> impl Iterator<Item = &ListedTake> {
-        self.takes.iter().skip(shard.index).step_by(shard.count)
+        shard.of(self.takes.iter())
     }
 }
 
-/// One of several equal shares of a list; takes are dealt out in turn.
+/// One of several equal shares of takes or parts, which are dealt out in turn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shard {
     index: usize,
@@ -94,8 +94,13 @@ pub struct Shard {
 }
 
 impl Shard {
-    /// All takes.
+    /// All of them.
     pub const ALL: Shard = Shard { index: 0, count: 1 };
+
+    /// The items of the shard.
+    pub fn of<I: Iterator>(self, all: I) -> impl Iterator<Item = I::Item> {
+        all.skip(self.index).step_by(self.count)
+    }
 
     /// The shard as part of a file name.
     pub fn file_name(&self) -> String {

@@ -14,7 +14,7 @@ pub(in crate::fit) struct Moments<T> {
     pub(in crate::fit) second: Parameters<T>,
     /// Number of gradients that each row has had.
     pub(in crate::fit) visits: Vec<u32>,
-    /// The past of each row, in a fit that goes on from an earlier one; else empty.
+    /// The past of each row, in a fit that goes on from earlier ones; else empty.
     pub(in crate::fit) carried: Vec<Carried>,
 }
 
@@ -47,10 +47,10 @@ impl<T: Real> Moments<T> {
 
     /// That of its window, motion and rotation rates.
     pub(in crate::fit) fn share_of_time(&self, row: usize) -> f32 {
-        self.carried.get(row).map_or(1.0, |carried| if carried.is_static { 0.0 } else { carried.share })
+        self.carried.get(row).map_or(1.0, |carried| carried.share_of_time())
     }
 
-    /// Whether all of the life of a row so far is in the photographs of this fit.
+    /// Whether no other fit has a part in a row.
     pub(in crate::fit) fn is_own(&self, row: usize) -> bool {
         self.carried.get(row).is_none_or(|carried| carried.is_own())
     }

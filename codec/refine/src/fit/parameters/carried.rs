@@ -1,9 +1,9 @@
-//! [`Carried`]: what a fit that goes on from an earlier one knows of each Gaussian.
+//! [`Carried`]: what a fit that goes on from earlier ones knows of each Gaussian.
 //!
-//! A long take is fitted window by window of its time. A Gaussian that lives across the start of a window was fitted to
+//! A long take is fitted window by window of its time. A Gaussian that lives across the end of a window was fitted to
 //! photographs that are no longer in memory. Its steps are shorter by the share of its life that the photographs
-//! in memory show: a mean over windows, as of photographs within one. And none may be born in time of which no
-//! photograph is left.
+//! in memory show: a mean over windows, as of photographs within one. And none may be alive in time that an earlier fit
+//! has finished.
 
 use serde::{Deserialize, Serialize};
 
@@ -11,31 +11,47 @@ use super::bounds::Bounds;
 use super::columns::Parameters;
 use crate::fit::precision::Real;
 
-/// The past of a Gaussian in a fit that goes on from an earlier one.
+/// What is known of a Gaussian in a fit that goes on from earlier ones.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Carried {
-    /// Share of its life up to the last photograph that the photographs of this fit show, 0 to 1; weighted by the
-    /// opacity over time. The learning rates are multiplied by it. Capacity control leaves rows below 1 as they are.
+    /// Share of its life that the photographs of this fit show, of that which they and those of earlier fits show, 0 to
+    /// 1; weighted by the opacity over time. The learning rates are multiplied by it. Capacity control leaves rows below
+    /// 1 as they are.
     pub share: f32,
-    /// Earliest time, in intervals, at which it may be alive; -infinity if any will do.
-    pub birth: f32,
-    /// Whether it stands still and is always on: only what does not depend on time is fitted.
+    /// Earliest and latest time, in intervals, at which it may be alive; infinite if any will do.
+    pub limits: [f32; 2],
+    /// Whether it stands still and is always on: only what does not depend on time is fitted, and capacity control
+    /// leaves it as it is.
     pub is_static: bool,
 }
 
 impl Carried {
     /// No past.
-    pub const NONE: Carried = Carried { share: 1.0, birth: f32::NEG_INFINITY, is_static: false };
+    pub const NONE: Carried =
+        Carried { share: 1.0, limits: [f32::NEG_INFINITY, f32::INFINITY], is_static: false };
 
-    /// Whether all of its life so far is in the photographs of this fit.
+    /// Finished: it is drawn, and stays as it is.
+    pub const FIXED: Carried = Carried { share: 0.0, ..Carried::NONE };
+
+    /// Whether it stays as it is.
+    pub fn is_fixed(self) -> bool {
+        self.share <= 0.0
+    }
+
+    /// Whether no other fit has a part in it.
     pub(in crate::fit) fn is_own(self) -> bool {
-        self.share >= 1.0
+        self.share >= 1.0 && !self.is_static
+    }
+
+    /// Factor of the rates of its window, motion and rotation.
+    pub(in crate::fit) fn share_of_time(self) -> f32 {
+        if self.is_static { 0.0 } else { self.share }
     }
 }
 
-/// Narrows windows that begin before [`Carried::birth`], and moves those that would become narrower than the bounds
+/// Narrows windows that reach beyond [`Carried::limits`], and moves those that would become narrower than the bounds
 /// allow; trajectories stay. `carried` has an entry for each row, or none.
-pub(in crate::fit) fn keep_births<T: Real>(
+pub(in crate::fit) fn keep_limits<T: Real>(
     parameters: &mut Parameters<T>,
     carried: &[Carried],
     bounds: &Bounds,
@@ -44,18 +60,24 @@ pub(in crate::fit) fn keep_births<T: Real>(
         return;
     }
     let width_min = libm::exp(bounds.log_widths[0]);
-    for (row, Carried { birth, .. }) in carried.iter().enumerate() {
+    for (row, Carried { limits, .. }) in carried.iter().enumerate() {
         let (tau, width) =
             (parameters.tau[row].to_double(), libm::exp(parameters.log_widths[row].to_double()));
-        let birth = f64::from(*birth);
+        let [birth, death] = limits.map(f64::from);
         let support_radius = parameters.support_radius(row);
         // NaN stays as it is.
-        if tau - support_radius * width < birth {
-            let narrower = ((tau - birth) / support_radius).max(width_min);
+        if tau - support_radius * width < birth || tau + support_radius * width > death {
+            let narrower = ((tau - birth).min(death - tau) / support_radius).min(width).max(width_min);
             parameters.log_widths[row] = T::from_f64(libm::log(narrower));
-            let earliest = birth + support_radius * narrower;
-            if tau < earliest {
-                parameters.center_window(row, T::from_f64(earliest));
+            let reach = support_radius * narrower;
+            // Where even the narrowest window is too wide, in the middle.
+            let inside = if birth + reach < death - reach {
+                tau.clamp(birth + reach, death - reach)
+            } else {
+                0.5 * (birth + death)
+            };
+            if tau != inside {
+                parameters.center_window(row, T::from_f64(inside));
             }
         }
     }
@@ -81,19 +103,38 @@ mod tests {
         }
     }
 
-    fn birth(parameters: &Parameters<f64>) -> f64 {
+    /// Birth and death.
+    fn life(parameters: &Parameters<f64>) -> [f64; 2] {
         let opacity = 1.0 / (1.0 + libm::exp(-parameters.logits[0]));
-        parameters.tau[0] - libm::exp(parameters.log_widths[0]) * (2.0 * libm::log(255.0 * opacity)).sqrt()
+        let reach = libm::exp(parameters.log_widths[0]) * (2.0 * libm::log(255.0 * opacity)).sqrt();
+        [-1.0, 1.0].map(|side| parameters.tau[0] + side * reach)
+    }
+
+    fn limited(limits: [f32; 2]) -> [Carried; 1] {
+        [Carried { limits, ..Carried::NONE }]
     }
 
     #[test]
-    fn no_window_begins_before_its_birth() {
+    fn no_window_reaches_beyond_its_limits() {
         let bounds = Bounds::new(1.0, Timeline::even(9));
-        for (tau, width, least) in [(4.0, 2.0, 0.0), (0.5, 2.0, 0.0), (-3.0, 0.5, -1.0), (4.0, 0.6, -30.0)] {
+        let none = f32::INFINITY;
+        for (tau, width, limits) in [
+            (4.0, 2.0, [0.0, none]),
+            (0.5, 2.0, [0.0, none]),
+            (-3.0, 0.5, [-1.0, none]),
+            (4.0, 0.6, [-30.0, none]),
+            (4.0, 2.0, [-none, 8.0]),
+            (7.5, 2.0, [-none, 8.0]),
+            (12.0, 0.5, [-none, 9.0]),
+            (4.0, 3.0, [0.0, 8.0]),
+            (1.0, 3.0, [0.0, 8.0]),
+            (7.9, 100.0, [0.0, 8.0]),
+        ] {
             let mut kept = parameters(tau, width);
             let before = kept.clone();
-            keep_births(&mut kept, &[Carried { birth: least, ..Carried::NONE }], &bounds);
-            assert!(birth(&kept) >= f64::from(least) - 1e-9, "{}", birth(&kept));
+            keep_limits(&mut kept, &limited(limits), &bounds);
+            let ([birth, death], [least, most]) = (life(&kept), limits.map(f64::from));
+            assert!(birth >= least - 1e-9 && death <= most + 1e-9, "{birth} {death}, {limits:?}");
             // The Gaussian is where it was, at any time.
             let at = |parameters: &Parameters<f64>, time: f64| {
                 parameters.centers[0][0] + parameters.motion[0][0] * (time - parameters.tau[0])
@@ -102,20 +143,25 @@ mod tests {
             assert!(
                 kept.log_widths[0] <= before.log_widths[0] && kept.log_widths[0] >= libm::log(0.5) - 1e-12
             );
-            if birth(&before) >= f64::from(least) {
+            let [birth, death] = life(&before);
+            if birth >= least && death <= most {
                 assert_eq!(kept, before);
             }
         }
     }
 
     #[test]
-    fn a_window_that_is_always_on_ends_where_photographs_begin() {
+    fn extreme_windows_and_limits_stay_finite() {
         let bounds = Bounds::new(1.0, Timeline::even(9));
         let mut kept = parameters(4.0, 100.0);
-        keep_births(&mut kept, &[Carried { birth: 0.0, ..Carried::NONE }], &bounds);
-        assert!(birth(&kept).abs() < 1e-9);
+        keep_limits(&mut kept, &limited([0.0, f32::INFINITY]), &bounds);
+        assert!(life(&kept)[0].abs() < 1e-9, "one that is always on ends where photographs begin");
+        // No window is narrow enough for these.
+        let mut kept = parameters(20.0, 100.0);
+        keep_limits(&mut kept, &limited([3.0, 4.0]), &bounds);
+        assert_eq!((kept.tau[0], kept.log_widths[0]), (3.5, libm::log(0.5)));
         let mut nan = parameters(f64::NAN, 1.0);
-        keep_births(&mut nan, &[Carried { birth: 0.0, ..Carried::NONE }], &bounds);
+        keep_limits(&mut nan, &limited([0.0, 8.0]), &bounds);
         assert!(nan.tau[0].is_nan() && nan.log_widths[0] == 0.0);
     }
 }

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use crate::fit::backend::TrainingState;
 use crate::fit::density::{DensityChange, DensityControl, DensityRule, DensityState};
 use crate::fit::optimizer::{LearningRates, Moments};
-use crate::fit::parameters::{Bounds, Carried, Parameters, Timeline, keep_births, scene_extent};
+use crate::fit::parameters::{Bounds, Carried, Parameters, Timeline, keep_limits, scene_extent};
 
 /// Steps between controls of the number of Gaussians, as in 3D Gaussian Splatting.
 const INTERVAL: usize = 100;
@@ -73,7 +73,7 @@ pub struct Fit {
     pub(super) steps_done: u64,
     pub(super) non_finite: u64,
     initial_count: usize,
-    /// Whether it goes on from an earlier fit.
+    /// Whether it goes on from earlier fits.
     carries: bool,
 }
 
@@ -109,29 +109,29 @@ impl Fit {
         }
     }
 
-    /// The fit goes on from an earlier one: `carried` is the past of each row.
+    /// The fit goes on from earlier ones: `carried` is the past of each row.
     ///
     /// # Panics
     /// If there is not one for each Gaussian.
     pub fn carrying(mut self, carried: Vec<Carried>) -> Fit {
         assert_eq!(carried.len(), self.len(), "a past for each Gaussian");
-        // What stands still is moved by no rate of time.
-        let dynamic: Vec<usize> = (0..self.len()).filter(|row| !carried[*row].is_static).collect();
+        // What stands still or is finished is moved by no rate of time.
+        let dynamic: Vec<usize> = (0..self.len()).filter(|row| carried[*row].share_of_time() > 0.0).collect();
         self.rates = LearningRates::new(self.bounds.extent, &self.parameters.select(&dynamic));
         self.moments.carried = carried;
         self.carries = true;
-        self.keep_births();
+        self.keep_limits();
         self
     }
 
-    /// Whether windows have to be kept within [`Carried::birth`] after this step.
+    /// Whether windows have to be kept within [`Carried::limits`] after this step.
     pub(super) fn is_keeping_due(&self) -> bool {
         self.carries && (self.is_done() || self.steps_done.is_multiple_of(INTERVAL as u64))
     }
 
-    /// Keeps windows within [`Carried::birth`].
-    pub(super) fn keep_births(&mut self) {
-        keep_births(&mut self.parameters, &self.moments.carried, &self.bounds);
+    /// Keeps windows within [`Carried::limits`].
+    pub(super) fn keep_limits(&mut self) {
+        keep_limits(&mut self.parameters, &self.moments.carried, &self.bounds);
     }
 
     /// Moves the training state out, for a back end.
@@ -175,6 +175,11 @@ impl Fit {
     /// The parameters, which a back end has while it steps.
     pub fn parameters(&self) -> &Parameters<f32> {
         &self.parameters
+    }
+
+    /// The past of each row in a fit that goes on from earlier ones, else empty; a back end has it while it steps.
+    pub fn carried(&self) -> &[Carried] {
+        &self.moments.carried
     }
 
     /// Number of steps done.

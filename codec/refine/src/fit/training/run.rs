@@ -59,7 +59,7 @@ impl<'a> Run<'a> {
                 self.change = fit.control();
             }
             if is_keeping_due {
-                fit.keep_births();
+                fit.keep_limits();
             }
             self.count = fit.len();
             self.backend.load(fit.take())?;

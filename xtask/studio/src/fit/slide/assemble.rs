@@ -1,4 +1,4 @@
-//! [`assemble`]: the parts of all steps become the segments of a field folder.
+//! [`assemble`]: the background and the fitted parts become the segments of a field folder.
 //!
 //! A Gaussian belongs to the segment that `package --split` would give it: the lowest level whose segment holds its life.
 //! Parts are read one after another, and a segment is written as soon as no later part can have a row of it.
@@ -10,6 +10,7 @@ use codec::{ClipInfo, SegmentGrid};
 use program::output;
 use refine::fit::{Parameters, Timeline};
 
+use super::rows::{joined, later, lives};
 use super::windows::Windows;
 use super::work_folder::WorkFolder;
 use crate::export::fitted_field_file;
@@ -41,20 +42,20 @@ pub(super) fn assemble(
     let grid = SegmentGrid::new(duration_s, unit_s);
     let mut open: BTreeMap<(u8, u64), Parameters<f32>> = BTreeMap::new();
     let (mut entries, mut assembled) = (Vec::new(), Assembled::default());
-    for step in 0..windows.count {
-        let part = work.part(step)?;
-        let [from_s, to_s] = windows.span_s(step);
-        for (place, rows) in places(&grid, [from_s, duration_s], &lives(&part, interval_s, [from_s, to_s])) {
-            let mut rows = part.select(&rows);
+    let add = |open: &mut BTreeMap<(u8, u64), Parameters<f32>>,
+               part: &Parameters<f32>,
+               [from_s, to_s]: [f64; 2]| {
+        for (place, rows) in places(&grid, [from_s, duration_s], &lives(part, interval_s, [from_s, to_s])) {
             // In intervals of the segment.
             let shift = (grid.span(place.0, place.1).0 - from_s) / interval_s;
-            rows.tau.iter_mut().for_each(|tau| *tau = (f64::from(*tau) - shift) as f32);
-            match open.get_mut(&place) {
-                Some(all) => all.append(rows),
-                None => drop(open.insert(place, rows)),
-            }
+            let all = open.remove(&place).unwrap_or_default();
+            open.insert(place, joined(all, later(part.select(&rows), shift)));
         }
-        let until_s = windows.final_until_s(step);
+    };
+    add(&mut open, &work.fitted_background()?, [0.0, duration_s]);
+    for part in 0..windows.count {
+        add(&mut open, &work.part(part)?.finished, windows.span_s(part));
+        let until_s = windows.final_until_s(part);
         let closed: Vec<(u8, u64)> = open
             .keys()
             .copied()
@@ -118,26 +119,14 @@ fn write_segment(
     Ok(FolderEntry { file, start_s, duration_s, level, plate: None })
 }
 
-/// Birth and death of each row in seconds of the take; `None` for one that is never alive.
-pub(super) fn lives(
-    parameters: &Parameters<f32>,
-    interval_s: f64,
-    [from_s, to_s]: [f64; 2],
-) -> Vec<Option<[f64; 2]>> {
-    let timeline = Timeline { frames: 2, intervals: (to_s - from_s) / interval_s };
-    let field = parameters.to_field(timeline);
-    let second = |t: f64| from_s + t * (to_s - from_s);
-    (0..field.len()).map(|row| field.life(row).map(|(birth, death)| [second(birth), second(death)])).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn a_row_that_dies_before_its_step_goes_to_no_segment_that_is_written() {
+    fn a_row_that_dies_before_its_part_goes_to_no_segment_that_is_written() {
         let grid = SegmentGrid::new(20.0, 1.0);
-        // The step sees photographs from second 9.75 on; segments that end before are written.
+        // The part has photographs from second 9.75 on; segments that end before are written.
         let lives = [Some([2.1, 2.5]), Some([9.0, 9.9]), Some([-3.0, 30.0])];
         let rows_of = places(&grid, [9.75, 20.0], &lives);
         for (place, rows) in &rows_of {

@@ -1,4 +1,4 @@
-//! [`Photographs`]: those of a window, and those of the next one read ahead.
+//! [`Photographs`]: those of a window in memory, and those of the next one read ahead of use.
 
 use std::collections::BTreeSet;
 
@@ -34,40 +34,34 @@ impl<'a> Photographs<'a> {
         holdout: Holdout,
     ) -> Result<Photographs<'a>, Fault> {
         let splits = splits(capture_files, holdout)?;
-        let (fitted, held): (Vec<_>, Vec<_>) =
-            splits.into_iter().partition(|(_, split)| *split == Split::Train);
-        let ids = |list: Vec<(PhotoId, Split)>| list.into_iter().map(|(photo_id, _)| photo_id).collect();
-        let (fitted, held): (Vec<PhotoId>, Vec<PhotoId>) = (ids(fitted), ids(held));
+        let ids = |is_wanted: &dyn Fn(Split) -> bool| -> Vec<PhotoId> {
+            splits.iter().filter(|(_, split)| is_wanted(*split)).map(|(photo_id, _)| *photo_id).collect()
+        };
+        let fitted = ids(&|split| split == Split::Train);
+        let held = ids(&|split| split != Split::Train);
         let intervals = Timeline::of(&capture_files.capture, &fitted).intervals;
         let interval_s = capture_files.capture.duration_s() / intervals;
         Ok(Photographs { capture_files, windows, fitted, held, interval_s })
     }
 
-    fn time_s(&self, photo_id: PhotoId) -> f64 {
+    pub(super) fn time_s(&self, photo_id: PhotoId) -> f64 {
         self.capture_files.capture.time_s(photo_id)
     }
 
-    /// Reads the photographs that step `step` sees and the step before it does not.
-    ///
-    /// # Errors
-    /// [`Fault::Data`] that names the file.
-    pub(super) fn load_new(&self, step: usize) -> Result<Loaded, Fault> {
-        self.load(|time_s| self.windows.sees_first(step, time_s))
+    fn sees(&self, part: usize, photo_id: PhotoId) -> bool {
+        self.windows.sees(part, self.time_s(photo_id))
     }
 
-    /// Reads the photographs that step `step` and the step before it see.
-    ///
-    /// # Errors
-    /// [`Fault::Data`] that names the file.
-    pub(super) fn load_seen_before(&self, step: usize) -> Result<Loaded, Fault> {
-        self.load(|time_s| self.windows.sees(step, time_s) && self.windows.sees(step - 1, time_s))
-    }
-
-    /// Reads the photographs to fit to that were taken when they are wanted.
-    fn load(&self, is_wanted: impl Fn(f64) -> bool) -> Result<Loaded, Fault> {
-        let is_wanted = |photo_id: &&PhotoId| is_wanted(self.time_s(**photo_id));
-        let ids: Vec<PhotoId> = self.fitted.iter().filter(is_wanted).copied().collect();
-        load_views(self.capture_files, &ids, &|| {})
+    /// Reads the files of `part` that `current` does not see, one after another, and drops them: the system keeps what
+    /// was read in memory that it has no other use for, and decoding need not wait for a slow disk. A file that cannot
+    /// be read is left to decoding.
+    pub(super) fn read_ahead(&self, part: usize, current: usize) {
+        let is_new = |photo_id: &&PhotoId| self.sees(part, **photo_id) && !self.sees(current, **photo_id);
+        for photo_id in self.fitted.iter().filter(is_new) {
+            for path in self.capture_files.files_of(*photo_id) {
+                drop(std::fs::read(path));
+            }
+        }
     }
 
     /// The photographs of a few frames that are spread evenly over the take; their times count from its beginning.
@@ -86,7 +80,7 @@ impl<'a> Photographs<'a> {
         for (photo_id, view) in &mut train {
             view.time = self.time_s(*photo_id) / self.interval_s;
         }
-        let intervals = self.capture_files.capture.duration_s() / self.interval_s;
+        let intervals = self.windows.duration_s / self.interval_s;
         Ok(TrainingViews {
             train,
             held: Vec::new(),
@@ -94,21 +88,28 @@ impl<'a> Photographs<'a> {
         })
     }
 
-    /// The views of step `step`: photographs of the step before it that it still sees, and `new` ones; and a few held-out
-    /// ones, which are read here.
+    /// The views of a part, and a few held-out ones; `in_memory` are photographs that need not be read again.
     ///
     /// # Errors
     /// [`Fault::Data`] that names the file.
-    pub(super) fn views(&self, step: usize, before: Loaded, new: Loaded) -> Result<TrainingViews, Fault> {
-        let sees = |photo_id: PhotoId| self.windows.sees(step, self.time_s(photo_id));
-        let mut train: Loaded = before.into_iter().filter(|(photo_id, _)| sees(*photo_id)).collect();
-        train.extend(new);
-        let held: Vec<PhotoId> = self.held.iter().copied().filter(|photo_id| sees(*photo_id)).collect();
-        let mut held = load_views(self.capture_files, &evenly(&held, CHECKED_MAX), &|| {})?;
-        let [from_s, to_s] = self.windows.span_s(step);
+    pub(super) fn views(&self, part: usize, in_memory: Loaded) -> Result<TrainingViews, Fault> {
+        let mut train = in_memory;
+        train.retain(|(photo_id, _)| self.sees(part, *photo_id));
+        let there: BTreeSet<PhotoId> = train.iter().map(|(photo_id, _)| *photo_id).collect();
+        let seen = |ids: &[PhotoId]| -> Vec<PhotoId> {
+            ids.iter().copied().filter(|photo_id| self.sees(part, *photo_id)).collect()
+        };
+        let mut missing = seen(&self.fitted);
+        missing.retain(|photo_id| !there.contains(photo_id));
+        train.extend(load_views(self.capture_files, &missing, &|| {})?);
+        let held = evenly(&seen(&self.held), CHECKED_MAX);
+        let mut held = load_views(self.capture_files, &held, &|| {})?;
+        let [from_s, to_s] = self.windows.span_s(part);
         for (photo_id, view) in train.iter_mut().chain(&mut held) {
             view.time = (self.time_s(*photo_id) - from_s) / self.interval_s;
         }
+        // A resumed fit has the same order.
+        train.sort_by_key(|(photo_id, _)| *photo_id);
         let frames: BTreeSet<usize> = train.iter().map(|(photo_id, _)| photo_id.frame).collect();
         let timeline = Timeline { frames: frames.len().max(2), intervals: (to_s - from_s) / self.interval_s };
         Ok(TrainingViews { train, held: held.into_iter().map(|(_, view)| view).collect(), timeline })

@@ -64,12 +64,3 @@ pub(super) fn not_shown(
     }
     Ok((0..anchors.len()).filter(|row| !is_shown[*row]).collect())
 }
-
-/// The rows of `first` and then those of `second`, which need not have its columns if there are none.
-pub(super) fn joined(mut first: Parameters<f32>, second: Parameters<f32>) -> Parameters<f32> {
-    if first.is_empty() {
-        return second;
-    }
-    first.append(second);
-    first
-}

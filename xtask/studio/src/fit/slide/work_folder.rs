@@ -1,60 +1,67 @@
-//! [`WorkFolder`]: the folder in which a sliding fit works, so that it resumes at its step.
+//! [`WorkFolder`]: the folder in which the parts of a take are fitted, by one process or by several.
 //!
 //! ```text
-//! OUT/fit/lock             held while a process fits
-//! OUT/fit/part-NNNN        Gaussians that step NNNN finished
-//! OUT/fit/state            the next step, and the Gaussians that it starts with
-//! OUT/fit/step-NNNN.*      table, picture and checkpoint of the step
-//! OUT/segment-*.ply        written last, of all parts
-//! OUT/field.json           makes the folder a complete field folder
+//! OUT/fit/lock              held while a process is at work here: alone, or with others that fit other parts
+//! OUT/fit/plan              the settings, which all of them share
+//! OUT/fit/background        Gaussians that are always on; .lock is held while they are fitted
+//! OUT/fit/part-NNNN         what the fit of part NNNN left
+//! OUT/fit/part-NNNN.lock    held while it is fitted; says between which finished parts
+//! OUT/fit/part-NNNN.*       table, picture and checkpoint of this fit
+//! OUT/segment-*.ply         written last, of all parts
+//! OUT/field.json            makes the folder a complete field folder
 //! ```
-//!
-//! A step writes its part before the state, so that a process that is killed between loses nothing but the step.
 
 use std::fs::{self, File, TryLockError};
+use std::io::{Read, Seek, Write};
 use std::path::{Path, PathBuf};
+use std::thread;
+use std::time::Duration;
 
 use program::{Fault, output};
 use refine::fit::Parameters;
-use serde::{Deserialize, Serialize, de::DeserializeOwned};
+use serde::de::DeserializeOwned;
 
+use super::part::{Beside, FittedPart, is_finished};
 use super::plan::SlidePlan;
+use super::windows::Windows;
+use crate::fit::remove_checkpoint;
 use crate::fit::stored::{Magic, store, stored};
 use crate::messages::unreadable;
 use crate::segments::FieldFolder;
 
-/// First bytes of a file of a step; the last one is the version of its contents.
-const MAGIC: Magic = *b"aarcstp\x01";
+/// First bytes of a file; the last one is the version of its contents.
+const MAGIC: Magic = *b"aarcstp\x02";
 
-/// What the next step starts with.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-pub(super) struct State {
-    pub(super) plan: SlidePlan,
-    /// Number of the next step.
-    pub(super) next: usize,
-    /// Gaussians, with times in intervals of the next step.
-    pub(super) carried: Parameters<f32>,
-    /// Seconds of fitting so far.
-    pub(super) seconds: f64,
-}
+/// How often, and how long in between, a process tries for the lock that another one holds for a moment.
+const TRIES: u32 = 20;
+const TRY_EVERY: Duration = Duration::from_millis(50);
 
-/// The folder; no other process fits in it meanwhile.
+/// The folder, locked.
 pub struct WorkFolder {
     /// The field folder.
     pub(super) out: PathBuf,
     folder: PathBuf,
     lock: File,
-    /// What an earlier process left, if any.
-    pub(super) state: Option<State>,
+}
+
+/// A part that this process fits, and no other one meanwhile.
+pub(super) struct Claim {
+    pub(super) part: usize,
+    /// The finished parts beside it.
+    pub(super) beside: Beside,
+    /// Path of the files of the fit, without extension.
+    pub(super) out: PathBuf,
+    _lock: File,
 }
 
 impl WorkFolder {
-    /// Opens or makes the field folder `out` to fit with `plan`, before photographs are read.
+    /// Opens or makes the field folder `out` to fit with `plan`, before photographs are read; with other processes that
+    /// share it, or alone.
     ///
     /// # Errors
     /// [`Fault::Usage`] if it is a finished field folder, another process fits in it, its folder `fit` is not of a fit or
     /// was begun with another plan, or it cannot be written; [`Fault::Data`] if that is damaged.
-    pub fn open(plan: &SlidePlan, out: &Path) -> Result<WorkFolder, Fault> {
+    pub fn open(plan: &SlidePlan, out: &Path, is_shared: bool) -> Result<WorkFolder, Fault> {
         let is_finished = || match FieldFolder::is_one(out) {
             true => Err(Fault::Usage(format!(
                 "{}: it is finished already; remove it, or name another --out",
@@ -66,67 +73,173 @@ impl WorkFolder {
         output::make_folder(out)?;
         let folder = out.join("fit");
         let path = folder.join("lock");
-        if folder.exists() && !path.exists() {
+        let has_files = fs::read_dir(&folder).is_ok_and(|mut entries| entries.next().is_some());
+        if has_files && !path.exists() {
             let folder = folder.display();
             return Err(Fault::Usage(format!("{folder}: it is of no fit; move it, or name another --out")));
         }
         output::make_folder(&folder)?;
-        let cannot = |error| Fault::Usage(format!("cannot write {}: {error}", path.display()));
-        let lock = File::create(&path).map_err(cannot)?;
-        match lock.try_lock() {
-            Ok(()) => {}
-            Err(TryLockError::WouldBlock) => {
-                return Err(Fault::Usage(format!(
-                    "{}: another process fits to it; wait for that, or name another --out",
-                    out.display()
-                )));
+        let work = WorkFolder { out: out.to_owned(), lock: lock_file(&path)?, folder };
+        let path = work.folder.join("plan");
+        // The first process writes the plan while it is alone.
+        if work.is_locked_alone()? {
+            if !path.exists() {
+                store(&path, MAGIC, plan).map_err(|error| Fault::Usage(error.to_string()))?;
             }
-            Err(TryLockError::Error(error)) => return Err(cannot(error)),
+            if is_shared {
+                work.lock.lock_shared().map_err(|error| work.cannot_lock(&error))?;
+            }
+        } else if !(is_shared && work.is_locked_with_others()?) {
+            return Err(work.is_busy());
         }
         // A process may have finished it since.
         is_finished()?;
-        let state = state_in(&folder, plan)?;
-        Ok(WorkFolder { out: out.to_owned(), folder, lock, state })
+        match read::<SlidePlan>(&path)? == *plan {
+            true => Ok(work),
+            false => Err(Fault::Usage(format!(
+                "{}: a fit of another capture or with other options was begun there; repeat these, remove it, or name \
+                 another --out",
+                work.folder.display()
+            ))),
+        }
     }
 
-    /// Path of the files of a step, without extension.
-    pub(super) fn step(&self, step: usize) -> PathBuf {
-        self.folder.join(format!("step-{step:04}"))
+    fn cannot_lock(&self, error: &dyn std::fmt::Display) -> Fault {
+        Fault::Usage(format!("cannot lock {}: {error}", self.folder.join("lock").display()))
     }
 
-    fn part_path(&self, step: usize) -> PathBuf {
-        self.folder.join(format!("part-{step:04}"))
+    fn is_busy(&self) -> Fault {
+        let out = self.out.display();
+        Fault::Usage(format!("{out}: another process fits to it; wait for that, or name another --out"))
     }
 
-    /// Gaussians that a step finished, with times in intervals of that step.
+    fn is_locked_alone(&self) -> Result<bool, Fault> {
+        is_locked(self.lock.try_lock()).map_err(|error| self.cannot_lock(&error))
+    }
+
+    fn is_locked_with_others(&self) -> Result<bool, Fault> {
+        for _ in 0..TRIES {
+            if is_locked(self.lock.try_lock_shared()).map_err(|error| self.cannot_lock(&error))? {
+                return Ok(true);
+            }
+            thread::sleep(TRY_EVERY);
+        }
+        Ok(false)
+    }
+
+    /// Whether no other process is at work here, nor has completed the field folder; none can begin then.
+    ///
+    /// # Errors
+    /// [`Fault::Usage`] if the folder cannot be locked.
+    pub(super) fn is_alone(&self) -> Result<bool, Fault> {
+        // Two processes that both hold it would both fail to hold it alone.
+        self.lock.unlock().map_err(|error| self.cannot_lock(&error))?;
+        Ok(self.is_locked_alone()? && !FieldFolder::is_one(&self.out))
+    }
+
+    fn part_path(&self, part: usize) -> PathBuf {
+        self.folder.join(format!("part-{part:04}"))
+    }
+
+    /// Whether a part is fitted.
+    pub(super) fn is_fitted(&self, part: usize) -> bool {
+        self.part_path(part).exists()
+    }
+
+    /// Number of parts that are fitted.
+    pub(super) fn fitted_count(&self, windows: &Windows) -> usize {
+        (0..windows.count).filter(|part| self.is_fitted(*part)).count()
+    }
+
+    /// What the fit of a part left.
     ///
     /// # Errors
     /// [`Fault::Data`] if the file is missing or damaged.
-    pub(super) fn part(&self, step: usize) -> Result<Parameters<f32>, Fault> {
-        read(&self.part_path(step))
+    pub(super) fn part(&self, part: usize) -> Result<FittedPart, Fault> {
+        read(&self.part_path(part))
     }
 
-    /// Writes what a step finished, and then the state.
+    /// The background, which `make` fits if no process has; waits while another one does. `make` takes the path of the
+    /// files of its fit, without extension.
     ///
     /// # Errors
-    /// [`Fault::Usage`] if it cannot be written.
-    pub(super) fn complete(
+    /// Those of `make`; [`Fault::Data`] if the file is damaged, and [`Fault::Usage`] if it cannot be written.
+    pub(super) fn background(
         &self,
-        step: usize,
-        finished: &Parameters<f32>,
-        state: &State,
-    ) -> anyhow::Result<()> {
-        store(&self.part_path(step), MAGIC, finished)?;
-        self.write_state(state)?;
-        Ok(crate::fit::remove_checkpoint(&self.step(step))?)
+        make: impl FnOnce(&Path) -> anyhow::Result<Parameters<f32>>,
+    ) -> anyhow::Result<Parameters<f32>> {
+        let path = self.folder.join("background");
+        let lock = lock_file(&self.folder.join("background.lock"))?;
+        lock.lock().map_err(|error| self.cannot_lock(&error))?;
+        if path.exists() {
+            return Ok(read(&path)?);
+        }
+        let background = make(&path)?;
+        store(&path, MAGIC, &background)?;
+        remove_checkpoint(&path)?;
+        Ok(background)
     }
 
-    /// Writes what the next step starts with.
+    /// The background that some process fitted.
+    ///
+    /// # Errors
+    /// [`Fault::Data`] if the file is missing or damaged.
+    pub(super) fn fitted_background(&self) -> Result<Parameters<f32>, Fault> {
+        read(&self.folder.join("background"))
+    }
+
+    /// Claims a part that is not fitted yet.
+    ///
+    /// # Errors
+    /// [`Fault::Usage`] if another process fits it, or one beside it; [`Fault::Data`] if a part beside it is damaged.
+    pub(super) fn claim(&self, part: usize, windows: &Windows) -> Result<Claim, Fault> {
+        let out = self.part_path(part);
+        let lock_path = |part: usize| self.part_path(part).with_extension("lock");
+        let path = lock_path(part);
+        let mut lock = lock_file(&path)?;
+        let busy = |part: usize| {
+            Fault::Usage(format!("{}: another process fits part {part}; wait for that", self.out.display()))
+        };
+        if !is_locked(lock.try_lock()).map_err(|error| self.cannot_lock(&error))? {
+            return Err(busy(part));
+        }
+        let mut beside = Beside::default();
+        for (fitted, number) in beside.iter_mut().zip(windows.beside(part)) {
+            let Some(number) = number else { continue };
+            if self.is_fitted(number) {
+                *fitted = Some(self.part(number)?);
+            } else if lock_path(number).exists() {
+                let theirs = lock_file(&lock_path(number))?;
+                if !is_locked(theirs.try_lock_shared()).map_err(|error| self.cannot_lock(&error))? {
+                    return Err(busy(number));
+                }
+            }
+        }
+        // A part that was begun between others begins anew.
+        let between = is_finished(&beside).map(u8::from);
+        let mut begun = Vec::new();
+        let cannot = |error| Fault::Usage(format!("cannot write {}: {error}", path.display()));
+        lock.read_to_end(&mut begun).map_err(cannot)?;
+        if begun != between {
+            remove_checkpoint(&out)?;
+            let write = |lock: &mut File| {
+                lock.rewind()?;
+                lock.set_len(0)?;
+                lock.write_all(&between)?;
+                lock.sync_all()
+            };
+            write(&mut lock).map_err(cannot)?;
+        }
+        Ok(Claim { part, beside, out, _lock: lock })
+    }
+
+    /// Writes what the fit of a part left.
     ///
     /// # Errors
     /// [`Fault::Usage`] if it cannot be written.
-    pub(super) fn write_state(&self, state: &State) -> anyhow::Result<()> {
-        store(&self.folder.join("state"), MAGIC, state)
+    pub(super) fn complete(&self, claim: Claim, fitted: &FittedPart) -> anyhow::Result<()> {
+        store(&self.part_path(claim.part), MAGIC, fitted)?;
+        Ok(remove_checkpoint(&claim.out)?)
     }
 
     /// Removes what only fitting needed; other files in its folder stay.
@@ -141,7 +254,7 @@ impl WorkFolder {
             let entry = entry.map_err(cannot)?;
             let name = entry.file_name();
             let name = name.to_string_lossy();
-            match ["part-", "step-", "state", "lock"].iter().any(|own| name.starts_with(own)) {
+            match ["part-", "background", "plan", "lock"].iter().any(|own| name.starts_with(own)) {
                 true => fs::remove_file(entry.path()).map_err(cannot)?,
                 false => is_empty = false,
             }
@@ -154,23 +267,18 @@ impl WorkFolder {
     }
 }
 
-/// The state that an earlier process left, if any.
-///
-/// # Errors
-/// [`Fault::Data`] if it is damaged, [`Fault::Usage`] if it has another plan.
-fn state_in(folder: &Path, plan: &SlidePlan) -> Result<Option<State>, Fault> {
-    let path = folder.join("state");
-    if !path.exists() {
-        return Ok(None);
-    }
-    let state: State = read(&path)?;
-    match state.plan == *plan {
-        true => Ok(Some(state)),
-        false => Err(Fault::Usage(format!(
-            "{}: a fit of another capture or with other options was begun there; repeat these, remove it, or name \
-             another --out",
-            folder.display()
-        ))),
+/// Opens a file to lock, which need not exist.
+fn lock_file(path: &Path) -> Result<File, Fault> {
+    let open = File::options().read(true).write(true).create(true).truncate(false).open(path);
+    open.map_err(|error| Fault::Usage(format!("cannot write {}: {error}", path.display())))
+}
+
+/// Whether it is locked; not if another process holds it.
+fn is_locked(tried: Result<(), TryLockError>) -> std::io::Result<bool> {
+    match tried {
+        Ok(()) => Ok(true),
+        Err(TryLockError::WouldBlock) => Ok(false),
+        Err(TryLockError::Error(error)) => Err(error),
     }
 }
 
