@@ -58,6 +58,23 @@ pub(super) fn cases() -> Vec<StabilityCase> {
         ),
         case(
             GROUP,
+            "what is always on for an hour, among lives of frames",
+            2.0,
+            "a window of 16 takes, as a fit gives what stands still, opens and closes by 0.2 % at most; lives of frames are \
+             in segments of their own",
+            || {
+                let take_s = 3600.0;
+                // Windows that are centred at the beginning, in the middle and at the end of the take.
+                let always = static_crowd(60).into_iter().enumerate();
+                let always = always.map(|(i, row)| Gaussian { tau: 0.5 * (i % 3) as f32, s: 16.0, ..row });
+                let short = lives(200, take_s, |part| (1800.0 + 4.0 * part, 0.12));
+                let rows: Vec<Gaussian> = always.chain(short).collect();
+                let instants = [seconds(1800.0, 1804.0, 13), vec![0.0, 3599.0, take_s]].concat();
+                split_take(&field(&rows), take_s, 1.0, &instants)
+            },
+        ),
+        case(
+            GROUP,
             "lives that end and begin at a cut",
             2.0,
             "a segment holds its start and not its end; a life that touches the end is on the next level",
