@@ -82,6 +82,8 @@ fn anchors(
         let rows = rows.select(&not_shown(&all, &rows, own, backend)?);
         all = joined(all, rows);
     }
+    // Where the ends of the take are nearest, so that a package counts it as static.
+    all.tau.fill((0.5 * views.timeline.intervals) as f32);
     Ok(all)
 }
 
