@@ -4,6 +4,7 @@ mod small_stage;
 mod tool;
 
 use std::fs;
+use std::path::Path;
 use std::process::Command;
 use std::thread;
 use std::time::Duration;
@@ -344,6 +345,46 @@ fn a_build_without_networks_names_the_feature() {
     let folder = stage();
     let error = aarc_studio(folder.path(), &["depths", "stage", "--backbone", "net", "-o", "maps"]).error(2);
     assert!(error.contains("--features onnx"), "{error}");
+}
+
+#[test]
+fn a_field_folder_lies_outside_its_capture() {
+    let folder = stage();
+    let folder = folder.path();
+    let stage = folder.join("stage");
+    fs::create_dir(stage.join("fields")).unwrap();
+    std::os::unix::fs::symlink("stage", folder.join("link")).unwrap();
+    let names = || -> Vec<_> {
+        let mut names: Vec<_> =
+            fs::read_dir(&stage).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+        names.sort();
+        names
+    };
+    let before = names();
+    let error = |folder: &Path, capture, out| aarc_studio(folder, &["fit", capture, "-o", out]).error(2);
+    for (capture, out) in
+        [("stage", "stage"), ("stage", "stage/"), ("link", "stage/images/.."), ("stage", "link")]
+    {
+        let error = error(folder, capture, out);
+        assert!(error.contains(&format!("{out} is what the output is made from: name another")), "{error}");
+    }
+    for (capture, out) in
+        [("stage", "stage/fields"), ("stage", "stage/new"), ("stage", "stage/a/new"), ("link", "stage/new")]
+    {
+        let error = error(folder, capture, out);
+        assert!(
+            error.contains(&format!("{out} would lie within {capture}, which it is made from")),
+            "{error}"
+        );
+    }
+    assert!(error(&stage, ".", "new").contains("new would lie within ."));
+    assert!(error(&stage, ".", ".").contains(". is what the output is made from"));
+    assert_eq!(names(), before, "nothing is written to the capture");
+    // One beside it is refused for another reason.
+    for out in ["stage2", "stage/../new"] {
+        let error = aarc_studio(folder, &["fit", "stage", "-o", out, "--anchor", "none"]).error(2);
+        assert!(error.contains("a field folder starts from an anchor"), "{error}");
+    }
 }
 
 #[test]

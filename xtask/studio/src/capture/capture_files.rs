@@ -9,12 +9,13 @@ use program::Fault;
 use refine::capture::{CalibratedCamera, Capture, Lens, Photo, PhotoId};
 
 use super::image_file::{apply_mask, bad, check_size, read, read_image};
+use super::photo_paths::{PhotoPath, PhotoPaths};
 use crate::scene::DEFAULT_FPS;
 
 /// A capture and the paths of its photographs.
 #[derive(Clone, Debug)]
 pub struct CaptureFiles {
-    /// Cameras, times and photographs.
+    /// Cameras, times and photographs; these in ascending order.
     pub capture: Capture,
     /// Frames per second that the capture states; `None` if [`DEFAULT_FPS`] are assumed.
     pub stated_fps: Option<f64>,
@@ -26,16 +27,10 @@ pub struct CaptureFiles {
     pub(super) time_offsets_s: BTreeMap<String, f64>,
     /// The cameras at the resolution of the files.
     pub(super) file_cameras: Vec<Camera>,
-    pub(super) files: BTreeMap<PhotoId, PhotoFiles>,
-}
-
-/// The files of one photograph.
-#[derive(Clone, Debug)]
-pub(super) struct PhotoFiles {
-    /// Path of the photograph within the capture, without extension.
-    pub(super) name: String,
-    pub(super) image: PathBuf,
-    pub(super) mask: Option<PathBuf>,
+    /// The folder of the capture.
+    pub(super) folder: PathBuf,
+    /// Paths of the photographs and masks, in the order of the capture's photographs.
+    pub(super) paths: PhotoPaths,
 }
 
 impl CaptureFiles {
@@ -78,12 +73,8 @@ impl CaptureFiles {
     }
 
     /// Paths of all photographs and masks.
-    pub fn files(&self) -> impl Iterator<Item = &Path> {
-        self.files
-            .values()
-            .flat_map(|files| [Some(&files.image), files.mask.as_ref()])
-            .flatten()
-            .map(PathBuf::as_path)
+    pub fn files(&self) -> impl Iterator<Item = PathBuf> {
+        (0..self.capture.photos.len()).flat_map(|i| [Some(self.image_path(i)), self.mask_path(i)]).flatten()
     }
 
     /// Paths of a photograph and its mask.
@@ -106,7 +97,22 @@ impl CaptureFiles {
     /// # Panics
     /// If the capture has no such photograph.
     pub fn name(&self, photo_id: PhotoId) -> &str {
-        &self.files[&photo_id].name
+        self.paths.name(self.index(photo_id))
+    }
+
+    /// The number of a photograph among the capture's.
+    fn index(&self, photo_id: PhotoId) -> usize {
+        self.capture.photos.binary_search(&photo_id).expect("a photograph of the capture")
+    }
+
+    /// Path of the photograph with this number.
+    fn image_path(&self, i: usize) -> PathBuf {
+        self.folder.join(self.paths.image(i))
+    }
+
+    /// Path of the mask of the photograph with this number, if it has one.
+    fn mask_path(&self, i: usize) -> Option<PathBuf> {
+        self.paths.mask(i).map(|mask| self.folder.join(mask))
     }
 
     /// Reads a photograph as it is on disk, with lens distortion and background; transparent pixels are
@@ -119,9 +125,9 @@ impl CaptureFiles {
     /// If the capture has no such photograph.
     #[cfg(feature = "onnx")]
     pub fn unprocessed_photo(&self, photo_id: PhotoId) -> Result<image::RgbImage, Fault> {
-        let path = &self.files[&photo_id].image;
-        let photo = read(path)?.into_rgba8();
-        check_size(path, photo.dimensions(), &self.file_cameras[photo_id.camera])?;
+        let path = self.image_path(self.index(photo_id));
+        let photo = read(&path)?.into_rgba8();
+        check_size(&path, photo.dimensions(), &self.file_cameras[photo_id.camera])?;
         let over_black = |c: u8, alpha: u8| ((u16::from(c) * u16::from(alpha) + 127) / 255) as u8;
         Ok(image::RgbImage::from_fn(photo.width(), photo.height(), |x, y| {
             let [r, g, b, a] = photo.get_pixel(x, y).0;
@@ -138,17 +144,18 @@ impl CaptureFiles {
     /// # Panics
     /// If the capture has no such photograph.
     pub fn photo(&self, photo_id: PhotoId) -> Result<Photo, Fault> {
-        let PhotoFiles { image: path, mask, .. } = &self.files[&photo_id];
+        let i = self.index(photo_id);
+        let path = self.image_path(i);
         let CalibratedCamera { camera: target, lens, .. } = &self.capture.cameras[photo_id.camera];
         let camera = &self.file_cameras[photo_id.camera];
-        let mut image = read_image(path)?;
-        check_size(path, (image.width, image.height), camera)?;
-        if let Some(path) = mask {
-            let mask = read(path)?.into_luma16();
+        let mut image = read_image(&path)?;
+        check_size(&path, (image.width, image.height), camera)?;
+        if let Some(path) = self.mask_path(i) {
+            let mask = read(&path)?.into_luma16();
             if mask.dimensions() != (camera.width, camera.height) {
                 let ((width, height), Camera { width: w, height: h, .. }) = (mask.dimensions(), camera);
                 return Err(bad(
-                    path,
+                    &path,
                     format!("{width}x{height} pixels, but its photograph has {w}x{h}; scale it"),
                 ));
             }
@@ -159,14 +166,25 @@ impl CaptureFiles {
     }
 }
 
-/// Collects cameras and files while a layout is read.
-#[derive(Default)]
+/// Collects cameras and photographs while a layout is read.
 pub(super) struct CaptureBuilder {
+    folder: PathBuf,
     cameras: Vec<CalibratedCamera>,
-    files: BTreeMap<PhotoId, PhotoFiles>,
+    /// The photographs in the order in which they were added, and their paths.
+    photos: Vec<PhotoId>,
+    paths: PhotoPaths,
 }
 
 impl CaptureBuilder {
+    pub(super) fn new(folder: &Path) -> CaptureBuilder {
+        CaptureBuilder {
+            folder: folder.to_owned(),
+            cameras: Vec::new(),
+            photos: Vec::new(),
+            paths: PhotoPaths::default(),
+        }
+    }
+
     /// Adds a camera and returns its index.
     pub(super) fn camera(&mut self, name: &str, camera: Camera, lens: Lens, held: bool) -> usize {
         self.cameras.push(CalibratedCamera { name: name.into(), camera, lens, time_offset_s: 0.0, held });
@@ -178,20 +196,39 @@ impl CaptureBuilder {
         self.cameras[camera].time_offset_s = time_offset_s;
     }
 
-    pub(super) fn photo(&mut self, camera: usize, frame: usize, files: PhotoFiles) {
-        self.files.insert(PhotoId { frame, camera }, files);
+    /// Adds a photograph; each camera has at most one of a frame.
+    pub(super) fn photo(&mut self, camera: usize, frame: usize, path: PhotoPath) {
+        self.photos.push(PhotoId { frame, camera });
+        self.paths.push(path);
+    }
+
+    /// Gives the frame of each photograph another number.
+    pub(super) fn renumber(&mut self, number: impl Fn(usize) -> usize) {
+        self.photos.iter_mut().for_each(|photo_id| photo_id.frame = number(photo_id.frame));
     }
 
     /// The capture, with frames at these times in seconds.
     pub(super) fn build(self, frame_times_s: Vec<f64>, stated_fps: Option<f64>) -> CaptureFiles {
-        let photos = self.files.keys().copied().collect();
+        let mut order: Vec<usize> = (0..self.photos.len()).collect();
+        order.sort_by_key(|i| self.photos[*i]);
+        let paths = self.paths.select(order.iter().copied());
+        let photos = order.iter().map(|i| self.photos[*i]).collect();
         let file_cameras = self.cameras.iter().map(|camera| camera.camera.clone()).collect();
         let offsets = self.cameras.iter().map(|camera| (camera.name.clone(), camera.time_offset_s));
         let time_offsets_s = offsets.filter(|(_, offset_s)| *offset_s != 0.0).collect();
         let selected = 0..frame_times_s.len();
         let capture = Capture { cameras: self.cameras, frame_times_s, photos };
-        let files = self.files;
-        CaptureFiles { capture, stated_fps, selected, start_s: 0.0, time_offsets_s, file_cameras, files }
+        let folder = self.folder;
+        CaptureFiles {
+            capture,
+            stated_fps,
+            selected,
+            start_s: 0.0,
+            time_offsets_s,
+            file_cameras,
+            folder,
+            paths,
+        }
     }
 }
 

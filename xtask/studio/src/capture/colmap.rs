@@ -9,8 +9,9 @@ use glam::{DMat3, DQuat};
 use program::Fault;
 use refine::capture::Lens;
 
-use super::capture_files::{CaptureBuilder, CaptureFiles, PhotoFiles, pinhole, rigid};
-use super::image_file::{bad, bad_layout, find_image, read_text, size_of};
+use super::capture_files::{CaptureBuilder, CaptureFiles, pinhole, rigid};
+use super::image_file::{bad, bad_layout, find_image_in, joined, read_text, size_of};
+use super::photo_paths::PhotoPath;
 use crate::messages::unreadable;
 
 /// Folders that may hold the model.
@@ -46,10 +47,11 @@ pub(super) fn open(folder: &Path, model: &Path) -> anyhow::Result<CaptureFiles> 
             (cameras_txt(&cameras)?, images_txt(&images)?)
         }
     };
-    let masks = Some(folder.join("masks")).filter(|path| path.is_dir());
-    let mut builder = CaptureBuilder::default();
+    let has_masks = folder.join("masks").is_dir();
+    let mut builder = CaptureBuilder::new(folder);
     for pose in poses {
-        let path = folder.join("images").join(&pose.name);
+        let image = joined("images", &pose.name);
+        let path = folder.join(&image);
         if !path.is_file() {
             return Err(bad(&path, "this photograph is missing; put it there").into());
         }
@@ -66,22 +68,24 @@ pub(super) fn open(folder: &Path, model: &Path) -> anyhow::Result<CaptureFiles> 
         let scale = [f64::from(actual.0) / f64::from(size.0), f64::from(actual.1) / f64::from(size.1)];
         let k = [k[0] * scale[0], k[1] * scale[1], k[2] * scale[0], k[3] * scale[1]];
         let camera = pinhole(actual, k, rigid(rotation, pose.translation));
-        let name = Path::new(&pose.name).with_extension("").to_string_lossy().into_owned();
-        let mask = match &masks {
+        let name = Path::new(&pose.name).with_extension("");
+        let name = name.to_string_lossy();
+        let mask = match has_masks {
             // COLMAP appends an extension to the whole name.
-            Some(masks) => {
-                let mask = find_image(&masks.join(&pose.name)).or_else(|| find_image(&masks.join(&name)));
+            true => {
+                let [with_extension, without] = [&pose.name, &*name].map(|name| joined("masks", name));
+                let mask = find_image_in(folder, &with_extension).or_else(|| find_image_in(folder, &without));
                 Some(mask.ok_or_else(|| {
                     bad(
-                        &masks.join(&name),
+                        &folder.join(without),
                         "this mask is missing; put it there, or remove the folder of masks",
                     )
                 })?)
             }
-            None => None,
+            false => None,
         };
         let index = builder.camera(&name, camera, *lens, false);
-        builder.photo(index, 0, PhotoFiles { name, image: path, mask });
+        builder.photo(index, 0, PhotoPath { image: &image, name: &name, mask: mask.as_deref() });
     }
     Ok(builder.build(vec![0.0], None))
 }

@@ -11,8 +11,9 @@ use glam::{DMat3, DVec3};
 use program::Fault;
 use refine::capture::{Lens, even_times_s};
 
-use super::capture_files::{CaptureBuilder, CaptureFiles, PhotoFiles, pinhole, rigid};
-use super::image_file::{bad, bad_layout, find_image, read_text, size_of};
+use super::capture_files::{CaptureBuilder, CaptureFiles, pinhole, rigid};
+use super::image_file::{bad, bad_layout, find_image, find_image_in, joined, read_text, size_of};
+use super::photo_paths::PhotoPath;
 use crate::messages::unreadable;
 use crate::scene::DEFAULT_FPS;
 
@@ -36,14 +37,14 @@ pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
     if let Some((_, name)) = names.iter().enumerate().find(|(i, name)| names[..*i].contains(name)) {
         return Err(bad_layout(&intrinsics_path, format!("camera {name} is listed twice")).into());
     }
-    let masks = MASKS.map(|name| folder.join(name)).into_iter().find(|path| path.is_dir());
+    let masks = MASKS.into_iter().find(|name| folder.join(name).is_dir());
 
-    let mut builder = CaptureBuilder::default();
-    let mut found: Vec<(usize, String, PhotoFiles)> = Vec::new();
+    let mut builder = CaptureBuilder::new(folder);
+    // The names of all frames, with numbers in the order in which they were found.
+    let mut found: BTreeMap<String, usize> = BTreeMap::new();
     for name in &names {
         let images = folder.join("images").join(name);
-        let mut frames = frames(&images)?;
-        frames.sort();
+        let frames = frames(&images)?;
         let Some(first) = frames.first() else { continue };
         let first = find_image(&images.join(first)).expect("just listed");
         let number =
@@ -70,26 +71,30 @@ pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
         let index = builder.camera(name, camera, lens, false);
         for frame in frames {
             let name = format!("{name}/{frame}");
-            let image = find_image(&folder.join("images").join(&name)).expect("just listed");
-            let mask = match &masks {
+            let image = find_image_in(folder, &joined("images", &name)).expect("just listed");
+            let mask = match masks {
                 Some(masks) => {
-                    let mask = masks.join(&name);
-                    Some(find_image(&mask).ok_or_else(|| {
-                        bad(&mask, "this mask is missing; put it there, or remove the folder of masks")
+                    let mask = joined(masks, &name);
+                    Some(find_image_in(folder, &mask).ok_or_else(|| {
+                        bad(
+                            &folder.join(mask),
+                            "this mask is missing; put it there, or remove the folder of masks",
+                        )
                     })?)
                 }
                 None => None,
             };
-            found.push((index, frame, PhotoFiles { name, image, mask }));
+            let next = found.len();
+            let number = *found.entry(frame).or_insert(next);
+            builder.photo(index, number, PhotoPath { image: &image, name: &name, mask: mask.as_deref() });
         }
     }
-    let frames: BTreeSet<String> = found.iter().map(|(_, frame, _)| frame.clone()).collect();
-    let frames = sorted_names(frames);
-    let numbered: BTreeMap<&String, usize> = frames.iter().enumerate().map(|(i, frame)| (frame, i)).collect();
-    for (camera, frame, files) in found {
-        builder.photo(camera, numbered[&frame], files);
+    let mut numbers = vec![0; found.len()];
+    for (number, frame) in sorted_names(found.keys().cloned().collect()).iter().enumerate() {
+        numbers[found[frame]] = number;
     }
-    Ok(builder.build(even_times_s(numbered.len(), f64::from(DEFAULT_FPS)), None))
+    builder.renumber(|found| numbers[found]);
+    Ok(builder.build(even_times_s(numbers.len(), f64::from(DEFAULT_FPS)), None))
 }
 
 /// Sorts names by number if all are numbers, with or without leading zeros; else by text.
@@ -101,7 +106,7 @@ fn sorted_names(names: BTreeSet<String>) -> Vec<String> {
     names
 }
 
-/// Names of the images in a folder, without extensions; none if the folder is missing.
+/// Sorted names of the images in a folder, without extensions; none if the folder is missing.
 fn frames(folder: &Path) -> Result<Vec<String>, Fault> {
     if !folder.is_dir() {
         return Ok(Vec::new());
@@ -113,6 +118,9 @@ fn frames(folder: &Path) -> Result<Vec<String>, Fault> {
         // The same search finds the file later.
         frames.extend(stem.filter(|stem| find_image(&folder.join(stem)).is_some()));
     }
+    frames.sort();
+    // An image in two formats is one frame.
+    frames.dedup();
     Ok(frames)
 }
 
@@ -185,11 +193,10 @@ mod tests {
     #[test]
     fn photographs_are_found_with_any_extension() {
         let folder = tempfile::tempdir().unwrap();
-        for name in ["1.png", "2.PNG", "3.25.jpeg", "4.WebP", "notes.txt", "5"] {
+        for name in ["1.png", "1.jpg", "2.PNG", "3.25.jpeg", "4.WebP", "notes.txt", "5"] {
             std::fs::write(folder.path().join(name), "").unwrap();
         }
-        let mut found = frames(folder.path()).unwrap();
-        found.sort();
+        let found = frames(folder.path()).unwrap();
         assert_eq!(found, ["1", "2", "3.25"]);
         assert!(found.iter().all(|name| find_image(&folder.path().join(name)).is_some()));
     }

@@ -37,22 +37,39 @@ pub fn read_picture(path: &Path, camera: &Camera) -> Result<Image, Fault> {
 
 /// Finds the photograph at `path`, which may lack its extension.
 pub fn find_image(path: &Path) -> Option<PathBuf> {
-    let with_extension = |extension: String| {
-        let mut name = path.as_os_str().to_owned();
-        name.push(".");
-        name.push(extension);
-        PathBuf::from(name)
-    };
-    let extensions =
-        EXTENSIONS.iter().flat_map(|extension| [extension.to_string(), extension.to_uppercase()]);
+    missing_ending(path).map(|ending| with_ending(path, &ending))
+}
+
+/// Finds the photograph at `path` in `folder`, which may lack its extension, and returns its path in `folder`.
+pub(super) fn find_image_in(folder: &Path, path: &str) -> Option<String> {
+    missing_ending(&folder.join(path)).map(|ending| format!("{path}{ending}"))
+}
+
+/// A path in a folder, as text, of a folder in it and a path in that, which may be absolute.
+pub(super) fn joined(folder: &str, path: &str) -> String {
+    Path::new(folder).join(path).to_str().expect("of two texts").to_owned()
+}
+
+/// What `path` lacks to be the path of a photograph: nothing, or a point and an extension.
+fn missing_ending(path: &Path) -> Option<String> {
+    let mut endings = EXTENSIONS
+        .iter()
+        .flat_map(|extension| [extension.to_string(), extension.to_uppercase()])
+        .map(|extension| format!(".{extension}"));
     let is_image = |path: &Path| {
         let extension = path.extension().and_then(OsStr::to_str).unwrap_or_default();
         EXTENSIONS.contains(&extension.to_lowercase().as_str()) && path.is_file()
     };
     match is_image(path) {
-        true => Some(path.to_owned()),
-        false => extensions.map(with_extension).find(|path| path.is_file()),
+        true => Some(String::new()),
+        false => endings.find(|ending| with_ending(path, ending).is_file()),
     }
+}
+
+fn with_ending(path: &Path, ending: &str) -> PathBuf {
+    let mut path = path.as_os_str().to_owned();
+    path.push(ending);
+    PathBuf::from(path)
 }
 
 pub(super) fn read_image(path: &Path) -> Result<Image, Fault> {

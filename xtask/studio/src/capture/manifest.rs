@@ -7,8 +7,9 @@ use std::path::Path;
 use refine::capture::{Lens, even_times_s};
 use serde::Deserialize;
 
-use super::capture_files::{CaptureBuilder, CaptureFiles, PhotoFiles, pinhole};
+use super::capture_files::{CaptureBuilder, CaptureFiles, pinhole};
 use super::image_file::{bad, bad_layout, read_text};
+use super::photo_paths::PhotoPath;
 use crate::scene::DEFAULT_FPS;
 
 /// File name of the manifest, which identifies the layout.
@@ -59,7 +60,7 @@ pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
         serde_json::from_str(&read_text(&path)?).map_err(|error| bad_layout(&path, error))?;
     manifest.check().map_err(|problem| bad_layout(&path, problem))?;
     let fps = manifest.fps.unwrap_or(f64::from(DEFAULT_FPS));
-    let mut builder = CaptureBuilder::default();
+    let mut builder = CaptureBuilder::new(folder);
     for entry in &manifest.cameras {
         let lens = Lens::from_opencv(&entry.d)
             .map_err(|problem| bad_layout(&path, format!("camera {}: {problem}", entry.id)))?;
@@ -68,27 +69,25 @@ pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
         let index = builder.camera(&entry.id, camera, lens, entry.held);
         builder.offset_s(index, entry.time_offset_s);
         for frame in 0..manifest.frames {
-            let named = |pattern: &str| expand(pattern, &entry.id, manifest.first_frame + frame);
-            let image = folder.join(named(&manifest.images).map_err(|problem| bad_layout(&path, problem))?);
-            if !image.is_file() {
+            let named = |pattern: &String| {
+                let named = expand(pattern, &entry.id, manifest.first_frame + frame);
+                named.map_err(|problem| bad_layout(&path, problem))
+            };
+            let image = named(&manifest.images)?;
+            if !folder.join(&image).is_file() {
                 continue;
             }
-            let mask = match &manifest.masks {
-                Some(pattern) => {
-                    Some(folder.join(named(pattern).map_err(|problem| bad_layout(&path, problem))?))
-                }
-                None => None,
-            };
-            if let Some(mask) = mask.as_ref().filter(|mask| !mask.is_file()) {
+            let mask = manifest.masks.as_ref().map(named).transpose()?;
+            if let Some(mask) = mask.as_ref().map(|mask| folder.join(mask)).filter(|mask| !mask.is_file()) {
                 return Err(bad(
-                    mask,
+                    &mask,
                     "this mask is missing; put it there, or remove masks from capture.json",
                 )
                 .into());
             }
-            let name = Path::new(&named(&manifest.images).unwrap_or_default()).with_extension("");
-            let name = name.strip_prefix("images").unwrap_or(&name).to_string_lossy().into_owned();
-            builder.photo(index, frame, PhotoFiles { name, image, mask });
+            let name = Path::new(&image).with_extension("");
+            let name = name.strip_prefix("images").unwrap_or(&name).to_string_lossy();
+            builder.photo(index, frame, PhotoPath { image: &image, name: &name, mask: mask.as_deref() });
         }
     }
     Ok(builder.build(even_times_s(manifest.frames, fps), manifest.fps))

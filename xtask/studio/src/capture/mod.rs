@@ -8,6 +8,7 @@ mod fitted;
 mod image_file;
 mod manifest;
 mod part;
+mod photo_paths;
 mod transforms;
 
 use std::path::Path;
@@ -63,7 +64,7 @@ impl CaptureFiles {
                 return Err(bad(folder, what).into());
             }
         }
-        match capture_files.files.is_empty() {
+        match capture_files.capture.photos.is_empty() {
             true => {
                 Err(bad(folder, "no camera has a photograph; xtask/CAPTURE.md says where they belong").into())
             }

@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use codec::Camera;
 use program::Fault;
+use refine::capture::PhotoId;
 
 use super::capture_files::CaptureFiles;
 
@@ -40,16 +41,19 @@ impl CaptureFiles {
         cameras.retain(|_| *selected.next().expect("one for each camera"));
         let mut selected = is_selected.iter();
         self.file_cameras.retain(|_| *selected.next().expect("one for each camera"));
-        let files =
-            std::mem::take(&mut self.files).into_iter().filter(|(photo_id, _)| is_selected[photo_id.camera]);
-        self.files = files
-            .map(|(mut photo_id, files)| {
-                photo_id.camera = is_selected[..photo_id.camera].iter().filter(|selected| **selected).count();
-                (photo_id, files)
-            })
-            .collect();
-        self.capture.photos = self.files.keys().copied().collect();
+        let mut numbers = 0..;
+        let numbers: Vec<Option<usize>> =
+            is_selected.iter().map(|selected| if *selected { numbers.next() } else { None }).collect();
+        self.keep_photos(|PhotoId { frame, camera }| Some(PhotoId { frame, camera: numbers[camera]? }));
         Ok(())
+    }
+
+    /// Keeps the photographs for which `kept` gives new frames and cameras, which are in the same order.
+    fn keep_photos(&mut self, kept: impl Fn(PhotoId) -> Option<PhotoId>) {
+        let photos = &self.capture.photos;
+        let is_kept = |i: &usize| kept(photos[*i]).is_some();
+        self.paths = self.paths.select((0..photos.len()).filter(is_kept));
+        self.capture.photos = photos.iter().filter_map(|photo_id| kept(*photo_id)).collect();
     }
 
     /// Keeps the frames in `frames`: the first becomes the start of the clip, the last its end.
@@ -57,22 +61,16 @@ impl CaptureFiles {
     /// # Errors
     /// [`Fault::Usage`] if the capture lacks some of them.
     pub fn keep_frames(&mut self, frames: Range<usize>) -> Result<(), Fault> {
-        let capture = &mut self.capture;
-        if frames.is_empty() || frames.end > capture.frames() {
-            let (Range { start, end }, has) = (frames, capture.frames());
+        if frames.is_empty() || frames.end > self.capture.frames() {
+            let (Range { start, end }, has) = (frames, self.capture.frames());
             return Err(Fault::Usage(format!(
                 "--frames {start}..{end}: the capture has 0..{has}; choose frames of those"
             )));
         }
-        let files = std::mem::take(&mut self.files).into_iter();
-        self.files = files
-            .filter(|(photo_id, _)| frames.contains(&photo_id.frame))
-            .map(|(mut photo_id, files)| {
-                photo_id.frame -= frames.start;
-                (photo_id, files)
-            })
-            .collect();
-        capture.photos = self.files.keys().copied().collect();
+        self.keep_photos(|PhotoId { frame, camera }| {
+            frames.contains(&frame).then(|| PhotoId { frame: frame - frames.start, camera })
+        });
+        let capture = &mut self.capture;
         let first_s = capture.frame_times_s[frames.start];
         self.start_s += first_s;
         self.selected = self.selected.start + frames.start..self.selected.start + frames.end;
@@ -116,21 +114,24 @@ fn scaled(camera: &Camera, width: u32, height: u32) -> Camera {
 
 #[cfg(test)]
 mod tests {
-    use refine::capture::{Capture, Lens, PhotoId};
+    use std::path::Path;
 
-    use super::super::capture_files::{CaptureBuilder, PhotoFiles};
+    use refine::capture::{Capture, Lens};
+
+    use super::super::capture_files::CaptureBuilder;
+    use super::super::photo_paths::PhotoPath;
     use super::*;
 
     /// Two cameras of 40x30 pixels and five frames.
     fn capture_files() -> CaptureFiles {
-        let mut builder = CaptureBuilder::default();
+        let mut builder = CaptureBuilder::new(Path::new("capture"));
         for name in ["a", "b"] {
             let camera = Camera::look_at([0.0; 3], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0], 1.0, 40, 30);
             let index = builder.camera(name, camera, Lens::default(), false);
             for frame in 0..5 {
-                let files =
-                    PhotoFiles { name: format!("{name}/{frame}"), image: Default::default(), mask: None };
-                builder.photo(index, frame, files);
+                let name = format!("{name}/{frame}");
+                let image = format!("images/{name}.png");
+                builder.photo(index, frame, PhotoPath { image: &image, name: &name, mask: None });
             }
         }
         builder.build(refine::capture::even_times_s(5, 32.0), Some(32.0))
@@ -144,6 +145,8 @@ mod tests {
         assert_eq!(frame_times_s, &[0.0, 1.0 / 32.0, 2.0 / 32.0]);
         assert_eq!(photos.len(), 6);
         assert_eq!(capture_files.name(PhotoId { frame: 2, camera: 1 }), "b/3");
+        let files: Vec<_> = capture_files.files().collect();
+        assert_eq!(files[..2], ["a/1.png", "b/1.png"].map(|name| Path::new("capture/images").join(name)));
         capture_files.keep_frames(1..2).unwrap();
         assert_eq!(capture_files.capture.frame_times_s, [0.0]);
         for wrong in [0..2, 1..1] {

@@ -10,8 +10,9 @@ use glam::{DMat4, DVec4};
 use refine::capture::Lens;
 use serde::Deserialize;
 
-use super::capture_files::{CaptureBuilder, CaptureFiles, PhotoFiles, pinhole};
-use super::image_file::{bad, bad_layout, find_image, read_text, size_of};
+use super::capture_files::{CaptureBuilder, CaptureFiles, pinhole};
+use super::image_file::{bad, bad_layout, find_image_in, read_text, size_of};
+use super::photo_paths::PhotoPath;
 use crate::scene::DEFAULT_FPS;
 
 /// A file of transforms, and whether its cameras are held out.
@@ -67,8 +68,9 @@ pub(super) fn files(folder: &Path) -> Option<Vec<TransformsFile>> {
 }
 
 pub(super) fn open(folder: &Path, files: &[TransformsFile]) -> anyhow::Result<CaptureFiles> {
-    let mut builder = CaptureBuilder::default();
-    let mut found = Vec::new();
+    let mut builder = CaptureBuilder::new(folder);
+    // Of the photographs, in the order of the files.
+    let mut photo_times = Vec::new();
     for (path, held) in files {
         let transforms: Transforms =
             serde_json::from_str(&read_text(path)?).map_err(|error| bad_layout(path, error))?;
@@ -83,11 +85,10 @@ pub(super) fn open(folder: &Path, files: &[TransformsFile]) -> anyhow::Result<Ca
         }
         for frame in transforms.frames {
             let name = frame.file_path.trim_start_matches("./").to_owned();
-            let Some(image) = find_image(&folder.join(&name)) else {
+            let Some(image) = find_image_in(folder, &name) else {
                 return Err(bad(&folder.join(&name), "this photograph is missing; put it there").into());
             };
-            let mask = frame.mask_path.as_ref().map(|mask| folder.join(mask));
-            let size = size_of(&image)?;
+            let size = size_of(&folder.join(&image))?;
             let (pinhole_k, lens) = frame
                 .intrinsics
                 .resolve(&transforms.intrinsics, size)
@@ -97,18 +98,18 @@ pub(super) fn open(folder: &Path, files: &[TransformsFile]) -> anyhow::Result<Ca
             if !(0.0..=1.0).contains(&time) {
                 return Err(bad_layout(path, format!("{name}: time {time} is not within 0 to 1")).into());
             }
-            let name = Path::new(&name).with_extension("").to_string_lossy().into_owned();
+            let name = Path::new(&name).with_extension("");
+            let name = name.to_string_lossy();
             let index = builder.camera(&name, camera, lens, *held);
-            found.push((index, time, PhotoFiles { name, image, mask }));
+            let mask = frame.mask_path.as_deref();
+            builder.photo(index, photo_times.len(), PhotoPath { image: &image, name: &name, mask });
+            photo_times.push(time);
         }
     }
-    let mut times: Vec<f64> = found.iter().map(|(_, time, _)| *time).collect();
+    let mut times = photo_times.clone();
     times.sort_by(f64::total_cmp);
     times.dedup();
-    for (camera, time, files) in found {
-        let frame = times.partition_point(|other| *other < time);
-        builder.photo(camera, frame, files);
-    }
+    builder.renumber(|photo| times.partition_point(|time| *time < photo_times[photo]));
     Ok(builder.build(frame_times_s(&times), None))
 }
 

@@ -448,6 +448,7 @@ fn plan(args: &Args, plan: FitPlan) -> anyhow::Result<FitPlan> {
 
 /// Fits a field folder to a capture.
 fn slide(args: &Args, out: &Path) -> anyhow::Result<()> {
+    takes::check_apart(args.capture(), out)?;
     output::check_folder(out)?;
     let others = [(args.from.is_some(), "--from"), (matches!(args.anchor, Anchor::None), "--anchor none")];
     if let Some((_, option)) = others.iter().find(|(is_given, _)| *is_given) {

@@ -7,6 +7,7 @@ use program::{Fault, exit_code, output};
 use serde::Serialize;
 use serde_json::{Value, json};
 use std::any::Any;
+use std::fs;
 use std::io::Write;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
@@ -155,19 +156,25 @@ fn run_take(
     Ok("done")
 }
 
-/// Checks that an output is not inside its take: writing it would change the take.
+/// Checks that an output, a file or a folder, is neither its take nor inside it: writing it would change the take.
+///
+/// # Errors
+/// [`Fault::Usage`] that names both.
 pub(super) fn check_apart(scene: &Path, out: &Path) -> Result<(), Fault> {
-    let within = || {
-        let folder = std::fs::canonicalize(out.parent()?).ok()?;
-        Some(folder.starts_with(std::fs::canonicalize(scene).ok()?))
-    };
-    match within() {
-        Some(true) => Err(Fault::Usage(format!(
-            "{} would lie within {}, which it is made from: name another --out",
-            out.display(),
-            scene.display()
+    // A take that cannot be found has an error of its own.
+    let (Ok(take), Ok(path)) = (fs::canonicalize(scene), std::path::absolute(out)) else { return Ok(()) };
+    let existing = fs::canonicalize(&path).ok();
+    // A file takes the place of a link with its name, and a folder is made in the first one above it that exists.
+    let around = path.ancestors().skip(1).find_map(|folder| fs::canonicalize(folder).ok());
+    let (out, scene) = (out.display(), scene.display());
+    if existing.as_ref() == Some(&take) {
+        return Err(Fault::Usage(format!("{out} is what the output is made from: name another --out")));
+    }
+    match [existing, around].iter().flatten().any(|place| place.starts_with(&take)) {
+        true => Err(Fault::Usage(format!(
+            "{out} would lie within {scene}, which it is made from: name another --out"
         ))),
-        _ => Ok(()),
+        false => Ok(()),
     }
 }
 

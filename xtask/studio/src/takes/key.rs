@@ -38,7 +38,7 @@ pub fn key(command: &str, options: &str, inputs: &[&Path]) -> Result<String, Fau
             find(input, 0, &mut files).map_err(|error| fault(input, error))?;
             // A folder that is no readable capture lists no files.
             if let Ok(capture_files) = CaptureFiles::open(input) {
-                files.extend(capture_files.files().map(Path::to_owned));
+                files.extend(capture_files.files());
             }
             files.sort();
             files.dedup();

@@ -63,13 +63,7 @@ pub(super) fn comparison(text: &str) -> Result<Comparison, String> {
 pub(super) fn measure(request: &Request) -> anyhow::Result<Ablation> {
     let Request { capture, size, part, options, others, out, .. } = *request;
     let mut capture_files = part.open(capture, size)?;
-    check_apart(
-        capture,
-        &match out.is_dir() {
-            true => out.join("fit.html"),
-            false => std::path::absolute(out).unwrap_or_else(|_| out.to_owned()),
-        },
-    )?;
+    check_apart(capture, out)?;
     options.state_fps(&mut capture_files)?;
     for (i, method) in others.iter().enumerate() {
         if others[..i].iter().any(|other| other.name == method.name) {
