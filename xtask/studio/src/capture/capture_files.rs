@@ -74,16 +74,16 @@ impl CaptureFiles {
 
     /// Paths of all photographs and masks.
     pub fn files(&self) -> impl Iterator<Item = PathBuf> {
-        (0..self.capture.photos.len()).flat_map(|i| [Some(self.image_path(i)), self.mask_path(i)]).flatten()
+        self.capture.photos.iter().flat_map(|photo_id| self.files_of(*photo_id))
     }
 
-    /// Paths of a photograph and its mask.
+    /// Paths of a photograph and, if it has one, of its mask.
     ///
     /// # Panics
     /// If the capture has no such photograph.
-    pub fn files_of(&self, photo_id: PhotoId) -> impl Iterator<Item = &Path> {
-        let files = &self.files[&photo_id];
-        [Some(&files.image), files.mask.as_ref()].into_iter().flatten().map(PathBuf::as_path)
+    pub fn files_of(&self, photo_id: PhotoId) -> impl Iterator<Item = PathBuf> {
+        let i = self.index(photo_id);
+        [Some(self.image_path(i)), self.mask_path(i)].into_iter().flatten()
     }
 
     /// Number of pixels of the largest photograph on disk.
