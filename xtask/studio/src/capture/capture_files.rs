@@ -210,7 +210,7 @@ impl CaptureBuilder {
     /// The capture, with frames at these times in seconds.
     pub(super) fn build(self, frame_times_s: Vec<f64>, stated_fps: Option<f64>) -> CaptureFiles {
         let mut order: Vec<usize> = (0..self.photos.len()).collect();
-        order.sort_by_key(|i| self.photos[*i]);
+        order.sort_unstable_by_key(|i| self.photos[*i]);
         let paths = self.paths.select(order.iter().copied());
         let photos = order.iter().map(|i| self.photos[*i]).collect();
         let file_cameras = self.cameras.iter().map(|camera| camera.camera.clone()).collect();

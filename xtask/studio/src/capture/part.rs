@@ -54,6 +54,7 @@ impl CaptureFiles {
         let is_kept = |i: &usize| kept(photos[*i]).is_some();
         self.paths = self.paths.select((0..photos.len()).filter(is_kept));
         self.capture.photos = photos.iter().filter_map(|photo_id| kept(*photo_id)).collect();
+        self.capture.photos.shrink_to_fit();
     }
 
     /// Keeps the frames in `frames`: the first becomes the start of the clip, the last its end.
