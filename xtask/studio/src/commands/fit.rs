@@ -359,7 +359,8 @@ fn fit_capture(args: &Args, out: &Path) -> anyhow::Result<FitResult> {
     let fitted = fit_and_write(out, &plan, &capture_files, &views, runtime)?;
     let step = (views.train.len() / COUNTED_VIEWS).max(1);
     let counted = views.train.iter().step_by(step).map(|(photo_id, _)| photo_id);
-    let scene = RenderScene::from(&fitted.field);
+    let field = fitted.fit.to_field();
+    let scene = RenderScene::from(&field);
     let fragments_per_lit_pixel = fragments_per_lit_pixel(&scene, &capture_files, counted);
     Ok(FitResult { plan, fitted, splits, fragments_per_lit_pixel })
 }
@@ -410,7 +411,7 @@ pub(super) fn fit_and_write(
     let info = fit::clip_info(capture_files);
     // The checkpoint goes only when the field is safe.
     let record = capture_files.fit_record(plan.holdout);
-    output::write_durable(out, &fitted_field_file(&fitted.field, &info, &record))?;
+    output::write_durable(out, &fitted_field_file(&fitted.fit.to_field(), &info, &record))?;
     fit::remove_checkpoint(out)?;
     Ok(fitted)
 }
@@ -501,9 +502,9 @@ impl FitResult {
         let last = self.last()?;
         Ok(json!({
             "out": out, "steps": plan.steps, "fragment_weight": plan.fragment_weight, "resumed_at": fitted.resumed_at,
-            "gaussians_at_start": fitted.initial_count, "gaussians": fitted.field.len(),
+            "gaussians_at_start": fitted.fit.initial_count(), "gaussians": fitted.fit.len(),
             "loss": last.loss, "held_psnr_db": last.held_psnr_db, "seconds": last.seconds,
-            "ms_per_step": fitted.ms_per_step, "non_finite": fitted.non_finite, "splits": splits,
+            "ms_per_step": fitted.ms_per_step, "non_finite": fitted.fit.non_finite(), "splits": splits,
             "fragments_per_lit_pixel": fragments_per_lit_pixel,
             "lpips": plan.lpips, "backend": fitted.backend,
             "peak_device_bytes": fitted.peak_device_bytes,
@@ -523,7 +524,7 @@ fn report(args: &Args, result: &FitResult, out: &Path, start: Instant) -> anyhow
         Some(net) => println!("loss             0.8 L1 + 0.2 D-SSIM + 0.1 LPIPS by {net}"),
         None => println!("loss             0.8 L1 + 0.2 D-SSIM; its LPIPS part takes --lpips-weights"),
     }
-    println!("Gaussians        {} at the start, {} at the end", fitted.initial_count, fitted.field.len());
+    println!("Gaussians        {} at the start, {} at the end", fitted.fit.initial_count(), fitted.fit.len());
     if let Some(fragments) = fragments_per_lit_pixel {
         println!("fragments        {fragments:.1} per lit pixel, in pictures 512 pixels wide");
     }
@@ -532,8 +533,8 @@ fn report(args: &Args, result: &FitResult, out: &Path, start: Instant) -> anyhow
             "held             {psnr:.2} dB, the subject in a few held-out photographs; `eval` measures all"
         );
     }
-    if fitted.non_finite > 0 {
-        println!("left out         {}, not finite", count(fitted.non_finite as usize, "gradient"));
+    if fitted.fit.non_finite() > 0 {
+        println!("left out         {}, not finite", count(fitted.fit.non_finite() as usize, "gradient"));
     }
     if fitted.resumed_at > 0 {
         println!("resumed          at step {}", fitted.resumed_at);

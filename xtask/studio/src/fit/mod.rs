@@ -19,11 +19,11 @@ mod training_views;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use codec::{ClipInfo, Field, Viewpoint};
+use codec::{ClipInfo, Viewpoint};
 use image::RgbImage;
 use program::{Fault, output};
 use refine::capture::CalibratedCamera;
-use refine::fit::{Backend, Carried, DeviceError, Fit, Lpips, Parameters, RenderedImage, Run, TrainingView};
+use refine::fit::{Backend, DeviceError, Fit, Lpips, RenderedImage, Run, TrainingView};
 
 use crate::capture::CaptureFiles;
 use crate::scene::{DEFAULT_DURATION_S, DEFAULT_METRES_PER_UNIT, DEFAULT_UP};
@@ -74,20 +74,12 @@ pub struct FitProgress {
 /// A fitted field, with the record of its fit.
 #[derive(Debug)]
 pub struct Fitted {
-    /// The field.
-    pub field: Field,
-    /// Its parameters.
-    pub parameters: Parameters<f32>,
-    /// The past of each row, if it went on from earlier fits.
-    pub carried: Vec<Carried>,
+    /// The fit after its last step.
+    pub fit: Fit,
     /// The table.
     pub entries: Vec<LogEntry>,
-    /// Number of non-finite gradients and moments, which the optimizer skips.
-    pub non_finite: u64,
     /// Steps done by earlier runs.
     pub resumed_at: u64,
-    /// Number of Gaussians at the start.
-    pub initial_count: usize,
     /// Mean time of a step of this run in milliseconds, without rendering and writing for the table.
     pub ms_per_step: f64,
     /// Name of the back end and its device.
@@ -148,7 +140,7 @@ fn fit_from(
                 }
             }
         };
-    let (resumed_at, initial_count) = (fit.steps_done(), fit.initial_count());
+    let resumed_at = fit.steps_done();
     let mut run = Run::start(fit, backend).map_err(on_device)?;
     let train: Vec<&TrainingView> = views.train.iter().map(|(_, view)| view).collect();
     let start = Instant::now();
@@ -207,13 +199,9 @@ fn fit_from(
     }
     let fit = run.pause().map_err(on_device)?;
     Ok(Some(Fitted {
-        field: fit.to_field(),
-        parameters: fit.parameters().clone(),
-        carried: fit.carried().to_vec(),
+        fit,
         entries,
-        non_finite: fit.non_finite(),
         resumed_at,
-        initial_count,
         ms_per_step: 1e3 * step_time.as_secs_f64() / (plan.steps - resumed_at) as f64,
         backend: backend.name(),
         peak_device_bytes: backend.peak_device_bytes(),

@@ -10,6 +10,8 @@ use super::plan::crc;
 /// First bytes of a file; the last one is the version of its contents.
 pub(super) type Magic = [u8; 8];
 
+const CRC_BYTES: usize = 4;
+
 /// Why a file does not hold a value.
 pub(super) enum Unstored {
     /// It is of another kind or version.
@@ -33,7 +35,8 @@ pub(super) fn stored<T: DeserializeOwned>(magic: Magic, bytes: &[u8]) -> Result<
 /// # Errors
 /// [`Fault::Usage`](program::Fault::Usage) that names the path.
 pub(super) fn store(path: &Path, magic: Magic, value: &impl Serialize) -> anyhow::Result<()> {
-    let body = postcard::to_stdvec(value)?;
-    let bytes = [&magic[..], &crc(&body).to_le_bytes(), &body].concat();
+    let mut bytes = postcard::to_extend(value, [&magic[..], &[0; CRC_BYTES]].concat())?;
+    let (head, body) = bytes.split_at_mut(magic.len() + CRC_BYTES);
+    head[magic.len()..].copy_from_slice(&crc(body).to_le_bytes());
     Ok(output::write_durable(path, &bytes)?)
 }

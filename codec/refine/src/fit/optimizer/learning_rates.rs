@@ -89,7 +89,13 @@ impl LearningRates {
     ///
     /// The rates of a static field, which has no window centres, are 0.4 times as high.
     pub(in crate::fit) fn new<T: Real>(extent: f64, parameters: &Parameters<T>) -> LearningRates {
-        let widths = parameters.log_widths.iter().map(|width| libm::exp(width.to_double())).collect();
+        LearningRates::of_widths(extent, parameters.log_widths.iter().map(|width| width.to_double()))
+    }
+
+    /// The same, from the logarithms of the widths of the windows; those of a static scene if there is none.
+    pub(in crate::fit) fn of_widths(extent: f64, log_widths: impl Iterator<Item = f64>) -> LearningRates {
+        let widths: Vec<f64> = log_widths.map(libm::exp).collect();
+        let is_static = widths.is_empty();
         let support_radius = SUPPORT_RADIUS * median(widths).unwrap_or(1.0);
         let centers = CENTERS * extent;
         let rates = LearningRates {
@@ -104,7 +110,7 @@ impl LearningRates {
             motion: [1, 2, 3].map(|power| centers * support_radius.powi(-power)),
             rotation_rates: ROTATION_RATES,
         };
-        if parameters.tau.is_empty() { rates.scaled(STATIC) } else { rates }
+        if is_static { rates.scaled(STATIC) } else { rates }
     }
 
     /// The rates times `factor`.

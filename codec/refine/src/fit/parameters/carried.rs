@@ -69,10 +69,10 @@ pub(in crate::fit) fn keep_limits<T: Real>(
         if tau - support_radius * width < birth || tau + support_radius * width > death {
             let narrower = ((tau - birth).min(death - tau) / support_radius).min(width).max(width_min);
             parameters.log_widths[row] = T::from_f64(libm::log(narrower));
-            let reach = support_radius * narrower;
+            let half_life = support_radius * narrower;
             // Where even the narrowest window is too wide, in the middle.
-            let inside = if birth + reach < death - reach {
-                tau.clamp(birth + reach, death - reach)
+            let inside = if birth + half_life < death - half_life {
+                tau.clamp(birth + half_life, death - half_life)
             } else {
                 0.5 * (birth + death)
             };
@@ -106,8 +106,8 @@ mod tests {
     /// Birth and death.
     fn life(parameters: &Parameters<f64>) -> [f64; 2] {
         let opacity = 1.0 / (1.0 + libm::exp(-parameters.logits[0]));
-        let reach = libm::exp(parameters.log_widths[0]) * (2.0 * libm::log(255.0 * opacity)).sqrt();
-        [-1.0, 1.0].map(|side| parameters.tau[0] + side * reach)
+        let half_life = libm::exp(parameters.log_widths[0]) * (2.0 * libm::log(255.0 * opacity)).sqrt();
+        [-1.0, 1.0].map(|side| parameters.tau[0] + side * half_life)
     }
 
     fn limited(limits: [f32; 2]) -> [Carried; 1] {

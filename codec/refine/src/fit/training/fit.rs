@@ -116,8 +116,10 @@ impl Fit {
     pub fn carrying(mut self, carried: Vec<Carried>) -> Fit {
         assert_eq!(carried.len(), self.len(), "a past for each Gaussian");
         // What stands still or is finished is moved by no rate of time.
-        let dynamic: Vec<usize> = (0..self.len()).filter(|row| carried[*row].share_of_time() > 0.0).collect();
-        self.rates = LearningRates::new(self.bounds.extent, &self.parameters.select(&dynamic));
+        let log_widths = self.parameters.log_widths.iter().zip(&carried);
+        let dynamic = log_widths.filter(|(_, carried)| carried.share_of_time() > 0.0);
+        self.rates =
+            LearningRates::of_widths(self.bounds.extent, dynamic.map(|(width, _)| f64::from(*width)));
         self.moments.carried = carried;
         self.carries = true;
         self.keep_limits();
@@ -172,14 +174,12 @@ impl Fit {
         self.parameters.to_field(self.timeline)
     }
 
-    /// The parameters, which a back end has while it steps.
-    pub fn parameters(&self) -> &Parameters<f32> {
-        &self.parameters
-    }
-
-    /// The past of each row in a fit that goes on from earlier ones, else empty; a back end has it while it steps.
-    pub fn carried(&self) -> &[Carried] {
-        &self.moments.carried
+    /// The parameters of the rows that are not [fixed](Carried::is_fixed).
+    pub fn into_fitted(self) -> Parameters<f32> {
+        let Fit { parameters, moments: Moments { carried, .. }, .. } = self;
+        let is_fixed = |row: usize| carried.get(row).is_some_and(|carried| carried.is_fixed());
+        let rows: Vec<usize> = (0..parameters.len()).filter(|row| !is_fixed(*row)).collect();
+        parameters.select(&rows)
     }
 
     /// Number of steps done.

@@ -52,7 +52,7 @@ pub(super) fn background(
     let carried = vec![Carried { is_static: true, ..Carried::NONE }; anchors.len()];
     let fit = Fit::new(plan.fit_settings(), anchors, views.timeline, cameras).carrying(carried);
     let fitted = fit_from(plan, capture_files, &views, runtime, out, on_progress, |_| Ok(Some(fit)))?;
-    Ok(fitted.expect("there is something to fit").parameters)
+    Ok(fitted.expect("there is something to fit").fit.into_fitted())
 }
 
 /// Gaussians of what stands still in `views`, photographs of frames from all over the take.

@@ -30,7 +30,7 @@ use anyhow::bail;
 use program::Fault;
 use refine::anchor::AnchorError;
 
-use super::{FitProgress, FitRuntime, clip_info};
+use super::{FitRuntime, clip_info};
 use crate::capture::CaptureFiles;
 use crate::import::FitRecord;
 use crate::messages::count;
@@ -41,22 +41,10 @@ pub use cost::slide_cost;
 use photographs::Photographs;
 pub use plan::SlidePlan;
 use process::Process;
+pub use process::SlideProgress;
 pub use segments::Segments;
 use windows::Windows;
 pub use work_folder::WorkFolder;
-
-/// Progress of a sliding fit.
-#[derive(Clone, Copy, Debug)]
-pub struct SlideProgress {
-    /// The part; `None` for the background.
-    pub part: Option<usize>,
-    /// Steps that this process has done.
-    pub done: u64,
-    /// Steps that it does in all.
-    pub steps: u64,
-    /// Progress within the part.
-    pub fit: FitProgress,
-}
 
 /// What a process has fitted.
 #[derive(Clone, Debug)]

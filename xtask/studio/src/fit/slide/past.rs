@@ -66,11 +66,11 @@ impl PartTime {
                 if share >= ALL {
                     return self.own();
                 }
-                let reach = parameters.support_radius(row) * width;
+                let half_life = parameters.support_radius(row) * width;
                 let mut limits = self.own().limits;
                 match side {
-                    Side::Before => limits[0] = (tau - reach) as f32,
-                    Side::After => limits[1] = (tau + reach) as f32,
+                    Side::Before => limits[0] = (tau - half_life) as f32,
+                    Side::After => limits[1] = (tau + half_life) as f32,
                 }
                 Carried { share: share.max(SHARE_MIN) as f32, limits, is_static: false }
             })
@@ -136,14 +136,14 @@ mod tests {
     fn only_a_past_may_reach_beyond_the_photographs() {
         let none = f32::INFINITY;
         let limits = |time: PartTime, tau, side| time.carried(&row(tau, 2.0), side)[0].limits;
-        let reach = 2.0 * (2.0f32 * 127.5f32.ln()).sqrt();
+        let half_life = 2.0 * (2.0f32 * 127.5f32.ln()).sqrt();
         let near = |a: [f32; 2], b: [f32; 2]| {
             assert!(a.iter().zip(b).all(|(a, b)| *a == b || (a - b).abs() < 1e-4), "{a:?} {b:?}");
         };
         near(limits(TIME, 20.0, Side::Before), [0.0, none]);
-        near(limits(TIME, 0.0, Side::Before), [-reach, none]);
-        near(limits(BOTH, 0.0, Side::Before), [-reach, 45.0]);
-        near(limits(BOTH, 44.0, Side::After), [0.0, 44.0 + reach]);
+        near(limits(TIME, 0.0, Side::Before), [-half_life, none]);
+        near(limits(BOTH, 0.0, Side::Before), [-half_life, 45.0]);
+        near(limits(BOTH, 44.0, Side::After), [0.0, 44.0 + half_life]);
         near(limits(BOTH, 20.0, Side::After), [0.0, 45.0]);
         assert_eq!(PartTime { is_finished: [false; 2], ..TIME }.own(), Carried::NONE);
     }

@@ -6,13 +6,25 @@ use std::time::Instant;
 use refine::anchor::AnchorError;
 use refine::fit::{Backend, Parameters};
 
-use super::SlideProgress;
 use super::background::background;
 use super::part::{self, FittedPart, Start, divided, is_finished};
 use super::photographs::{Loaded, Photographs};
 use super::plan::SlidePlan;
 use super::work_folder::{Claim, WorkFolder};
 use crate::fit::{FitProgress, FitRuntime, fit_from};
+
+/// Progress of a sliding fit.
+#[derive(Clone, Copy, Debug)]
+pub struct SlideProgress {
+    /// The part; `None` for the background.
+    pub part: Option<usize>,
+    /// Steps that this process has done.
+    pub done: u64,
+    /// Steps that it does in all.
+    pub steps: u64,
+    /// Progress within the part.
+    pub fit: FitProgress,
+}
 
 /// What the fits of a process share.
 pub(super) struct Process<'a, 'b> {
@@ -93,11 +105,7 @@ impl Process<'_, '_> {
             }
             fit_from(&plan.fit, photographs.capture_files, &views, again(runtime), &claim.out, on_fit, start)
         })?;
-        let fitted = fitted.map_or(passed_on, |fitted| {
-            let rows: Vec<usize> =
-                (0..fitted.parameters.len()).filter(|row| !fitted.carried[*row].is_fixed()).collect();
-            fitted.parameters.select(&rows)
-        });
+        let fitted = fitted.map_or(passed_on, |fitted| fitted.fit.into_fitted());
         let seconds = begun.elapsed().as_secs_f64();
         let fitted = FittedPart { seconds, ..divided(&fitted, photographs, part, is_finished) };
         work.complete(claim, &fitted)?;

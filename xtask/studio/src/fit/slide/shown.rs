@@ -62,5 +62,7 @@ pub(super) fn not_shown(
             is_shown[row] &= drawn[3] > SHOWN_ALPHA && error < SHOWN_ERROR;
         }
     }
+    // The memory is for the fit.
+    drop(backend.store().map_err(on_device)?);
     Ok((0..anchors.len()).filter(|row| !is_shown[*row]).collect())
 }
