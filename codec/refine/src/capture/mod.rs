@@ -1,7 +1,7 @@
 //! [`Capture`]: calibrated cameras and the index of their photographs.
 //!
 //! A capture names its cameras and photographs, but contains no pixels. Each photograph has a time of its
-//! own: that of its frame, later by its camera's offset. [`Photo`] is a photograph in memory, free of lens
+//! own: that of its frame, later by its camera's offset and by a deviation of its own. [`Photo`] is a photograph in memory, free of lens
 //! distortion and multiplied by its mask.
 
 mod lens;
@@ -23,8 +23,11 @@ pub struct Capture {
     pub cameras: Vec<CalibratedCamera>,
     /// Time of each frame in seconds, ascending from 0; a static scene has one frame.
     pub frame_times_s: Vec<f64>,
-    /// Photographs: each camera at most once per frame.
+    /// Photographs in ascending order: each camera at most once per frame.
     pub photos: Vec<PhotoId>,
+    /// Seconds by which each of them is later than its frame and its camera's offset say, negative if earlier; empty if
+    /// all are on time.
+    pub deviations_s: Vec<f64>,
 }
 
 /// A camera of a capture.
@@ -81,7 +84,11 @@ impl Capture {
     /// # Panics
     /// If the capture has no such camera or frame.
     pub fn time_s(&self, photo_id: PhotoId) -> f64 {
-        self.frame_times_s[photo_id.frame] + self.cameras[photo_id.camera].time_offset_s
+        let own_s = match self.deviations_s.is_empty() {
+            true => 0.0,
+            false => self.photos.binary_search(&photo_id).map_or(0.0, |i| self.deviations_s[i]),
+        };
+        self.frame_times_s[photo_id.frame] + self.cameras[photo_id.camera].time_offset_s + own_s
     }
 
     /// Time of a photograph in the clip, which lasts from 0 at the first frame to 1 at the last; an offset
@@ -271,12 +278,16 @@ mod tests {
         let cameras =
             [0.0, 0.02, -0.01].map(|time_offset_s| CalibratedCamera { time_offset_s, ..calibrated() });
         let cameras = cameras.to_vec();
-        let capture = Capture { cameras, frame_times_s: even_times_s(5, 25.0), photos: Vec::new() };
+        let capture = Capture { cameras, frame_times_s: even_times_s(5, 25.0), ..Capture::default() };
         let time = |camera: usize, frame: usize| capture.clip_time(PhotoId { frame, camera });
         assert_eq!((capture.frames(), capture.duration_s()), (5, 0.16));
         assert_eq!([time(0, 0), time(0, 2), time(0, 4)], [0.0, 0.5, 1.0]);
         assert!((time(1, 2) - 0.625).abs() < 1e-12 && (time(2, 0) + 0.0625).abs() < 1e-12);
-        let one_frame = Capture { frame_times_s: even_times_s(1, 25.0), ..capture };
+        let one_frame = Capture { frame_times_s: even_times_s(1, 25.0), ..capture.clone() };
         assert_eq!(one_frame.clip_time(PhotoId { frame: 0, camera: 0 }), 0.0);
+        let photos = vec![PhotoId { frame: 1, camera: 1 }, PhotoId { frame: 2, camera: 1 }];
+        let late = Capture { photos, deviations_s: vec![0.0, 0.004], ..capture };
+        let time_s = |frame: usize| late.time_s(PhotoId { frame, camera: 1 });
+        assert!((time_s(1) - 0.06).abs() < 1e-12 && (time_s(2) - 0.104).abs() < 1e-12);
     }
 }

@@ -117,7 +117,12 @@ mod tests {
         let cameras = held.iter().map(|&held| CalibratedCamera { held, ..calibrated() });
         let photos = (0..held.len()).flat_map(|camera| (0..3).map(move |frame| PhotoId { camera, frame }));
         let photos = photos.collect();
-        Capture { cameras: cameras.collect(), frame_times_s: even_times_s(3, 30.0), photos }
+        Capture {
+            cameras: cameras.collect(),
+            frame_times_s: even_times_s(3, 30.0),
+            photos,
+            ..Capture::default()
+        }
     }
 
     #[test]

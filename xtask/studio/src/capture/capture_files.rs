@@ -1,15 +1,19 @@
-//! [`CaptureFiles`]: the cameras of a capture and the files of its photographs; [`CaptureBuilder`] collects them.
+//! [`CaptureFiles`]: the cameras of a capture and the files of its photographs, pictures or videos; [`CaptureBuilder`]
+//! collects them.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use codec::Camera;
 use program::Fault;
 use refine::capture::{CalibratedCamera, Capture, Lens, Photo, PhotoId};
+use refine::image::Image;
 
 use super::image_file::{apply_mask, bad, check_size, read, read_image};
 use super::photo_paths::{PhotoPath, PhotoPaths};
+use super::video::Video;
 use crate::scene::DEFAULT_FPS;
 
 /// A capture and the paths of its photographs.
@@ -29,8 +33,18 @@ pub struct CaptureFiles {
     pub(super) file_cameras: Vec<Camera>,
     /// The folder of the capture.
     pub(super) folder: PathBuf,
-    /// Paths of the photographs and masks, in the order of the capture's photographs.
+    /// Paths of the photographs and masks, in the order of the capture's photographs; of a video's, that of the mask.
     pub(super) paths: PhotoPaths,
+    /// The video of each camera that has one.
+    pub(super) videos: Vec<Option<CameraVideo>>,
+}
+
+/// The video of a camera.
+#[derive(Clone, Debug)]
+pub(super) struct CameraVideo {
+    pub(super) video: Arc<Video>,
+    /// The video's frame at each frame of the capture, selected or not.
+    pub(super) frames: Arc<[Option<u32>]>,
 }
 
 impl CaptureFiles {
@@ -77,13 +91,39 @@ impl CaptureFiles {
         self.capture.photos.iter().flat_map(|photo_id| self.files_of(*photo_id))
     }
 
-    /// Paths of a photograph and, if it has one, of its mask.
+    /// Paths of a photograph or its video and, if it has one, of its mask.
+    fn files_of(&self, photo_id: PhotoId) -> impl Iterator<Item = PathBuf> {
+        [Some(self.path(photo_id)), self.mask_path(self.index(photo_id))].into_iter().flatten()
+    }
+
+    /// Reads the files of a photograph and drops them, so that the system has them in memory. A file that cannot be read
+    /// is left to decoding, and so are videos.
     ///
     /// # Panics
     /// If the capture has no such photograph.
-    pub fn files_of(&self, photo_id: PhotoId) -> impl Iterator<Item = PathBuf> {
-        let i = self.index(photo_id);
-        [Some(self.image_path(i)), self.mask_path(i)].into_iter().flatten()
+    pub fn read_ahead(&self, photo_id: PhotoId) {
+        let video = self.videos[photo_id.camera].as_ref().map(|of| of.video.path());
+        for path in self.files_of(photo_id).filter(|path| video != Some(path.as_path())) {
+            drop(std::fs::read(path));
+        }
+    }
+
+    /// Rows of numbers of `photo_ids` to decode one after another, while others are decoded beside them: the photographs
+    /// of a video in the order of time, and each other one by itself.
+    pub fn decoding_rows(&self, photo_ids: &[PhotoId]) -> Vec<Vec<usize>> {
+        let mut rows: Vec<Vec<usize>> = Vec::new();
+        let mut of_video: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+        for (i, PhotoId { camera, .. }) in photo_ids.iter().enumerate() {
+            match self.videos[*camera].is_some() {
+                true => of_video.entry(*camera).or_default().push(i),
+                false => rows.push(vec![i]),
+            }
+        }
+        rows.extend(of_video.into_values().map(|mut row| {
+            row.sort_by_key(|i| photo_ids[*i]);
+            row
+        }));
+        rows
     }
 
     /// Number of pixels of the largest photograph on disk.
@@ -92,12 +132,19 @@ impl CaptureFiles {
         self.file_cameras.iter().map(pixels).max().unwrap_or(1)
     }
 
-    /// Path of a photograph within the capture, without extension.
+    /// Path of a photograph within the capture, without extension; of a video's, the name of its camera and the number of
+    /// its frame.
     ///
     /// # Panics
     /// If the capture has no such photograph.
-    pub fn name(&self, photo_id: PhotoId) -> &str {
-        self.paths.name(self.index(photo_id))
+    pub fn name(&self, photo_id: PhotoId) -> String {
+        match self.videos[photo_id.camera].is_some() {
+            true => {
+                let camera = &self.capture.cameras[photo_id.camera].name;
+                format!("{camera}/{:06}", self.selected.start + photo_id.frame)
+            }
+            false => self.paths.name(self.index(photo_id)).to_owned(),
+        }
     }
 
     /// The number of a photograph among the capture's.
@@ -105,9 +152,19 @@ impl CaptureFiles {
         self.capture.photos.binary_search(&photo_id).expect("a photograph of the capture")
     }
 
-    /// Path of the photograph with this number.
-    fn image_path(&self, i: usize) -> PathBuf {
-        self.folder.join(self.paths.image(i))
+    /// Path of a photograph, or of the video that it is in.
+    fn path(&self, photo_id: PhotoId) -> PathBuf {
+        match &self.videos[photo_id.camera] {
+            Some(CameraVideo { video, .. }) => video.path().to_owned(),
+            None => self.folder.join(self.paths.image(self.index(photo_id))),
+        }
+    }
+
+    /// The picture of a photograph that is in a video.
+    fn video_picture(&self, photo_id: PhotoId) -> Option<Result<image::RgbImage, Fault>> {
+        let CameraVideo { video, frames } = self.videos[photo_id.camera].as_ref()?;
+        let frame = frames[self.selected.start + photo_id.frame].expect("a photograph of the capture");
+        Some(video.frame(frame as usize))
     }
 
     /// Path of the mask of the photograph with this number, if it has one.
@@ -125,7 +182,10 @@ impl CaptureFiles {
     /// If the capture has no such photograph.
     #[cfg(feature = "onnx")]
     pub fn unprocessed_photo(&self, photo_id: PhotoId) -> Result<image::RgbImage, Fault> {
-        let path = self.image_path(self.index(photo_id));
+        if let Some(picture) = self.video_picture(photo_id) {
+            return picture;
+        }
+        let path = self.path(photo_id);
         let photo = read(&path)?.into_rgba8();
         check_size(&path, photo.dimensions(), &self.file_cameras[photo_id.camera])?;
         let over_black = |c: u8, alpha: u8| ((u16::from(c) * u16::from(alpha) + 127) / 255) as u8;
@@ -144,13 +204,15 @@ impl CaptureFiles {
     /// # Panics
     /// If the capture has no such photograph.
     pub fn photo(&self, photo_id: PhotoId) -> Result<Photo, Fault> {
-        let i = self.index(photo_id);
-        let path = self.image_path(i);
+        let path = self.path(photo_id);
         let CalibratedCamera { camera: target, lens, .. } = &self.capture.cameras[photo_id.camera];
         let camera = &self.file_cameras[photo_id.camera];
-        let mut image = read_image(&path)?;
+        let mut image = match self.video_picture(photo_id) {
+            Some(picture) => opaque(&picture?),
+            None => read_image(&path)?,
+        };
         check_size(&path, (image.width, image.height), camera)?;
-        if let Some(path) = self.mask_path(i) {
+        if let Some(path) = self.mask_path(self.index(photo_id)) {
             let mask = read(&path)?.into_luma16();
             if mask.dimensions() != (camera.width, camera.height) {
                 let ((width, height), Camera { width: w, height: h, .. }) = (mask.dimensions(), camera);
@@ -173,6 +235,9 @@ pub(super) struct CaptureBuilder {
     /// The photographs in the order in which they were added, and their paths.
     photos: Vec<PhotoId>,
     paths: PhotoPaths,
+    videos: Vec<Option<CameraVideo>>,
+    /// Deviations in seconds of photographs that are not on time.
+    deviations_s: BTreeMap<PhotoId, f64>,
 }
 
 impl CaptureBuilder {
@@ -182,13 +247,35 @@ impl CaptureBuilder {
             cameras: Vec::new(),
             photos: Vec::new(),
             paths: PhotoPaths::default(),
+            videos: Vec::new(),
+            deviations_s: BTreeMap::new(),
         }
     }
 
     /// Adds a camera and returns its index.
     pub(super) fn camera(&mut self, name: &str, camera: Camera, lens: Lens, held: bool) -> usize {
         self.cameras.push(CalibratedCamera { name: name.into(), camera, lens, time_offset_s: 0.0, held });
+        self.videos.push(None);
         self.cameras.len() - 1
+    }
+
+    /// Sets the video of a camera, and adds the photographs in it: the video's frame at each frame of the capture, with
+    /// the seconds by which it is later than that; `mask` gives the path of the mask of a frame.
+    pub(super) fn video(
+        &mut self,
+        camera: usize,
+        video: Video,
+        frames: &[Option<(u32, f64)>],
+        mask: impl Fn(usize) -> Option<String>,
+    ) {
+        for (frame, (_, late_s)) in frames.iter().enumerate().filter_map(|(k, at)| Some((k, (*at)?))) {
+            self.photo(camera, frame, PhotoPath { image: "", name: "", mask: mask(frame).as_deref() });
+            if late_s != 0.0 {
+                self.deviations_s.insert(PhotoId { frame, camera }, late_s);
+            }
+        }
+        let frames = frames.iter().map(|at| at.map(|(frame, _)| frame)).collect();
+        self.videos[camera] = Some(CameraVideo { video: Arc::new(video), frames });
     }
 
     /// Sets the [time offset](CalibratedCamera::time_offset_s) of a camera.
@@ -212,13 +299,20 @@ impl CaptureBuilder {
         let mut order: Vec<usize> = (0..self.photos.len()).collect();
         order.sort_unstable_by_key(|i| self.photos[*i]);
         let paths = self.paths.select(order.iter().copied());
-        let photos = order.iter().map(|i| self.photos[*i]).collect();
+        let photos: Vec<PhotoId> = order.iter().map(|i| self.photos[*i]).collect();
+        let deviations_s = match self.deviations_s.is_empty() {
+            true => Vec::new(),
+            false => {
+                let of = |photo_id| self.deviations_s.get(photo_id).copied().unwrap_or(0.0);
+                photos.iter().map(of).collect()
+            }
+        };
         let file_cameras = self.cameras.iter().map(|camera| camera.camera.clone()).collect();
         let offsets = self.cameras.iter().map(|camera| (camera.name.clone(), camera.time_offset_s));
         let time_offsets_s = offsets.filter(|(_, offset_s)| *offset_s != 0.0).collect();
         let selected = 0..frame_times_s.len();
-        let capture = Capture { cameras: self.cameras, frame_times_s, photos };
-        let folder = self.folder;
+        let capture = Capture { cameras: self.cameras, frame_times_s, photos, deviations_s };
+        let CaptureBuilder { folder, videos, .. } = self;
         CaptureFiles {
             capture,
             stated_fps,
@@ -228,8 +322,18 @@ impl CaptureBuilder {
             file_cameras,
             folder,
             paths,
+            videos,
         }
     }
+}
+
+/// A picture without transparency.
+fn opaque(picture: &image::RgbImage) -> Image {
+    let pixel = |p: &image::Rgb<u8>| {
+        let [r, g, b] = p.0.map(|c| f64::from(c) / 255.0);
+        [r, g, b, 1.0]
+    };
+    Image { width: picture.width(), height: picture.height(), pixels: picture.pixels().map(pixel).collect() }
 }
 
 /// A camera with these intrinsics and this rigid transform.

@@ -1,15 +1,17 @@
 //! Captures with this project's own manifest, `capture.json`.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::RangeInclusive;
 use std::path::Path;
 
+use program::Fault;
 use refine::capture::{Lens, even_times_s};
 use serde::Deserialize;
 
 use super::capture_files::{CaptureBuilder, CaptureFiles, pinhole};
 use super::image_file::{bad, bad_layout, read_text};
 use super::photo_paths::PhotoPath;
+use super::video::Video;
 use crate::scene::DEFAULT_FPS;
 
 /// File name of the manifest, which identifies the layout.
@@ -28,11 +30,11 @@ const SKEW_MAX: f64 = 1e-6;
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Manifest {
-    frames: usize,
+    frames: Option<usize>,
     fps: Option<f64>,
     #[serde(default)]
     first_frame: usize,
-    images: String,
+    images: Option<String>,
     masks: Option<String>,
     cameras: Vec<ManifestCamera>,
 }
@@ -48,6 +50,9 @@ struct ManifestCamera {
     #[serde(rename = "D", default)]
     d: Vec<f64>,
     w2c: [[f64; 4]; 4],
+    video: Option<String>,
+    #[serde(default)]
+    start_s: f64,
     #[serde(default)]
     time_offset_s: f64,
     #[serde(default)]
@@ -56,66 +61,94 @@ struct ManifestCamera {
 
 pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
     let path = folder.join(FILE);
+    let bad_manifest = |problem: String| bad_layout(&path, problem);
     let manifest: Manifest =
         serde_json::from_str(&read_text(&path)?).map_err(|error| bad_layout(&path, error))?;
-    manifest.check().map_err(|problem| bad_layout(&path, problem))?;
+    manifest.check().map_err(bad_manifest)?;
     let fps = manifest.fps.unwrap_or(f64::from(DEFAULT_FPS));
-    let mut builder = CaptureBuilder::new(folder);
+    let mut videos = Vec::new();
     for entry in &manifest.cameras {
+        videos.push(entry.video.as_ref().map(|video| open_video(&folder.join(video), entry)).transpose()?);
+    }
+    let frames = manifest.frames_of(&videos, fps).map_err(bad_manifest)?;
+    manifest.check_frames(frames).map_err(bad_manifest)?;
+    let mut builder = CaptureBuilder::new(folder);
+    for (entry, video) in manifest.cameras.iter().zip(videos) {
         let lens = Lens::from_opencv(&entry.d)
             .map_err(|problem| bad_layout(&path, format!("camera {}: {problem}", entry.id)))?;
         let [[fx, _, cx], [_, fy, cy], _] = entry.k;
         let camera = pinhole((entry.w, entry.h), [fx, fy, cx, cy], entry.w2c);
         let index = builder.camera(&entry.id, camera, lens, entry.held);
         builder.offset_s(index, entry.time_offset_s);
-        for frame in 0..manifest.frames {
-            let named = |pattern: &String| {
-                let named = expand(pattern, &entry.id, manifest.first_frame + frame);
-                named.map_err(|problem| bad_layout(&path, problem))
-            };
-            let image = named(&manifest.images)?;
+        let named = |pattern: &String, frame: usize| {
+            expand(pattern, &entry.id, manifest.first_frame + frame).map_err(bad_manifest)
+        };
+        let mask_of = |frame: usize| -> Result<Option<String>, Fault> {
+            let Some(pattern) = &manifest.masks else { return Ok(None) };
+            let mask = named(pattern, frame)?;
+            let file = folder.join(&mask);
+            let missing = "this mask is missing; put it there, or remove masks from capture.json";
+            if file.is_file() { Ok(Some(mask)) } else { Err(bad(&file, missing)) }
+        };
+        if let Some(video) = video {
+            let at_frames = video.at_frames(entry.start_s, frames, fps);
+            let masks = at_frames.iter().enumerate().filter(|(_, at)| at.is_some());
+            let masks = masks.map(|(frame, _)| Ok((frame, mask_of(frame)?)));
+            let masks = masks.collect::<Result<BTreeMap<usize, Option<String>>, Fault>>()?;
+            builder.video(index, video, &at_frames, |frame| masks[&frame].clone());
+            continue;
+        }
+        let pattern = manifest.images.as_ref().expect("cameras without a video have images");
+        for frame in 0..frames {
+            let image = named(pattern, frame)?;
             if !folder.join(&image).is_file() {
                 continue;
             }
-            let mask = manifest.masks.as_ref().map(named).transpose()?;
-            if let Some(mask) = mask.as_ref().map(|mask| folder.join(mask)).filter(|mask| !mask.is_file()) {
-                return Err(bad(
-                    &mask,
-                    "this mask is missing; put it there, or remove masks from capture.json",
-                )
-                .into());
-            }
+            let mask = mask_of(frame)?;
             let name = Path::new(&image).with_extension("");
             let name = name.strip_prefix("images").unwrap_or(&name).to_string_lossy();
             builder.photo(index, frame, PhotoPath { image: &image, name: &name, mask: mask.as_deref() });
         }
     }
-    Ok(builder.build(even_times_s(manifest.frames, fps), manifest.fps))
+    Ok(builder.build(even_times_s(frames, fps), manifest.fps))
+}
+
+/// Opens the video of a camera.
+fn open_video(path: &Path, entry: &ManifestCamera) -> Result<Video, Fault> {
+    let video = Video::open(path)?;
+    let ((width, height), (w, h)) = (video.size, (entry.w, entry.h));
+    if (width, height) == (w, h) {
+        return Ok(video);
+    }
+    let why = if (height, width) == (w, h) { "it is turned, or its camera is; " } else { "" };
+    Err(bad(
+        path,
+        format!(
+            "{width}x{height} pixels, but its camera has {w}x{h}: {why}scale the video, or correct the camera"
+        ),
+    ))
 }
 
 impl Manifest {
     /// Checks the values that no photograph depends on alone.
     fn check(&self) -> Result<(), String> {
-        let Manifest { frames, fps, first_frame, images, cameras, .. } = self;
-        if !(1..=FRAMES_MAX).contains(frames) {
-            return Err(format!("{frames} frames: the range is 1 to {FRAMES_MAX}"));
-        }
-        if first_frame.checked_add(*frames).is_none() {
-            return Err(format!("first_frame {first_frame} is too large"));
-        }
+        let Manifest { fps, images, cameras, .. } = self;
         if let Some(fps) = fps.filter(|fps| !FPS.contains(fps)) {
             return Err(format!("fps {fps}: the range is {} to {}", FPS.start(), FPS.end()));
         }
-        let duration_s = (*frames - 1) as f64 / fps.unwrap_or(f64::INFINITY);
         let mut names = BTreeSet::new();
-        for ManifestCamera { id, k, time_offset_s, .. } in cameras {
+        for ManifestCamera { id, k, time_offset_s, video, start_s, .. } in cameras {
             if *time_offset_s != 0.0 && fps.is_none() {
                 return Err(format!("camera {id} has a time_offset_s, so the capture needs its fps"));
             }
-            if time_offset_s.abs() > duration_s {
-                return Err(format!(
-                    "camera {id}: time_offset_s {time_offset_s} is longer than the clip, {duration_s} s; it counts seconds"
-                ));
+            if video.is_some() && fps.is_none() {
+                return Err(format!("camera {id} has a video, so the capture needs its fps"));
+            }
+            if video.is_none() && images.is_none() {
+                return Err(format!("camera {id} has no video, so the capture needs its images"));
+            }
+            if video.is_none() && *start_s != 0.0 {
+                return Err(format!("camera {id} has a start_s, which is of videos; name its video"));
             }
             if !names.insert(id) {
                 return Err(format!("camera {id} is listed twice"));
@@ -124,9 +157,51 @@ impl Manifest {
                 return Err(format!("camera {id}: K has a skew of {}, which is not supported", k[0][1]));
             }
         }
+        Ok(())
+    }
+
+    /// Number of frames, stated or as far as all videos go.
+    fn frames_of(&self, videos: &[Option<Video>], fps: f64) -> Result<usize, String> {
+        if let Some(frames) = self.frames {
+            return Ok(frames);
+        }
+        let end_s = |(entry, video): (&ManifestCamera, &Option<Video>)| match video {
+            Some(video) => Ok(entry.start_s + video.times_s.last().copied().unwrap_or(0.0)),
+            None => Err(format!("camera {} has no video, so the capture needs its frames", entry.id)),
+        };
+        let ends_s = self.cameras.iter().zip(videos).map(end_s).collect::<Result<Vec<f64>, String>>()?;
+        let end_s = ends_s.into_iter().fold(f64::INFINITY, f64::min);
+        if end_s < 0.0 {
+            return Err(format!(
+                "a video ends {:.3} s before the capture begins; correct its start_s",
+                -end_s
+            ));
+        }
+        // The last frame may be as late as rounding.
+        Ok(((end_s * fps + 1e-3) as usize).saturating_add(1))
+    }
+
+    /// Checks the number of frames, and what depends on it.
+    fn check_frames(&self, frames: usize) -> Result<(), String> {
+        let Manifest { fps, first_frame, images, cameras, .. } = self;
+        if !(1..=FRAMES_MAX).contains(&frames) {
+            return Err(format!("{frames} frames: the range is 1 to {FRAMES_MAX}"));
+        }
+        if first_frame.checked_add(frames).is_none() {
+            return Err(format!("first_frame {first_frame} is too large"));
+        }
+        let duration_s = (frames - 1) as f64 / fps.unwrap_or(f64::INFINITY);
+        for ManifestCamera { id, time_offset_s, .. } in cameras {
+            if time_offset_s.abs() > duration_s {
+                return Err(format!(
+                    "camera {id}: time_offset_s {time_offset_s} is longer than the clip, {duration_s} s; it counts seconds"
+                ));
+            }
+        }
+        let Some(images) = images else { return Ok(()) };
         // Without the placeholder, all cameras or frames would share one file.
         let needs = |placeholder: &str, many: bool| many && !images.contains(&format!("{{{placeholder}"));
-        match [("camera", cameras.len() > 1), ("frame", *frames > 1)]
+        match [("camera", cameras.len() > 1), ("frame", frames > 1)]
             .iter()
             .find(|(placeholder, many)| needs(placeholder, *many))
         {

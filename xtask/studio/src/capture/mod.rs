@@ -10,6 +10,7 @@ mod manifest;
 mod part;
 mod photo_paths;
 mod transforms;
+mod video;
 
 use std::path::Path;
 

@@ -41,6 +41,8 @@ impl CaptureFiles {
         cameras.retain(|_| *selected.next().expect("one for each camera"));
         let mut selected = is_selected.iter();
         self.file_cameras.retain(|_| *selected.next().expect("one for each camera"));
+        let mut selected = is_selected.iter();
+        self.videos.retain(|_| *selected.next().expect("one for each camera"));
         let mut numbers = 0..;
         let numbers: Vec<Option<usize>> =
             is_selected.iter().map(|selected| if *selected { numbers.next() } else { None }).collect();
@@ -53,6 +55,9 @@ impl CaptureFiles {
         let photos = &self.capture.photos;
         let is_kept = |i: &usize| kept(photos[*i]).is_some();
         self.paths = self.paths.select((0..photos.len()).filter(is_kept));
+        let late = photos.iter().zip(&self.capture.deviations_s);
+        self.capture.deviations_s =
+            late.filter(|(photo_id, _)| kept(**photo_id).is_some()).map(|(_, late_s)| *late_s).collect();
         self.capture.photos = photos.iter().filter_map(|photo_id| kept(*photo_id)).collect();
         self.capture.photos.shrink_to_fit();
     }

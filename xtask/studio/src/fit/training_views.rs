@@ -86,7 +86,13 @@ pub(super) fn load_views(
     let batch = (DECODING_BYTES / (BYTES_PER_PIXEL * capture_files.pixels_max())).max(1);
     let mut loaded = Vec::with_capacity(photo_ids.len());
     for photo_ids in photo_ids.chunks(batch) {
-        loaded.extend(photo_ids.par_iter().map(load).collect::<Result<Vec<_>, Fault>>()?);
+        let load_row = |row: Vec<usize>| -> Result<Vec<_>, Fault> {
+            row.into_iter().map(|i| Ok((i, load(&photo_ids[i])?))).collect()
+        };
+        let rows = capture_files.decoding_rows(photo_ids).into_par_iter().map(load_row);
+        let mut views: Vec<_> = rows.collect::<Result<Vec<_>, Fault>>()?.into_iter().flatten().collect();
+        views.sort_by_key(|(i, _)| *i);
+        loaded.extend(views.into_iter().map(|(_, view)| view));
     }
     Ok(loaded)
 }

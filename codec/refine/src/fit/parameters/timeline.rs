@@ -58,7 +58,7 @@ mod tests {
     fn capture(offsets_s: &[f64]) -> Capture {
         let camera = |&time_offset_s: &f64| CalibratedCamera { time_offset_s, ..calibrated() };
         let cameras = offsets_s.iter().map(camera).collect();
-        Capture { cameras, frame_times_s: even_times_s(9, 10.0), photos: Vec::new() }
+        Capture { cameras, frame_times_s: even_times_s(9, 10.0), ..Capture::default() }
     }
 
     fn intervals(capture: &Capture, fitted: &[(usize, usize)]) -> f64 {

@@ -135,7 +135,7 @@ fn about(capture: &Path, capture_files: &CaptureFiles, plan: &FitPlan) -> Result
 fn load_other(path: &Path, capture_files: &CaptureFiles) -> anyhow::Result<Subject> {
     let subject = Subject::load(path, capture_files).map_err(|error| match path.is_dir() && is_of_data(&error) {
         true => {
-            let example = capture_files.capture.photos.first().map_or("", |first| capture_files.name(*first));
+            let example = capture_files.capture.photos.first().map_or_else(String::new, |first| capture_files.name(*first));
             let path = path.display();
             anyhow::Error::from(Fault::Data(format!(
                 "--compare: {path} holds no picture of a photograph; name the pictures as the photographs, such as \

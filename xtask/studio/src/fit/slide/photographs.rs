@@ -53,15 +53,10 @@ impl<'a> Photographs<'a> {
     }
 
     /// Reads the files of `part` that `current` does not see, one after another, and drops them: the system keeps what
-    /// was read in memory that it has no other use for, and decoding need not wait for a slow disk. A file that cannot
-    /// be read is left to decoding.
+    /// was read in memory that it has no other use for, and decoding need not wait for a slow disk.
     pub(super) fn read_ahead(&self, part: usize, current: usize) {
         let is_new = |photo_id: &&PhotoId| self.sees(part, **photo_id) && !self.sees(current, **photo_id);
-        for photo_id in self.fitted.iter().filter(is_new) {
-            for path in self.capture_files.files_of(*photo_id) {
-                drop(std::fs::read(path));
-            }
-        }
+        self.fitted.iter().filter(is_new).for_each(|photo_id| self.capture_files.read_ahead(*photo_id));
     }
 
     /// The photographs of a few frames that are spread evenly over the take; their times count from its beginning.

@@ -1,0 +1,270 @@
+//! [`Video`]: the video of a camera, whose frames `ffmpeg` decodes when they are needed.
+//!
+//! ```text
+//! ffprobe: size, colour matrix, presentation time of each frame
+//! ffmpeg:  seeks to a frame, and decodes it and those after it to a pipe -> pictures
+//! ```
+//!
+//! Frames that are asked for in ascending order come from one run of `ffmpeg`, which waits at the pipe between them.
+
+use std::fs::File;
+use std::io::{ErrorKind, Read, Seek};
+use std::path::{Path, PathBuf};
+use std::process::{Child, ChildStdout, Command, Stdio};
+use std::sync::Mutex;
+
+use image::RgbImage;
+use program::Fault;
+use serde::Deserialize;
+
+use super::image_file::bad;
+use crate::messages::unreadable;
+
+/// Longest row of frames that are decoded to reach one, rather than to seek it.
+const SKIPPED_MAX: usize = 48;
+
+/// Deviation that counts as rounding: ffprobe writes microseconds.
+const ON_TIME_S: f64 = 1e-6;
+
+/// Rows of pixels from which a video that states no colour matrix has that of HDTV, as players assume.
+const HD_ROWS: u32 = 720;
+
+/// A video file and the times of its frames.
+#[derive(Debug)]
+pub(super) struct Video {
+    path: PathBuf,
+    /// Width and height of its pictures, upright.
+    pub(super) size: (u32, u32),
+    /// Presentation times in seconds since that of the first frame, strictly ascending.
+    pub(super) times_s: Vec<f64>,
+    /// Presentation time of the first frame, in seconds since the start of the file.
+    first_s: f64,
+    /// Name in ffmpeg of the matrix by which its colours were made.
+    matrix: &'static str,
+    decoding: Mutex<Option<Decoding>>,
+}
+
+impl Video {
+    /// Reads the times of the frames of a video file.
+    ///
+    /// # Errors
+    /// [`Fault::Usage`] if there is no `ffprobe`, [`Fault::Data`] if the file has no video that it can read.
+    pub(super) fn open(path: &Path) -> Result<Video, Fault> {
+        std::fs::metadata(path).map_err(|error| unreadable(path, &error))?;
+        let entries = "stream=width,height,color_space:stream_side_data=rotation:packet=pts_time,flags:format=start_time";
+        let mut command = Command::new("ffprobe");
+        command
+            .args(["-v", "error", "-select_streams", "V:0", "-show_entries", entries, "-of", "json"])
+            .arg(path);
+        let output = command.stdin(Stdio::null()).output().map_err(|error| not_run("ffprobe", &error))?;
+        let said = String::from_utf8_lossy(&output.stderr);
+        if !output.status.success() {
+            return Err(bad(path, format!("no video that ffmpeg can read: {}", last_line(&said, path))));
+        }
+        let probed: Probed = serde_json::from_slice(&output.stdout)
+            .map_err(|error| bad(path, format!("ffprobe answers what is not understood: {error}")))?;
+        let stream = probed.streams.first().ok_or_else(|| bad(path, "it has no video; name a video file"))?;
+        let first_packets = probed.packets.iter().filter(|packet| !packet.flags.contains('D'));
+        let mut times_s: Vec<f64> =
+            first_packets.filter_map(|packet| seconds(packet.pts_time.as_deref())).collect();
+        times_s.sort_by(f64::total_cmp);
+        times_s.dedup();
+        let Some(first_s) = times_s.first().copied() else {
+            return Err(bad(path, "no frame of its video has a time; convert it to MP4"));
+        };
+        times_s.iter_mut().for_each(|time_s| *time_s -= first_s);
+        let turned = stream
+            .side_data_list
+            .iter()
+            .any(|data| (data.rotation.unwrap_or(0.0) / 90.0).round() % 2.0 != 0.0);
+        let (width, height) = (stream.width, stream.height);
+        Ok(Video {
+            path: path.to_owned(),
+            size: if turned { (height, width) } else { (width, height) },
+            times_s,
+            first_s: first_s - seconds(probed.format.start_time.as_deref()).unwrap_or(0.0),
+            matrix: matrix(stream.color_space.as_deref(), height.min(width)),
+            decoding: Mutex::new(None),
+        })
+    }
+
+    pub(super) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The video's frame that is nearest to each frame of a capture with `frames` frames, `fps` in a second, and the
+    /// seconds by which it is later; none where the nearest is half an interval away or nearer to another. The first
+    /// frame of the video is at `start_s`.
+    pub(super) fn at_frames(&self, start_s: f64, frames: usize, fps: f64) -> Vec<Option<(u32, f64)>> {
+        let mut nearest: Vec<Option<(u32, f64)>> = vec![None; frames];
+        for (number, time_s) in (0..).zip(&self.times_s) {
+            let at = (start_s + time_s) * fps;
+            let frame = at.round();
+            if !(0.0..frames as f64).contains(&frame) {
+                continue;
+            }
+            let late_s = (at - frame) / fps;
+            let slot = &mut nearest[frame as usize];
+            if slot.is_none_or(|(_, other_s)| late_s.abs() < other_s.abs()) {
+                *slot = Some((number, if late_s.abs() < ON_TIME_S { 0.0 } else { late_s }));
+            }
+        }
+        nearest
+    }
+
+    /// The picture of a frame; cheapest in ascending order.
+    ///
+    /// # Errors
+    /// [`Fault::Usage`] if there is no `ffmpeg`, [`Fault::Data`] if it cannot decode the frame.
+    ///
+    /// # Panics
+    /// If the video has no such frame.
+    pub(super) fn frame(&self, frame: usize) -> Result<RgbImage, Fault> {
+        assert!(frame < self.times_s.len(), "the video has {} frames", self.times_s.len());
+        let mut decoding = self.decoding.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        let is_near = |decoding: &Decoding| (decoding.next..=decoding.next + SKIPPED_MAX).contains(&frame);
+        let mut current = match decoding.take().filter(is_near) {
+            Some(current) => current,
+            None => self.decode_from(frame)?,
+        };
+        let (width, height) = self.size;
+        let mut pixels = vec![0; width as usize * height as usize * 3];
+        while current.next <= frame {
+            if let Err(error) = current.pictures.read_exact(&mut pixels) {
+                return Err(self.undecoded(current, &error));
+            }
+            current.next += 1;
+        }
+        // Nothing waits for frames that are not there.
+        *decoding = Some(current).filter(|current| current.next < self.times_s.len());
+        Ok(RgbImage::from_raw(width, height, pixels).expect("as many bytes as pixels have"))
+    }
+
+    /// Runs ffmpeg from a frame on.
+    fn decode_from(&self, frame: usize) -> Result<Decoding, Fault> {
+        // Halfway from the frame before, so that no rounding of times misses it.
+        let before = frame.checked_sub(1).map_or(0.0, |before| self.times_s[frame] - self.times_s[before]);
+        let from_s = (self.first_s + self.times_s[frame] - 0.5 * before).max(0.0);
+        let errors =
+            tempfile::tempfile().map_err(|error| Fault::Usage(format!("no temporary file: {error}")))?;
+        let said = errors.try_clone().map_err(|error| Fault::Usage(format!("no temporary file: {error}")))?;
+        let mut command = Command::new("ffmpeg");
+        command.args(["-nostdin", "-v", "error", "-threads", "2", "-ss", &format!("{from_s:.6}"), "-i"]);
+        command.arg(&self.path).args(["-map", "0:V:0", "-fps_mode", "passthrough"]);
+        let scale = format!(
+            "scale=in_color_matrix={}:flags=accurate_rnd+full_chroma_int+full_chroma_inp",
+            self.matrix
+        );
+        command.args(["-vf", &scale, "-pix_fmt", "rgb24", "-f", "rawvideo", "-"]);
+        let mut child = command
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(errors)
+            .spawn()
+            .map_err(|error| not_run("ffmpeg", &error))?;
+        let pictures = child.stdout.take().expect("it is piped");
+        Ok(Decoding { child, pictures, said, next: frame })
+    }
+
+    /// The fault of a frame that ffmpeg did not write.
+    fn undecoded(&self, current: Decoding, error: &std::io::Error) -> Fault {
+        let (frame, frames) = (current.next, self.times_s.len());
+        let mut said = String::new();
+        let mut log = &current.said;
+        let why = match log.rewind().and_then(|()| log.read_to_string(&mut said)) {
+            Ok(_) if !said.trim().is_empty() => last_line(&said, &self.path),
+            _ if error.kind() == ErrorKind::UnexpectedEof => "the video ends before".into(),
+            _ => error.to_string(),
+        };
+        bad(
+            &self.path,
+            format!("ffmpeg cannot decode frame {frame} of {frames}: {why}; record or copy it again"),
+        )
+    }
+}
+
+/// A run of ffmpeg that decodes frames to a pipe.
+#[derive(Debug)]
+struct Decoding {
+    child: Child,
+    pictures: ChildStdout,
+    /// What it says of errors.
+    said: File,
+    /// Number of the next frame in the pipe.
+    next: usize,
+}
+
+impl Drop for Decoding {
+    fn drop(&mut self) {
+        // It may have ended already.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// What ffprobe says.
+#[derive(Deserialize)]
+struct Probed {
+    #[serde(default)]
+    packets: Vec<Packet>,
+    #[serde(default)]
+    streams: Vec<Stream>,
+    #[serde(default)]
+    format: Format,
+}
+
+#[derive(Deserialize)]
+struct Packet {
+    pts_time: Option<String>,
+    #[serde(default)]
+    flags: String,
+}
+
+#[derive(Deserialize)]
+struct Stream {
+    width: u32,
+    height: u32,
+    color_space: Option<String>,
+    #[serde(default)]
+    side_data_list: Vec<SideData>,
+}
+
+#[derive(Deserialize)]
+struct SideData {
+    rotation: Option<f64>,
+}
+
+#[derive(Default, Deserialize)]
+struct Format {
+    start_time: Option<String>,
+}
+
+fn seconds(text: Option<&str>) -> Option<f64> {
+    text?.parse().ok().filter(|seconds: &f64| seconds.is_finite())
+}
+
+/// Name in the filter `scale` of a colour matrix that ffprobe names.
+fn matrix(stated: Option<&str>, rows: u32) -> &'static str {
+    match stated {
+        Some("bt709") => "bt709",
+        Some("bt470bg" | "smpte170m") => "bt601",
+        Some("smpte240m") => "smpte240m",
+        Some("fcc") => "fcc",
+        Some("bt2020nc" | "bt2020c") => "bt2020",
+        _ if rows >= HD_ROWS => "bt709",
+        _ => "bt601",
+    }
+}
+
+/// The last line that ffmpeg or ffprobe says, without the path of the file.
+fn last_line(said: &str, path: &Path) -> String {
+    let line = said.lines().rev().find(|line| !line.trim().is_empty()).unwrap_or("it says nothing");
+    line.replace(&format!("{}: ", path.display()), "").trim().to_owned()
+}
+
+fn not_run(program: &str, error: &std::io::Error) -> Fault {
+    Fault::Usage(match error.kind() {
+        ErrorKind::NotFound => format!("videos need {program}, version 5.1 or newer; install ffmpeg"),
+        _ => format!("cannot run {program}: {error}"),
+    })
+}
