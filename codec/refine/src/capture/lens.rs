@@ -81,7 +81,7 @@ impl Lens {
     fn new(model: Model) -> Lens {
         let end_squared = match &model {
             Model::Rational { numerator, denominator, .. } => {
-                // Of r N(q) / D(q) with q = r^2, the derivative times D^2 is
+                // With q = r^2, the derivative of r N(q) / D(q) times D^2 is
                 // (N + 2 q N') D - 2 q N D' = sum of (1 + 2 i - 2 j) n_i d_j q^(i + j).
                 let mut slope = [0.0; 7];
                 for (i, n) in numerator.iter().enumerate() {
