@@ -286,16 +286,17 @@ mod tests {
                 _ => Lens::fisheye(&coefficients[..4]).unwrap(),
             };
             let end = lens.end_squared.sqrt();
+            let longest = if end.is_finite() { end } else { 100.0 };
             let mut last = 0.0;
             for step in (0..4000).rev() {
-                let r = end.min(100.0) * 10f64.powf(-f64::from(step) * 0.002) * (1.0 - 1e-9);
+                let r = longest * 10f64.powf(-f64::from(step) * 0.002) * (1.0 - 1e-9);
                 let grown = radius(&lens, r);
                 assert!(grown.is_finite() && grown > last, "{coefficients:?}: {r} of {end}: {grown}, {last}");
                 last = grown;
             }
             if end.is_finite() {
                 finite_ends[fisheye] += 1;
-                assert!(radius(&lens, end * (1.0 + 1e-6)) < last, "{coefficients:?}: {end}");
+                assert!(radius(&lens, end * (1.0 + 1e-4)) < last, "{coefficients:?}: {end}");
             }
         }
         assert!(finite_ends.iter().all(|count| *count > 500), "{finite_ends:?}");
