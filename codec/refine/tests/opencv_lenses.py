@@ -1,6 +1,6 @@
 """Writes opencv_lenses.txt: points that OpenCV (PyPI `opencv-python-headless`) distorts, for lenses.rs.
 
-    python opencv_lenses.py > opencv_lenses.txt
+    python opencv_lenses.py > opencv_lenses.txt        with OpenCV 5, whose version is the first line
 
 A lens starts with a line: its model, the image size, fx, fy, cx, cy, `|`, the coefficients in OpenCV's
 order, `|`, and the radius at which it ends in focal lengths (inf if it does not), by NumPy's roots.
