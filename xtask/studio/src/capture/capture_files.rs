@@ -83,7 +83,7 @@ impl CaptureFiles {
     /// If the capture has no such photograph.
     pub fn files_of(&self, photo_id: PhotoId) -> impl Iterator<Item = PathBuf> {
         let i = self.index(photo_id);
-        [Some(self.image_path(i)), self.mask_path(i)].into_iter().flatten()
+        [Some(self.path(photo_id)), self.mask_path(i)].into_iter().flatten()
     }
 
     /// Number of pixels of the largest photograph on disk.
@@ -105,9 +105,12 @@ impl CaptureFiles {
         self.capture.photos.binary_search(&photo_id).expect("a photograph of the capture")
     }
 
-    /// Path of the photograph with this number.
-    fn image_path(&self, i: usize) -> PathBuf {
-        self.folder.join(self.paths.image(i))
+    /// Path of a photograph.
+    ///
+    /// # Panics
+    /// If the capture has no such photograph.
+    pub fn path(&self, photo_id: PhotoId) -> PathBuf {
+        self.folder.join(self.paths.image(self.index(photo_id)))
     }
 
     /// Path of the mask of the photograph with this number, if it has one.
@@ -125,7 +128,7 @@ impl CaptureFiles {
     /// If the capture has no such photograph.
     #[cfg(feature = "onnx")]
     pub fn unprocessed_photo(&self, photo_id: PhotoId) -> Result<image::RgbImage, Fault> {
-        let path = self.image_path(self.index(photo_id));
+        let path = self.path(photo_id);
         let photo = read(&path)?.into_rgba8();
         check_size(&path, photo.dimensions(), &self.file_cameras[photo_id.camera])?;
         let over_black = |c: u8, alpha: u8| ((u16::from(c) * u16::from(alpha) + 127) / 255) as u8;
@@ -144,13 +147,12 @@ impl CaptureFiles {
     /// # Panics
     /// If the capture has no such photograph.
     pub fn photo(&self, photo_id: PhotoId) -> Result<Photo, Fault> {
-        let i = self.index(photo_id);
-        let path = self.image_path(i);
+        let path = self.path(photo_id);
         let CalibratedCamera { camera: target, lens, .. } = &self.capture.cameras[photo_id.camera];
         let camera = &self.file_cameras[photo_id.camera];
         let mut image = read_image(&path)?;
         check_size(&path, (image.width, image.height), camera)?;
-        if let Some(path) = self.mask_path(i) {
+        if let Some(path) = self.mask_path(self.index(photo_id)) {
             let mask = read(&path)?.into_luma16();
             if mask.dimensions() != (camera.width, camera.height) {
                 let ((width, height), Camera { width: w, height: h, .. }) = (mask.dimensions(), camera);
