@@ -199,6 +199,11 @@ impl OutputFolder {
     }
 }
 
+/// Whether a file of this name is of an output that a killed process did not finish.
+pub fn is_unfinished(name: &str) -> bool {
+    name.starts_with(TEMPORARY)
+}
+
 /// Writes `bytes` to `path` as [`write()`] does, so that a power loss right after leaves the whole file there.
 ///
 /// # Errors

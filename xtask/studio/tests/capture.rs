@@ -164,7 +164,10 @@ fn a_manifest_with_faults_is_refused() {
         assert!(error.contains("capture") && error.contains(problem), "'{problem}' expected: {error}");
     };
     refused("unknown field `colour`", &|m| m["colour"] = true.into());
-    refused("unknown field `lens`", &|m| m["cameras"][1]["lens"] = 1.into());
+    refused("unknown field `lenses`", &|m| m["cameras"][1]["lenses"] = 1.into());
+    refused("unknown variant `fov`, expected `rational` or `fisheye`", &|m| {
+        m["cameras"][1]["lens"] = "fov".into();
+    });
     refused("camera 01 is listed twice", &|m| m["cameras"][0]["id"] = "01".into());
     refused("0 frames", &|m| m["frames"] = 0.into());
     refused("1000000000000 frames", &|m| m["frames"] = 1_000_000_000_000u64.into());
@@ -189,7 +192,13 @@ fn a_manifest_with_faults_is_refused() {
     refused("image size 0x24", &|m| m["cameras"][0]["w"] = 0.into());
     refused("skew of 0.5", &|m| m["cameras"][0]["K"][0][1] = 0.5.into());
     refused("must be a rotation", &|m| m["cameras"][2]["w2c"][0] = json!([0, 0, 0, 0]));
-    refused("coefficients", &|m| m["cameras"][2]["D"] = json!([0, 0, 0, 0, 0, 0.1]));
+    refused("camera 02: the lens has 9 coefficients", &|m| {
+        m["cameras"][2]["D"] = json!([0, 0, 0, 0, 0, 0, 0, 0, 0.1]);
+    });
+    refused("camera 02: the fisheye lens has 5 coefficients", &|m| {
+        m["cameras"][2]["lens"] = "fisheye".into();
+        m["cameras"][2]["D"] = json!([0, 0, 0, 0, 0.1]);
+    });
 }
 
 #[test]

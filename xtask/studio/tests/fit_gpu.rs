@@ -72,7 +72,7 @@ fn slides_as_the_cpu() {
     ];
     let measured = |out: &str, backend: &str| {
         let json = aarc_studio(folder, &[&args[..], &["-o", out, "--backend", backend]].concat()).json();
-        assert_eq!(json["steps"], 3, "{json}");
+        assert_eq!(json["parts"], 3, "{json}");
         let eval = aarc_studio(folder, &["eval", out, "--capture", "stage", "--json"]).json();
         eval["splits"]["train"]["psnr_fg"].as_f64().unwrap()
     };

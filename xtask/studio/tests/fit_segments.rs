@@ -95,6 +95,80 @@ fn even_parts_and_then_odd_ones_become_a_field_folder() {
 }
 
 #[test]
+fn a_process_that_comes_late_finds_nothing_to_do() {
+    let folder = take();
+    let folder = folder.path();
+    fitted(folder, &[]);
+    let files = field_files(folder);
+    // What a process leaves that is killed while it tidies up.
+    let work = folder.join("field/fit");
+    fs::create_dir(&work).unwrap();
+    for left in ["lock", "part-0002", "part-0003.fit.csv", ".writing-abcdef"] {
+        fs::write(work.join(left), b"left").unwrap();
+    }
+    let late = fitted(folder, &["--segments", "even", "--shard", "7/16"]);
+    assert_eq!(late["is_finished"], true, "{late}");
+    assert!(field_files(folder) == files, "it is tidied up");
+    assert!(refused(folder, 2, &[]).contains("field: it is finished already"));
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_part_that_another_process_fitted_meanwhile_stays() {
+    let folder = take();
+    let folder = folder.path();
+    let mut first = start(folder, &["--segments", "0..3"]);
+    let signal = |name: &str| Command::new("kill").args([name, &first.id().to_string()]).status().unwrap();
+    let begun = folder.join("field/fit/part-0000.lock");
+    while !begun.exists() {
+        thread::sleep(Duration::from_millis(2));
+    }
+    assert!(signal("-STOP").success());
+    fitted(folder, &["--segments", "2..4"]);
+    let part = fs::read(folder.join("field/fit/part-0002")).unwrap();
+    assert!(signal("-CONT").success());
+    // The field folder needs all parts; another process holds it open until the first has ended.
+    let last = folder.join("field/fit/part-0001");
+    while !last.exists() && first.try_wait().unwrap().is_none() {
+        let now = fs::read(folder.join("field/fit/part-0002"));
+        assert!(now.is_err() || now.unwrap() == part, "it is not fitted again");
+        thread::sleep(Duration::from_millis(2));
+    }
+    assert!(first.wait().unwrap().success());
+    let files = field_files(folder);
+    fs::remove_dir_all(folder.join("field")).unwrap();
+    fitted(folder, &["--segments", "2..4"]);
+    fitted(folder, &["--segments", "0..3"]);
+    assert!(field_files(folder) == files, "as one after another");
+}
+
+#[test]
+fn a_damaged_photograph_costs_one_even_part_and_other_photographs_are_refused() {
+    let folder = take();
+    let folder = folder.path();
+    let photograph = folder.join("stage/images/00/000002.png");
+    let whole = fs::read(&photograph).unwrap();
+    fs::write(&photograph, b"no photograph").unwrap();
+    let error = refused(folder, 3, &["--segments", "even"]);
+    assert!(error.contains("images/00/000002.png"), "{error}");
+    let is_fitted = |part: usize| folder.join(format!("field/fit/part-{part:04}")).exists();
+    assert!(!is_fitted(0) && is_fitted(2), "the other even part is fitted");
+
+    // Another take of the same rig.
+    fs::rename(folder.join("stage"), folder.join("aside")).unwrap();
+    let stage = ["synth", "stage", "-o", "stage", "--cameras", "8", "--frames", FRAMES, "--size", "48x48"];
+    aarc_studio(folder, &[&stage[..], &["--props"]].concat()).success();
+    let error = refused(folder, 2, &["--segments", "even"]);
+    assert!(error.contains("field/fit: a fit of other photographs was begun there"), "{error}");
+
+    fs::remove_dir_all(folder.join("stage")).unwrap();
+    fs::rename(folder.join("aside"), folder.join("stage")).unwrap();
+    fs::write(&photograph, whole).unwrap();
+    let json = fitted(folder, &["--segments", "even"]);
+    assert_eq!(json["fitted"], 2, "repaired: {json}");
+}
+
+#[test]
 fn ranges_meet_where_they_end() {
     let folder = take();
     let folder = folder.path();
@@ -155,7 +229,7 @@ fn processes_do_not_fit_parts_beside_each_other_at_once() {
     let error = refused(&[]);
     assert!(error.contains("field: another process fits to it"), "{error}");
     let error = refused(&["--segments", "3..4", "--seed", "1"]);
-    assert!(error.contains("of another capture or with other options"), "{error}");
+    assert!(error.contains("with other options was begun there"), "{error}");
     let output = first.wait_with_output().unwrap();
     assert!(output.status.success(), "the first goes on: {}", String::from_utf8_lossy(&output.stderr));
     assert!(folder.join("field/fit/part-0001").exists());

@@ -124,7 +124,7 @@ fn a_killed_fit_goes_on_with_the_same_result() {
     assert!(!folder.join("field/field.json").exists(), "nothing half-written");
     let other = [&FIT[..], &["--seed", "1"]].concat();
     let error = aarc_studio(folder, &other).error(2);
-    assert!(error.contains("field/fit: a fit of another capture or with other options was begun"), "{error}");
+    assert!(error.contains("with other options was begun there"), "{error}");
     let fewer = [&FIT[..], &["--frames", "0..30"]].concat();
     assert!(aarc_studio(folder, &fewer).error(2).contains("of another capture"));
 
@@ -139,8 +139,9 @@ fn a_killed_fit_goes_on_with_the_same_result() {
         for (damaged, length) in [(&whole[..], whole.len() - 1), (b"aarcstp\x00", 8)] {
             fs::write(work.join(file), &damaged[..length]).unwrap();
             let error = aarc_studio(folder, &FIT).error(3);
-            let expected =
-                format!("field/fit/{file}: damaged, or of another version; remove its folder to fit anew");
+            let cure =
+                if file == "part-0000" { "it to fit that part anew" } else { "its folder to fit anew" };
+            let expected = format!("field/fit/{file}: damaged, or of another version; remove {cure}");
             assert!(error.contains(&expected), "{error}");
         }
         fs::write(work.join(file), whole).unwrap();
@@ -296,8 +297,13 @@ fn parts_may_be_longer_than_the_take_and_shorter_than_an_interval() {
     let error = aarc_studio(folder, &fit).error(2);
     assert!(error.contains("field/fit: it is of no fit; move it, or name another --out"), "{error}");
     fs::write(folder.join("field/fit/lock"), b"").unwrap();
+    fs::write(folder.join("field/fit/plan-notes.txt"), b"precious").unwrap();
+    fs::create_dir(folder.join("field/fit/part-backup")).unwrap();
     aarc_studio(folder, &fit).success();
-    assert_eq!(fs::read(folder.join("field/fit/mine.txt")).unwrap(), b"precious");
+    for mine in ["mine.txt", "plan-notes.txt"] {
+        assert_eq!(fs::read(folder.join("field/fit").join(mine)).unwrap(), b"precious");
+    }
+    assert!(folder.join("field/fit/part-backup").is_dir());
     fs::remove_dir_all(folder.join("field")).unwrap();
     let one = [&fit[..], &["--frames", "0..2", "--holdout", "odd"]].concat();
     let error = aarc_studio(folder, &one).error(2);

@@ -237,7 +237,7 @@ mod tests {
 
     #[test]
     fn a_pixel_is_sampled_at_its_distorted_position() {
-        let (camera, lens) = (camera(), Lens { k1: -0.1, ..Lens::default() });
+        let (camera, lens) = (camera(), Lens::rational(&[-0.1]).unwrap());
         let photo = Photo::undistorted(ramp(), &camera, &lens);
         let (f, cx, cy) = (camera.k[0][0], camera.k[0][2], camera.k[1][2]);
         let (x, y) = ((25.5 - cx) / f, (6.5 - cy) / f);
@@ -254,7 +254,7 @@ mod tests {
 
     #[test]
     fn pixels_outside_the_photograph_are_invalid() {
-        let photo = Photo::undistorted(ramp(), &camera(), &Lens { k1: 0.5, ..Lens::default() });
+        let photo = Photo::undistorted(ramp(), &camera(), &Lens::rational(&[0.5]).unwrap());
         assert!(!photo.seen[0] && photo.seen[12 * 32 + 16]);
         assert_eq!(photo.image.pixels[0], [0.0; 4]);
     }

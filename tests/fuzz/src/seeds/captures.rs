@@ -29,17 +29,17 @@ pub fn captures() -> Vec<Seed> {
 
 /// This project's manifest, with lenses, masks and a held-out camera.
 pub(crate) fn manifest() -> String {
-    let camera = |id: &str, held: bool| {
+    let camera = |id: &str, held: bool, lens: &str| {
         format!(
-            r#"{{"id": "{id}", "w": 8, "h": 6, "K": [[9, 0, 4], [0, 9, 3], [0, 0, 1]], "D": [0.1, -0.01, 0.001, 0, 0],
+            r#"{{"id": "{id}", "w": 8, "h": 6, "K": [[9, 0, 4], [0, 9, 3], [0, 0, 1]], {lens},
             "w2c": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 3], [0, 0, 0, 1]], "held": {held}}}"#
         )
     };
     format!(
         r#"{{"frames": 2, "first_frame": 0, "images": "images/{{camera}}/{{frame:01}}.png",
         "masks": "masks/{{camera}}/{{frame}}.png", "cameras": [{}, {}]}}"#,
-        camera("00", false),
-        camera("01", true)
+        camera("00", false, r#""D": [0.1, -0.01, 0.001, 0, 0, 0.2, 0.1, 0.01]"#),
+        camera("01", true, r#""D": [0.1, -0.01, 0.001, 0], "lens": "fisheye""#)
     )
 }
 
@@ -75,7 +75,8 @@ fn transforms() -> String {
     )
 }
 
-const CAMERAS_TXT: &str = "# Camera list\n1 OPENCV 8 6 9 9 4 3 0.1 0 0 0\n2 PINHOLE 16 12 18 18 8 6\n";
+const CAMERAS_TXT: &str =
+    "# Camera list\n1 OPENCV 8 6 9 9 4 3 0.1 0 0 0\n2 RADIAL_FISHEYE 16 12 18 8 6 0.1 0\n";
 const IMAGES_TXT: &str = "# Image list\n1 1 0 0 0 0 0 3 1 a.png\n\n2 0.5 0.5 0.5 0.5 0 0 3 2 b.png\n1 2 -1\n";
 
 fn cameras_bin() -> Vec<u8> {
@@ -85,7 +86,8 @@ fn cameras_bin() -> Vec<u8> {
             .concat()
     };
     let opencv = camera(1, 4, &[9.0, 9.0, 4.0, 3.0, 0.1, 0.0, 0.0, 0.0]);
-    [&2u64.to_le_bytes()[..], &opencv, &camera(2, 1, &[9.0, 9.0, 4.0, 3.0])].concat()
+    let fisheye = camera(2, 5, &[9.0, 9.0, 4.0, 3.0, 0.1, 0.0, 0.0, 0.0]);
+    [&2u64.to_le_bytes()[..], &opencv, &fisheye].concat()
 }
 
 fn images_bin() -> Vec<u8> {

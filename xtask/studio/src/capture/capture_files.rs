@@ -153,7 +153,10 @@ impl CaptureFiles {
     }
 
     /// Path of a photograph, or of the video that it is in.
-    fn path(&self, photo_id: PhotoId) -> PathBuf {
+    ///
+    /// # Panics
+    /// If the capture has no such photograph.
+    pub fn path(&self, photo_id: PhotoId) -> PathBuf {
         match &self.videos[photo_id.camera] {
             Some(CameraVideo { video, .. }) => video.path().to_owned(),
             None => self.folder.join(self.paths.image(self.index(photo_id))),

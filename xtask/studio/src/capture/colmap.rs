@@ -91,28 +91,41 @@ pub(super) fn open(folder: &Path, model: &Path) -> anyhow::Result<CaptureFiles> 
 }
 
 /// Supported camera models: number, name and number of parameters.
-const CAMERA_MODELS: [(i32, &str, usize); 5] = [
+const CAMERA_MODELS: [(i32, &str, usize); 9] = [
     (0, "SIMPLE_PINHOLE", 3),
     (1, "PINHOLE", 4),
     (2, "SIMPLE_RADIAL", 4),
     (3, "RADIAL", 5),
     (4, "OPENCV", 8),
+    (5, "OPENCV_FISHEYE", 8),
+    (6, "FULL_OPENCV", 12),
+    (8, "SIMPLE_RADIAL_FISHEYE", 4),
+    (9, "RADIAL_FISHEYE", 5),
 ];
 
 fn intrinsics(model: &str, size: (u64, u64), p: &[f64]) -> Result<Intrinsics, String> {
     let side = |x: u64| u32::try_from(x).ok().filter(|x| *x > 0).ok_or("an image size is out of range");
     let size = (side(size.0)?, side(size.1)?);
-    let (k, lens): ([f64; 4], &[f64]) = match (model, p) {
-        ("SIMPLE_PINHOLE", &[f, cx, cy]) => ([f, f, cx, cy], &[]),
-        ("PINHOLE", &[fx, fy, cx, cy]) => ([fx, fy, cx, cy], &[]),
-        ("SIMPLE_RADIAL", &[f, cx, cy, _]) | ("RADIAL", &[f, cx, cy, _, _]) => ([f, f, cx, cy], &p[3..]),
-        ("OPENCV", &[fx, fy, cx, cy, _, _, _, _]) => ([fx, fy, cx, cy], &p[4..]),
+    let (k, lens) = match (model, p) {
+        ("SIMPLE_PINHOLE", &[f, cx, cy])
+        | ("SIMPLE_RADIAL", &[f, cx, cy, _])
+        | ("RADIAL", &[f, cx, cy, _, _]) => ([f, f, cx, cy], Lens::rational(&p[3..])),
+        ("SIMPLE_RADIAL_FISHEYE", &[f, cx, cy, _]) | ("RADIAL_FISHEYE", &[f, cx, cy, _, _]) => {
+            ([f, f, cx, cy], Lens::fisheye(&p[3..]))
+        }
+        // Their coefficients are in OpenCV's order.
+        ("PINHOLE", &[fx, fy, cx, cy])
+        | ("OPENCV", &[fx, fy, cx, cy, _, _, _, _])
+        | ("FULL_OPENCV", &[fx, fy, cx, cy, _, _, _, _, _, _, _, _]) => {
+            ([fx, fy, cx, cy], Lens::rational(&p[4..]))
+        }
+        ("OPENCV_FISHEYE", &[fx, fy, cx, cy, _, _, _, _]) => ([fx, fy, cx, cy], Lens::fisheye(&p[4..])),
         _ => {
             let known = CAMERA_MODELS.map(|(_, name, _)| name).join(", ");
             return Err(format!("camera model {model} with {} parameters: supported are {known}", p.len()));
         }
     };
-    Ok((size, k, Lens::from_opencv(lens)?))
+    Ok((size, k, lens?))
 }
 
 /// Reads little-endian values from the start of `rest`.
@@ -248,11 +261,25 @@ mod tests {
         assert_eq!(parsed("SIMPLE_PINHOLE", &[50.0, 32.0, 24.0]).unwrap().0, [50.0, 50.0, 32.0, 24.0]);
         assert_eq!(
             parsed("RADIAL", &[50.0, 32.0, 24.0, 0.1, 0.2]).unwrap().1,
-            Lens { k1: 0.1, k2: 0.2, ..Lens::default() }
+            Lens::rational(&[0.1, 0.2]).unwrap()
         );
         let opencv = parsed("OPENCV", &[50.0, 51.0, 32.0, 24.0, 0.1, 0.2, 0.3, 0.4]).unwrap();
-        assert_eq!(opencv, ([50.0, 51.0, 32.0, 24.0], Lens { k1: 0.1, k2: 0.2, p1: 0.3, p2: 0.4, k3: 0.0 }));
-        assert!(parsed("FISHEYE", &[1.0]).unwrap_err().contains("FISHEYE"));
-        assert!(parsed("PINHOLE", &[1.0]).is_err());
+        let k = [50.0, 51.0, 32.0, 24.0];
+        let coefficients = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8];
+        let rational = |count: usize| Lens::rational(&coefficients[..count]).unwrap();
+        let fisheye = |count: usize| Lens::fisheye(&coefficients[..count]).unwrap();
+        assert_eq!(opencv, (k, rational(4)));
+        let with =
+            |model, k: &[f64], count: usize| parsed(model, &[k, &coefficients[..count]].concat()).unwrap();
+        assert_eq!(with("FULL_OPENCV", &k, 8), (k, rational(8)));
+        assert_eq!(with("OPENCV_FISHEYE", &k, 4), (k, fisheye(4)));
+        let simple = [50.0, 50.0, 32.0, 24.0];
+        assert_eq!(with("SIMPLE_RADIAL_FISHEYE", &simple[1..], 1), (simple, fisheye(1)));
+        assert_eq!(with("RADIAL_FISHEYE", &simple[1..], 2), (simple, fisheye(2)));
+        for (model, count) in [("FOV", 5), ("THIN_PRISM_FISHEYE", 12), ("PINHOLE", 1), ("OPENCV_FISHEYE", 12)]
+        {
+            assert!(parsed(model, &vec![1.0; count]).unwrap_err().contains(model), "{model}");
+        }
+        assert!(parsed("RADIAL_FISHEYE", &[50.0, 32.0, 24.0, 0.1, f64::NAN]).unwrap_err().contains("finite"));
     }
 }

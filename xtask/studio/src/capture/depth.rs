@@ -293,7 +293,7 @@ mod tests {
     #[test]
     fn undistortion_takes_the_nearest_value() {
         let camera = Camera::look_at([0.0; 3], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0], 1.0, 64, 48);
-        let lens = Lens { k1: -0.1, ..Lens::default() };
+        let lens = Lens::rational(&[-0.1]).unwrap();
         // At half resolution; each value is its column plus 1.
         let depths = (0..32 * 24).map(|i| (i % 32 + 1) as f32).collect();
         let map = DepthMap { width: 32, height: 24, depths };
@@ -304,7 +304,7 @@ mod tests {
         let column = (32.0 + x * (1.0 - 0.1 * (x * x + y * y) / (f * f))) / 2.0;
         assert_eq!(straight.depths[6 * 32 + 25], column.floor() as f32 + 1.0);
         assert_eq!(straight.depths[12 * 32 + 16], 17.0);
-        let wide = undistorted(&map, &camera, &Lens { k1: 0.5, ..Lens::default() });
+        let wide = undistorted(&map, &camera, &Lens::rational(&[0.5]).unwrap());
         assert_eq!(wide.depths[0], 0.0);
     }
 }

@@ -56,11 +56,17 @@ pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
         let matrix = |map: &Storage, path: &Path, keys: &[&str], least: usize| {
             let at = keys.iter().find_map(|key| map.get(&format!("{key}_{name}")));
             let data = at.map(|value| numbers(value)).filter(|data| data.len() >= least);
-            data.ok_or_else(|| bad_layout(path, format!("{}_{name} is missing or too short", keys[0])))
+            data.ok_or_else(|| {
+                bad_layout(path, format!("{}_{name} is missing, malformed or too short", keys[0]))
+            })
         };
         let k = matrix(&intrinsics, &intrinsics_path, &["K"], 9)?;
-        let d = matrix(&intrinsics, &intrinsics_path, &["D", "dist"], 0).unwrap_or_default();
-        let lens = Lens::from_opencv(&d)
+        let has_lens = ["D", "dist"].iter().any(|key| intrinsics.contains_key(&format!("{key}_{name}")));
+        let d = match has_lens {
+            true => matrix(&intrinsics, &intrinsics_path, &["D", "dist"], 1)?,
+            false => Vec::new(),
+        };
+        let lens = Lens::rational(&d)
             .map_err(|problem| bad_layout(&intrinsics_path, format!("{name}: {problem}")))?;
         let t = matrix(&extrinsics, &extrinsics_path, &["T"], 3)?;
         let rotation = match matrix(&extrinsics, &extrinsics_path, &["Rot"], 9) {

@@ -49,6 +49,8 @@ struct ManifestCamera {
     k: [[f64; 3]; 3],
     #[serde(rename = "D", default)]
     d: Vec<f64>,
+    #[serde(default)]
+    lens: LensModel,
     w2c: [[f64; 4]; 4],
     video: Option<String>,
     #[serde(default)]
@@ -57,6 +59,15 @@ struct ManifestCamera {
     time_offset_s: f64,
     #[serde(default)]
     held: bool,
+}
+
+/// The model whose coefficients `D` lists.
+#[derive(Default, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum LensModel {
+    #[default]
+    Rational,
+    Fisheye,
 }
 
 pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
@@ -74,8 +85,8 @@ pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
     manifest.check_frames(frames).map_err(bad_manifest)?;
     let mut builder = CaptureBuilder::new(folder);
     for (entry, video) in manifest.cameras.iter().zip(videos) {
-        let lens = Lens::from_opencv(&entry.d)
-            .map_err(|problem| bad_layout(&path, format!("camera {}: {problem}", entry.id)))?;
+        let lens =
+            entry.lens().map_err(|problem| bad_layout(&path, format!("camera {}: {problem}", entry.id)))?;
         let [[fx, _, cx], [_, fy, cy], _] = entry.k;
         let camera = pinhole((entry.w, entry.h), [fx, fy, cx, cy], entry.w2c);
         let index = builder.camera(&entry.id, camera, lens, entry.held);
@@ -209,6 +220,15 @@ impl Manifest {
                 Err(format!("images \"{images}\" has no {{{placeholder}}}: all would share one photograph"))
             }
             _ => Ok(()),
+        }
+    }
+}
+
+impl ManifestCamera {
+    fn lens(&self) -> Result<Lens, String> {
+        match self.lens {
+            LensModel::Rational => Lens::rational(&self.d),
+            LensModel::Fisheye => Lens::fisheye(&self.d),
         }
     }
 }

@@ -21,6 +21,7 @@ type TransformsFile = (PathBuf, bool);
 /// Intrinsics of all frames or of one.
 #[derive(Clone, Default, Deserialize)]
 struct Intrinsics {
+    camera_model: Option<String>,
     camera_angle_x: Option<f64>,
     fl_x: Option<f64>,
     fl_y: Option<f64>,
@@ -30,6 +31,8 @@ struct Intrinsics {
     k2: Option<f64>,
     k3: Option<f64>,
     k4: Option<f64>,
+    k5: Option<f64>,
+    k6: Option<f64>,
     p1: Option<f64>,
     p2: Option<f64>,
     /// Image size in pixels that the other values refer to; by default the photograph's.
@@ -39,7 +42,6 @@ struct Intrinsics {
 
 #[derive(Deserialize)]
 struct Transforms {
-    camera_model: Option<String>,
     #[serde(flatten)]
     intrinsics: Intrinsics,
     frames: Vec<Frame>,
@@ -74,15 +76,6 @@ pub(super) fn open(folder: &Path, files: &[TransformsFile]) -> anyhow::Result<Ca
     for (path, held) in files {
         let transforms: Transforms =
             serde_json::from_str(&read_text(path)?).map_err(|error| bad_layout(path, error))?;
-        if let Some(model) =
-            transforms.camera_model.filter(|model| !["OPENCV", "PINHOLE"].contains(&model.as_str()))
-        {
-            return Err(bad_layout(
-                path,
-                format!("camera model {model} is not supported: OPENCV and PINHOLE are"),
-            )
-            .into());
-        }
         for frame in transforms.frames {
             let name = frame.file_path.trim_start_matches("./").to_owned();
             let Some(image) = find_image_in(folder, &name) else {
@@ -141,10 +134,6 @@ impl Intrinsics {
         let fy = pick(|i| i.fl_y).unwrap_or(fx);
         let cx = pick(|i| i.cx).unwrap_or(0.5 * w);
         let cy = pick(|i| i.cy).unwrap_or(0.5 * h);
-        let zero_or = |number: Option<f64>| number.unwrap_or(0.0);
-        let radial = [pick(|i| i.k1), pick(|i| i.k2), pick(|i| i.k3), pick(|i| i.k4)].map(zero_or);
-        let tangential = [pick(|i| i.p1), pick(|i| i.p2)].map(zero_or);
-        let opencv = [radial[0], radial[1], tangential[0], tangential[1], radial[2], radial[3]];
         let [x, y] = [actual_w / w, actual_h / h];
         // Shrinking rounds sides to whole pixels.
         if (x / y - 1.0).abs() > 2.0 / actual_w.min(actual_h) {
@@ -152,7 +141,32 @@ impl Intrinsics {
                 "w and h are {w} and {h}, the photograph is {width}x{height}: not its proportions"
             ));
         }
-        Ok(([fx * x, fy * y, cx * x, cy * y], Lens::from_opencv(&opencv)?))
+        Ok(([fx * x, fy * y, cx * x, cy * y], self.lens(file)?))
+    }
+
+    fn lens(&self, file: &Intrinsics) -> Result<Lens, String> {
+        let of = |key: fn(&Intrinsics) -> Option<f64>| key(self).or(key(file)).unwrap_or(0.0);
+        let [k1, k2, k3, k4, k5, k6] =
+            [of(|i| i.k1), of(|i| i.k2), of(|i| i.k3), of(|i| i.k4), of(|i| i.k5), of(|i| i.k6)];
+        let [p1, p2] = [of(|i| i.p1), of(|i| i.p2)];
+        let model = self.camera_model.as_deref().or(file.camera_model.as_deref()).unwrap_or("OPENCV");
+        // nerfstudio's k4 of OPENCV belongs to the eighth power of the radius, unlike OpenCV's.
+        let (lens, own, others): (_, _, &[f64]) = match model {
+            "OPENCV" | "PINHOLE" => {
+                (Lens::rational(&[k1, k2, p1, p2, k3]), "k1, k2, k3, p1, p2", &[k4, k5, k6])
+            }
+            "FULL_OPENCV" => (Lens::rational(&[k1, k2, p1, p2, k3, k4, k5, k6]), "k1 to k6, p1, p2", &[]),
+            "OPENCV_FISHEYE" => (Lens::fisheye(&[k1, k2, k3, k4]), "k1 to k4", &[k5, k6, p1, p2]),
+            _ => {
+                return Err(format!(
+                    "camera model {model} is not supported: OPENCV, PINHOLE, FULL_OPENCV and OPENCV_FISHEYE are"
+                ));
+            }
+        };
+        if others.iter().any(|k| *k != 0.0) {
+            return Err(format!("camera model {model} has {own}, but another coefficient is not 0"));
+        }
+        lens
     }
 }
 
@@ -187,10 +201,38 @@ mod tests {
         let all = Intrinsics { fl_x: Some(100.0), k1: Some(0.1), ..Intrinsics::default() };
         let own = Intrinsics { fl_x: Some(50.0), ..Intrinsics::default() };
         let (k, lens) = own.resolve(&all, (64, 48)).unwrap();
-        assert_eq!((k, lens.k1), ([50.0, 50.0, 32.0, 24.0], 0.1));
+        assert_eq!((k, lens), ([50.0, 50.0, 32.0, 24.0], Lens::rational(&[0.1]).unwrap()));
         let angle = Intrinsics { camera_angle_x: Some(std::f64::consts::FRAC_PI_2), ..Intrinsics::default() };
         assert!((angle.resolve(&Intrinsics::default(), (64, 48)).unwrap().0[0] - 32.0).abs() < 1e-9);
         assert!(Intrinsics::default().resolve(&Intrinsics::default(), (64, 48)).is_err());
+    }
+
+    #[test]
+    fn camera_models_name_their_coefficients() {
+        let lens = |text: &str| -> Result<Lens, String> {
+            let all: Intrinsics = serde_json::from_str(text).unwrap();
+            Ok(Intrinsics::default().resolve(&Intrinsics { fl_x: Some(9.0), ..all }, (64, 48))?.1)
+        };
+        let eight =
+            r#""k1": 0.1, "k2": 0.2, "p1": 0.3, "p2": 0.4, "k3": 0.5, "k4": 0.6, "k5": 0.7, "k6": 0.8}"#;
+        let rational = Lens::rational(&[0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8]).unwrap();
+        assert_eq!(lens(&format!(r#"{{"camera_model": "FULL_OPENCV", {eight}"#)).unwrap(), rational);
+        let four = r#""k1": 0.1, "k2": 0.2, "k3": 0.5, "k4": 0.6, "p1": 0, "p2": 0}"#;
+        let fisheye = Lens::fisheye(&[0.1, 0.2, 0.5, 0.6]).unwrap();
+        assert_eq!(lens(&format!(r#"{{"camera_model": "OPENCV_FISHEYE", {four}"#)).unwrap(), fisheye);
+        // A frame's model overrides the file's.
+        let [own, file] = ["OPENCV_FISHEYE", "OPENCV"]
+            .map(|model| Intrinsics { camera_model: Some(model.into()), ..Intrinsics::default() });
+        assert_eq!(own.lens(&file), Lens::fisheye(&[]));
+        for (refused, problem) in [
+            (format!(r#"{{"camera_model": "OPENCV", {four}"#), "another coefficient is not 0"),
+            (format!("{{{four}"), "another coefficient is not 0"),
+            (format!(r#"{{"camera_model": "OPENCV_FISHEYE", {eight}"#), "another coefficient is not 0"),
+            (format!(r#"{{"camera_model": "FISHEYE624", {four}"#), "FISHEYE624 is not supported"),
+        ] {
+            let error = lens(&refused).unwrap_err();
+            assert!(error.contains(problem), "{refused}: {error}");
+        }
     }
 
     #[test]

@@ -58,12 +58,14 @@ impl Video {
             .arg(path);
         let output = command.stdin(Stdio::null()).output().map_err(|error| not_run("ffprobe", &error))?;
         let said = String::from_utf8_lossy(&output.stderr);
-        if !output.status.success() {
-            return Err(bad(path, format!("no video that ffmpeg can read: {}", last_line(&said, path))));
-        }
-        let probed: Probed = serde_json::from_slice(&output.stdout)
-            .map_err(|error| bad(path, format!("ffprobe answers what is not understood: {error}")))?;
-        let stream = probed.streams.first().ok_or_else(|| bad(path, "it has no video; name a video file"))?;
+        let probed = serde_json::from_slice::<Probed>(&output.stdout).ok();
+        let probed = probed.filter(|_| output.status.success()).unwrap_or_default();
+        let Some(stream) = probed.streams.first() else {
+            return Err(match said.trim().is_empty() {
+                true => bad(path, "it has no video; name a video file"),
+                false => bad(path, format!("no video that ffmpeg can read: {}", last_line(&said, path))),
+            });
+        };
         let first_packets = probed.packets.iter().filter(|packet| !packet.flags.contains('D'));
         let mut times_s: Vec<f64> =
             first_packets.filter_map(|packet| seconds(packet.pts_time.as_deref())).collect();
@@ -203,7 +205,7 @@ impl Drop for Decoding {
 }
 
 /// What ffprobe says.
-#[derive(Deserialize)]
+#[derive(Default, Deserialize)]
 struct Probed {
     #[serde(default)]
     packets: Vec<Packet>,

@@ -14,6 +14,7 @@ use crate::fit::{
 use crate::input::{Input, is_take, not_one_field};
 use crate::messages::count;
 use crate::progress::counting;
+use crate::segments::FieldFolder;
 use crate::takes::{List, ListedTake, Shard};
 use anyhow::{Context, bail};
 use clap::{Args as _, FromArgMatches, ValueEnum};
@@ -29,7 +30,7 @@ use serde_json::{Value, json};
 use super::capture::{
     FrameSelection, HeldFrames, LpipsOption, describe, load_training_views, note_assumed_fps,
 };
-use super::fit_folder::{fit_folder, report_folder};
+use super::fit_folder::{fit_folder, report_finished, report_folder};
 use super::fit_source::FitSource;
 use super::takes::{self, TakeCommand, TakeOptions, part_seconds};
 
@@ -462,6 +463,11 @@ fn slide(args: &Args, out: &Path) -> anyhow::Result<()> {
         bail!(Fault::Usage("--shard deals --segments even or odd out; leave it out for a range".into()));
     }
     let segments = args.segments.as_ref().map(|segments| (segments, shard.unwrap_or(Shard::ALL)));
+    WorkFolder::tidy(out)?;
+    if segments.is_some() && FieldFolder::is_one(out) {
+        report_finished(out, args.json);
+        return Ok(());
+    }
     let mut capture_files = args.selection.open(args.capture())?;
     args.options.state_fps(&mut capture_files)?;
     let holdout = Holdout::from(args.holdout);
@@ -476,7 +482,7 @@ fn slide(args: &Args, out: &Path) -> anyhow::Result<()> {
     let lpips = args.options.lpips.load()?;
     let default = FitPlan::default_for_seconds(&capture_files, holdout, unit_s)?;
     let plan = SlidePlan { fit: plan(args, args.options.plan_from(default)?)?, unit_s };
-    let work = WorkFolder::open(&plan, out, segments.is_some())?;
+    let work = WorkFolder::open(&plan, &capture_files, out, segments.is_some())?;
     let mut backend = args.options.open_backend()?;
     let runtime = args.options.runtime(&mut *backend, lpips.as_ref());
     note_assumed_fps(&capture_files, "--fps states another number");

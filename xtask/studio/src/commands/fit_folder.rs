@@ -83,16 +83,25 @@ pub(super) fn fit_folder(
     Ok(slid)
 }
 
+/// Says that `out` is complete: other processes left nothing to do.
+pub(super) fn report_finished(out: &Path, is_json: bool) {
+    match is_json {
+        true => println!("{:#}", json!({ "out": out, "is_finished": true })),
+        false => println!("{}: it is finished already", out.display()),
+    }
+}
+
 /// Prints what was written to `out`.
 pub(super) fn report_folder(out: &Path, slid: &SlidField, duration_s: f64, is_json: bool) {
-    let SlidField { assembled, parts, fitted, resumed_at, seconds } = slid;
+    let SlidField { assembled, parts, fitted, resumed_at } = slid;
     if is_json {
         println!(
             "{:#}",
             json!({
                 "out": out, "duration_s": duration_s, "parts": parts, "fitted": fitted, "resumed_at": resumed_at,
                 "segments": assembled.as_ref().map(|assembled| assembled.segments),
-                "gaussians_by_level": assembled.as_ref().map(|assembled| &assembled.gaussians), "seconds": seconds,
+                "gaussians_by_level": assembled.as_ref().map(|assembled| &assembled.gaussians),
+                "seconds": assembled.as_ref().map(|assembled| assembled.seconds),
             })
         );
         return;
@@ -101,7 +110,11 @@ pub(super) fn report_folder(out: &Path, slid: &SlidField, duration_s: f64, is_js
         println!("resumed          with {resumed_at} of {} fitted", count(*parts, "part"));
     }
     let Some(assembled) = assembled else {
-        println!("{}: {fitted} of {} fitted, in {seconds:.1} s", out.display(), count(*parts, "part"));
+        let whole = match fitted == parts {
+            true => "; another process completes it, and if none does, repeat this",
+            false => "",
+        };
+        println!("{}: {fitted} of {} fitted{whole}", out.display(), count(*parts, "part"));
         return;
     };
     let levels = assembled.gaussians.iter().enumerate().filter(|(_, gaussians)| **gaussians > 0);
@@ -109,5 +122,5 @@ pub(super) fn report_folder(out: &Path, slid: &SlidField, duration_s: f64, is_js
         levels.map(|(level, gaussians)| format!("{gaussians} on level {level}")).collect();
     println!("Gaussians        {}", levels.join(", "));
     println!("segments         {}", assembled.segments);
-    println!("{}: {duration_s:.2} s, fitted in {seconds:.1} s", out.display());
+    println!("{}: {duration_s:.2} s, fitted in {:.1} s", out.display(), assembled.seconds);
 }

@@ -25,6 +25,8 @@ pub struct Assembled {
     pub gaussians: Vec<usize>,
     /// Number of segments.
     pub segments: usize,
+    /// Seconds of fitting the parts, by all processes.
+    pub seconds: f64,
 }
 
 /// Writes the segments and `field.json` to the field folder; `None` if nothing was fitted.
@@ -54,7 +56,9 @@ pub(super) fn assemble(
     };
     add(&mut open, &work.fitted_background()?, [0.0, duration_s]);
     for part in 0..windows.count {
-        add(&mut open, &work.part(part)?.finished, windows.span_s(part));
+        let fitted = work.part(part)?;
+        assembled.seconds += fitted.seconds;
+        add(&mut open, &fitted.finished, windows.span_s(part));
         let until_s = windows.final_until_s(part);
         let closed: Vec<(u8, u64)> = open
             .keys()

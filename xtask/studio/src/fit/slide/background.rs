@@ -33,7 +33,7 @@ const ALWAYS: f64 = 16.0;
 /// extension.
 ///
 /// # Errors
-/// Those of a fit.
+/// A [`Fault`] if a photograph cannot be read, a file cannot be written, or the device fails.
 pub(super) fn background(
     plan: &FitPlan,
     photographs: &Photographs,

@@ -57,8 +57,6 @@ pub struct SlidField {
     pub fitted: usize,
     /// Number of them that were fitted before.
     pub resumed_at: usize,
-    /// Seconds of fitting, those of earlier and other processes included.
-    pub seconds: f64,
 }
 
 /// Fits parts of a take, those of a shard of `segments` or all, and makes the field folder if none is missing then.
@@ -89,16 +87,13 @@ pub fn slide(
         .filter(|part| !work.is_fitted(*part) && missing.iter().all(|(odd, _)| odd != part));
     let mut process =
         Process { plan, photographs: &photographs, runtime: &mut runtime, work: &work, without_anchor: None };
-    process.fit(&to_fit.collect::<Vec<_>>(), on_progress)?;
+    let apart = matches!(segments, Some((Segments::Even | Segments::Odd, _)));
+    process.fit(&to_fit.collect::<Vec<_>>(), apart, on_progress)?;
     let without_anchor = process.without_anchor;
     if !missing.is_empty() {
         bail!(is_missing(&work, &missing));
     }
     let fitted = work.fitted_count(&windows);
-    let mut seconds = 0.0;
-    for part in (0..windows.count).filter(|part| work.is_fitted(*part)) {
-        seconds += work.part(part)?.seconds;
-    }
     // The last process of several makes the field folder.
     let assembled = match fitted == windows.count && work.is_alone()? {
         true => {
@@ -108,7 +103,7 @@ pub fn slide(
         }
         false => None,
     };
-    Ok(SlidField { assembled, parts: windows.count, fitted, resumed_at, seconds })
+    Ok(SlidField { assembled, parts: windows.count, fitted, resumed_at })
 }
 
 /// The parts of `numbers` that a part beside them is missing for, if they need both, and its number.

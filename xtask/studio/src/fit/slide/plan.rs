@@ -7,7 +7,7 @@ use crate::fit::plan::FitPlan;
 /// Settings that determine the result of a sliding fit.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SlidePlan {
-    /// Those of a step; numbers of steps and Gaussians are of a part of the take.
+    /// Settings of the fit of a part: the numbers of steps and Gaussians are a part's.
     pub fit: FitPlan,
     /// Length of a part in seconds.
     pub unit_s: f64,

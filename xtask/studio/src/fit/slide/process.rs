@@ -3,6 +3,7 @@
 use std::thread;
 use std::time::Instant;
 
+use program::Fault;
 use refine::anchor::AnchorError;
 use refine::fit::{Backend, Parameters};
 
@@ -37,10 +38,15 @@ pub(super) struct Process<'a, 'b> {
 }
 
 impl Process<'_, '_> {
-    /// Fits the background, if there is none yet, and some parts.
+    /// Fits the background, if there is none yet, and some parts. Of parts that are `apart`, one whose photographs cannot
+    /// be read does not keep the others from being fitted.
+    ///
+    /// # Errors
+    /// That of the first part that fails.
     pub(super) fn fit(
         &mut self,
         parts: &[usize],
+        apart: bool,
         on_progress: &mut dyn FnMut(&SlideProgress),
     ) -> anyhow::Result<()> {
         if parts.is_empty() {
@@ -52,15 +58,23 @@ impl Process<'_, '_> {
             on_progress(&SlideProgress { part: None, done: fit.step, steps: all + steps, fit: *fit });
         })?;
         let mut in_memory = Loaded::new();
+        let mut failed = None;
         for (i, part) in parts.iter().enumerate() {
-            let claim = self.work.claim(*part, &self.photographs.windows)?;
+            let Some(claim) = self.work.claim(*part, &self.photographs.windows)? else { continue };
             let on_fit = &mut |fit: &FitProgress| {
                 let done = i as u64 * steps + fit.step;
                 on_progress(&SlideProgress { part: Some(*part), done, steps: all, fit: *fit });
             };
-            in_memory = self.part(claim, &background, in_memory, parts.get(i + 1).copied(), on_fit)?;
+            match self.part(claim, &background, in_memory, parts.get(i + 1).copied(), on_fit) {
+                Ok(photographs) => in_memory = photographs,
+                Err(error) if apart && matches!(error.downcast_ref(), Some(Fault::Data(_))) => {
+                    failed = failed.or(Some(error));
+                    in_memory = Loaded::new();
+                }
+                Err(error) => return Err(error),
+            }
         }
-        Ok(())
+        failed.map_or(Ok(()), Err)
     }
 
     /// The background of a take of several parts.

@@ -19,13 +19,15 @@ use std::time::Duration;
 
 use program::{Fault, output};
 use refine::fit::Parameters;
-use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 use super::part::{Beside, FittedPart, is_finished};
 use super::plan::SlidePlan;
 use super::windows::Windows;
+use crate::capture::CaptureFiles;
 use crate::fit::remove_checkpoint;
 use crate::fit::stored::{Magic, store, stored};
+use crate::fit::training_views::evenly;
 use crate::messages::unreadable;
 use crate::segments::FieldFolder;
 
@@ -61,7 +63,12 @@ impl WorkFolder {
     /// # Errors
     /// [`Fault::Usage`] if it is a finished field folder, another process fits in it, its folder `fit` is not of a fit or
     /// was begun with another plan, or it cannot be written; [`Fault::Data`] if that is damaged.
-    pub fn open(plan: &SlidePlan, out: &Path, is_shared: bool) -> Result<WorkFolder, Fault> {
+    pub fn open(
+        plan: &SlidePlan,
+        capture_files: &CaptureFiles,
+        out: &Path,
+        is_shared: bool,
+    ) -> Result<WorkFolder, Fault> {
         let is_finished = || match FieldFolder::is_one(out) {
             true => Err(Fault::Usage(format!(
                 "{}: it is finished already; remove it, or name another --out",
@@ -84,24 +91,43 @@ impl WorkFolder {
         // The first process writes the plan while it is alone.
         if work.is_locked_alone()? {
             if !path.exists() {
-                store(&path, MAGIC, plan).map_err(|error| Fault::Usage(error.to_string()))?;
+                let begun = Begun { plan: plan.clone(), sizes: sizes(capture_files) };
+                store(&path, MAGIC, &begun).map_err(|error| Fault::Usage(error.to_string()))?;
             }
-            if is_shared {
-                work.lock.lock_shared().map_err(|error| work.cannot_lock(&error))?;
+            if is_shared && !work.is_locked_with_others()? {
+                return Err(work.is_busy());
             }
         } else if !(is_shared && work.is_locked_with_others()?) {
             return Err(work.is_busy());
         }
         // A process may have finished it since.
         is_finished()?;
-        match read::<SlidePlan>(&path)? == *plan {
-            true => Ok(work),
-            false => Err(Fault::Usage(format!(
-                "{}: a fit of another capture or with other options was begun there; repeat these, remove it, or name \
-                 another --out",
-                work.folder.display()
-            ))),
+        let begun: Begun = read(&path)?;
+        let what = match begun.plan == *plan {
+            true if is_alike(&begun.sizes, &sizes(capture_files)) => return Ok(work),
+            true => "a fit of other photographs",
+            false => {
+                "a fit of another capture, or of one with more or fewer photographs, or with other options"
+            }
+        };
+        Err(Fault::Usage(format!(
+            "{}: {what} was begun there; repeat these, remove it, or name another --out",
+            work.folder.display()
+        )))
+    }
+
+    /// Removes what a process left that was killed after it had completed the field folder `out`.
+    ///
+    /// # Errors
+    /// [`Fault::Usage`] if it cannot be removed.
+    pub fn tidy(out: &Path) -> Result<(), Fault> {
+        let folder = out.join("fit");
+        let path = folder.join("lock");
+        if !FieldFolder::is_one(out) || !path.exists() {
+            return Ok(());
         }
+        let work = WorkFolder { out: out.to_owned(), lock: lock_file(&path)?, folder };
+        if work.is_locked_alone()? { work.remove() } else { Ok(()) }
     }
 
     fn cannot_lock(&self, error: &dyn std::fmt::Display) -> Fault {
@@ -188,11 +214,11 @@ impl WorkFolder {
         read(&self.folder.join("background"))
     }
 
-    /// Claims a part that is not fitted yet.
+    /// Claims a part; `None` if it is fitted already.
     ///
     /// # Errors
     /// [`Fault::Usage`] if another process fits it, or one beside it; [`Fault::Data`] if a part beside it is damaged.
-    pub(super) fn claim(&self, part: usize, windows: &Windows) -> Result<Claim, Fault> {
+    pub(super) fn claim(&self, part: usize, windows: &Windows) -> Result<Option<Claim>, Fault> {
         let out = self.part_path(part);
         let lock_path = |part: usize| self.part_path(part).with_extension("lock");
         let path = lock_path(part);
@@ -203,16 +229,24 @@ impl WorkFolder {
         if !is_locked(lock.try_lock()).map_err(|error| self.cannot_lock(&error))? {
             return Err(busy(part));
         }
+        // Another process may have fitted it since.
+        if self.is_fitted(part) {
+            return Ok(None);
+        }
         let mut beside = Beside::default();
         for (fitted, number) in beside.iter_mut().zip(windows.beside(part)) {
             let Some(number) = number else { continue };
-            if self.is_fitted(number) {
-                *fitted = Some(self.part(number)?);
-            } else if lock_path(number).exists() {
+            // First whether it is being fitted: it may be finished by then.
+            if lock_path(number).exists() {
                 let theirs = lock_file(&lock_path(number))?;
-                if !is_locked(theirs.try_lock_shared()).map_err(|error| self.cannot_lock(&error))? {
+                if !is_locked(theirs.try_lock_shared()).map_err(|error| self.cannot_lock(&error))?
+                    && !self.is_fitted(number)
+                {
                     return Err(busy(number));
                 }
+            }
+            if self.is_fitted(number) {
+                *fitted = Some(self.part(number)?);
             }
         }
         // A part that was begun between others begins anew.
@@ -230,7 +264,7 @@ impl WorkFolder {
             };
             write(&mut lock).map_err(cannot)?;
         }
-        Ok(Claim { part, beside, out, _lock: lock })
+        Ok(Some(Claim { part, beside, out, _lock: lock }))
     }
 
     /// Writes what the fit of a part left.
@@ -253,8 +287,7 @@ impl WorkFolder {
         for entry in fs::read_dir(&folder).map_err(cannot)? {
             let entry = entry.map_err(cannot)?;
             let name = entry.file_name();
-            let name = name.to_string_lossy();
-            match ["part-", "background", "plan", "lock"].iter().any(|own| name.starts_with(own)) {
+            match is_own(&name.to_string_lossy()) && entry.path().is_file() {
                 true => fs::remove_file(entry.path()).map_err(cannot)?,
                 false => is_empty = false,
             }
@@ -265,6 +298,35 @@ impl WorkFolder {
         drop(lock);
         Ok(())
     }
+}
+
+/// Whether a file in the folder has a name that a fit gives one.
+fn is_own(name: &str) -> bool {
+    let stem = name.split('.').next().unwrap_or(name);
+    let is_part = || stem.strip_prefix("part-").is_some_and(|number| number.parse::<usize>().is_ok());
+    ["plan", "lock"].contains(&name) || stem == "background" || is_part() || output::is_unfinished(name)
+}
+
+/// What a fit was begun with.
+#[derive(Serialize, Deserialize)]
+struct Begun {
+    plan: SlidePlan,
+    /// Sizes in bytes of a few photographs.
+    sizes: Vec<u64>,
+}
+
+/// Number of photographs whose sizes tell a capture from others of the same rig.
+const SIZED: usize = 32;
+
+/// Sizes in bytes of a few photographs, evenly over the take; 0 of one that is missing.
+fn sizes(capture_files: &CaptureFiles) -> Vec<u64> {
+    let size = |photo_id| fs::metadata(capture_files.path(photo_id)).map_or(0, |file| file.len());
+    evenly(&capture_files.capture.photos, SIZED).into_iter().map(size).collect()
+}
+
+/// Whether most of the sizes are the same: a damaged photograph may have been repaired since.
+fn is_alike(a: &[u64], b: &[u64]) -> bool {
+    2 * a.iter().zip(b).filter(|(a, b)| a == b).count() >= a.len().max(b.len())
 }
 
 /// Opens a file to lock, which need not exist.
@@ -284,10 +346,8 @@ fn is_locked(tried: Result<(), TryLockError>) -> std::io::Result<bool> {
 
 fn read<T: DeserializeOwned>(path: &Path) -> Result<T, Fault> {
     let bytes = fs::read(path).map_err(|error| unreadable(path, &error))?;
-    stored(MAGIC, &bytes).map_err(|_| {
-        Fault::Data(format!(
-            "{}: damaged, or of another version; remove its folder to fit anew",
-            path.display()
-        ))
-    })
+    let is_part = path.file_name().is_some_and(|name| name.to_string_lossy().starts_with("part-"));
+    let cure = if is_part { "remove it to fit that part anew" } else { "remove its folder to fit anew" };
+    stored(MAGIC, &bytes)
+        .map_err(|_| Fault::Data(format!("{}: damaged, or of another version; {cure}", path.display())))
 }
