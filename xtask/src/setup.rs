@@ -36,6 +36,8 @@ pub(crate) enum Need {
     ApkTools,
     /// A cluster scheduler, for the test of job arrays.
     Slurm,
+    /// Programs that decode videos, for the tests of captures.
+    Ffmpeg,
     /// ONNX Runtime, for the tests of networks.
     OnnxRuntime,
     /// A second Vulkan driver, for the tests that draw.
@@ -71,6 +73,7 @@ impl Need {
             Need::AndroidCompiler => "a Rust compiler with the source of its library",
             Need::ApkTools => "aapt, apksigner and zipalign",
             Need::Slurm => "Slurm, a cluster scheduler",
+            Need::Ffmpeg => "ffmpeg and ffprobe",
             Need::OnnxRuntime => "ONNX Runtime",
             Need::SecondDriver => "SwiftShader, a Vulkan driver",
             Need::Foreign => "QEMU and C compilers for other processors",
@@ -86,6 +89,7 @@ impl Need {
             Need::VirtualDisplay => &["xvfb"],
             Need::CppCompiler => &["g++"],
             Need::ApkTools => &["aapt", "apksigner", "zipalign"],
+            Need::Ffmpeg => &["ffmpeg"],
             Need::Headset => return Source::Unpacked(folders::headset()),
             Need::AndroidCompiler => return Source::Unpacked(folders::android_compiler()),
             Need::Slurm => return Source::Unpacked(folders::slurm()),
@@ -123,6 +127,7 @@ impl Need {
                 Source::Installed(_) => unreachable!("these are unpacked"),
             },
             Need::ApkTools => ["aapt", "apksigner", "zipalign"].into_iter().all(program_exists),
+            Need::Ffmpeg => ["ffmpeg", "ffprobe"].into_iter().all(program_exists),
         }
     }
 }

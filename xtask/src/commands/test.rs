@@ -27,7 +27,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         (Need::Vulkan, "tests that draw with the GPU are ignored"),
         (Need::WindowLibraries, "tests of the window are ignored"),
         (Need::VirtualDisplay, "tests of the window are ignored"),
-        (Need::Slurm, "the test of a job array is ignored"),
+        (Need::Slurm, "the tests of job arrays are ignored"),
+        (Need::Ffmpeg, "the tests of videos are ignored"),
     ];
     if !setup::satisfy(&args.setup, &needs) {
         return Ok(());

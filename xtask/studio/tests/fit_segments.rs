@@ -249,7 +249,7 @@ fn what_cannot_be_shared_out_is_refused() {
         assert!(error.contains(expected), "{more:?}: {error}");
     }
     let one = aarc_studio(folder, &["fit", "stage", "-o", "field.ply", "--segments", "even"]).error(2);
-    assert!(one.contains("--segments: field.ply is one field; name a folder"), "{one}");
+    assert!(one.contains("--segments even: field.ply is one field; name a folder"), "{one}");
 }
 
 /// Runs the tool where no file may have more than `kilobytes`, as on a disk that is full.

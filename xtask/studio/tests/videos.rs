@@ -17,6 +17,9 @@ use tool::{aarc_studio, aarc_studio_with};
 /// Frames of the stage, which has 25 a second.
 const FRAMES: usize = 12;
 
+/// A change of a manifest.
+type Change<'a> = &'a dyn Fn(&mut Value);
+
 /// Whether there is an ffmpeg.
 fn has_ffmpeg() -> bool {
     let output = Command::new("ffprobe").arg("-version").stdout(Stdio::null()).stderr(Stdio::null()).status();
@@ -186,7 +189,7 @@ fn what_is_wrong_with_a_video_is_said() {
     fs::write(folder.join("rig/cut.mp4"), &whole[..300]).unwrap();
     fs::write(folder.join("rig/short.mp4"), &whole[..whole.len() * 2 / 3]).unwrap();
     let fit = ["fit", "rig", "-o", "field.ply", "--steps", "5", "--gaussians", "100"];
-    let refused = |change: &dyn Fn(&mut Value)| {
+    let refused = |change: Change| {
         let mut manifest = manifest.clone();
         change(&mut manifest);
         fs::write(folder.join("rig/capture.json"), manifest.to_string()).unwrap();
@@ -204,7 +207,7 @@ fn what_is_wrong_with_a_video_is_said() {
         let error = of_video(name);
         assert!(error.contains(expected) && error.lines().count() == 1, "{name}: {error}");
     }
-    let cases: [(&dyn Fn(&mut Value), &str); 6] = [
+    let cases: [(Change, &str); 6] = [
         (
             &|manifest| manifest["cameras"][0]["w"] = 64.into(),
             "00.mp4: 48x48 pixels, but its camera has 64x48",

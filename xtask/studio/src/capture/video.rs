@@ -270,3 +270,61 @@ fn not_run(program: &str, error: &std::io::Error) -> Fault {
         _ => format!("cannot run {program}: {error}"),
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A video with frames at these times.
+    fn video(times_s: impl Iterator<Item = f64>) -> Video {
+        Video {
+            path: PathBuf::new(),
+            size: (2, 2),
+            times_s: times_s.collect(),
+            first_s: 0.0,
+            matrix: "bt709",
+            decoding: Mutex::new(None),
+        }
+    }
+
+    /// The video's frames at those of a capture with 25 a second, and how late they are in milliseconds.
+    fn at_frames(video: &Video, start_s: f64, frames: usize) -> Vec<Option<(u32, i64)>> {
+        let at = video.at_frames(start_s, frames, 25.0).into_iter();
+        at.map(|at| at.map(|(number, late_s)| (number, (1e3 * late_s).round() as i64))).collect()
+    }
+
+    #[test]
+    fn a_frame_has_the_nearest_one_of_the_video() {
+        let even = video((0..4).map(|i| f64::from(i) / 25.0));
+        assert_eq!(at_frames(&even, 0.0, 3), [Some((0, 0)), Some((1, 0)), Some((2, 0))]);
+        assert_eq!(at_frames(&even, 0.08, 4), [None, None, Some((0, 0)), Some((1, 0))]);
+        assert_eq!(at_frames(&even, -0.11, 3), [Some((3, 10)), None, None]);
+        // Half an interval late: each frame once.
+        assert_eq!(
+            at_frames(&even, 0.02, 5),
+            [None, Some((0, -20)), Some((1, -20)), Some((2, -20)), Some((3, -20))]
+        );
+        // Twice as many, and a gap.
+        let fast = video((0..6).map(|i| f64::from(i) / 50.0));
+        assert_eq!(at_frames(&fast, 0.0, 3), [Some((0, 0)), Some((2, 0)), Some((4, 0))]);
+        let gap = video([0.0, 0.004, 0.038, 0.12].into_iter());
+        assert_eq!(at_frames(&gap, 0.0, 4), [Some((0, 0)), Some((2, -2)), None, Some((3, 0))]);
+        // ffprobe writes six digits.
+        let rounded = video([0.0, 0.033333, 0.066667].into_iter());
+        assert!(rounded.at_frames(0.0, 3, 30.0).iter().all(|at| at.is_some_and(|(_, late_s)| late_s == 0.0)));
+    }
+
+    #[test]
+    fn what_ffprobe_says_of_colours_and_times_is_understood() {
+        assert_eq!(
+            [matrix(Some("smpte170m"), 1080), matrix(None, 1080), matrix(Some("unknown"), 576)],
+            ["bt601", "bt709", "bt601"]
+        );
+        assert_eq!(
+            [seconds(Some("1.5")), seconds(Some("N/A")), seconds(Some("nan")), seconds(None)],
+            [Some(1.5), None, None, None]
+        );
+        let said = "[mov @ 0x1] moov atom not found\nrig/a.mp4: Invalid data found\n\n";
+        assert_eq!(last_line(said, Path::new("rig/a.mp4")), "Invalid data found");
+    }
+}

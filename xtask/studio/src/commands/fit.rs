@@ -218,10 +218,13 @@ fn run_one(args: &Args) -> anyhow::Result<()> {
     if out.extension().is_none() {
         return slide(args, &out);
     }
-    let of_folders = [(args.split.is_some(), "--split"), (args.segments.is_some(), "--segments")];
-    if let Some((_, option)) = of_folders.iter().find(|(is_given, _)| *is_given) {
+    let of_folders = [
+        (args.split.map(|seconds| seconds.to_string()), "--split"),
+        (args.segments.as_ref().map(Segments::to_string), "--segments"),
+    ];
+    if let Some((Some(value), option)) = of_folders.iter().find(|(value, _)| value.is_some()) {
         bail!(Fault::Usage(format!(
-            "{option}: {} is one field; name a folder to fit a field folder, or leave {option} out",
+            "{option} {value}: {} is one field; name a folder to fit a field folder, or leave {option} out",
             out.display()
         )));
     }

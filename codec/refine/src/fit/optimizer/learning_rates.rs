@@ -9,7 +9,7 @@ use codec::sh_coefficients;
 
 use serde::{Deserialize, Serialize};
 
-use crate::fit::parameters::{COLUMNS, Parameters};
+use crate::fit::parameters::{COLUMNS, Carried, Parameters};
 use crate::fit::precision::Real;
 use crate::median::median;
 
@@ -89,16 +89,17 @@ impl LearningRates {
     ///
     /// The rates of a static field, which has no window centres, are 0.4 times as high.
     pub(in crate::fit) fn new<T: Real>(extent: f64, parameters: &Parameters<T>) -> LearningRates {
-        LearningRates::of_widths(extent, parameters.log_widths.iter().map(|width| width.to_double()))
+        let rates =
+            LearningRates::of_widths(extent, parameters.log_widths.iter().map(|width| width.to_double()));
+        if parameters.tau.is_empty() { rates.scaled(STATIC) } else { rates }
     }
 
-    /// The same, from the logarithms of the widths of the windows; those of a static scene if there is none.
-    pub(in crate::fit) fn of_widths(extent: f64, log_widths: impl Iterator<Item = f64>) -> LearningRates {
+    /// Those of a field that moves, from the logarithms of the widths of its windows.
+    fn of_widths(extent: f64, log_widths: impl Iterator<Item = f64>) -> LearningRates {
         let widths: Vec<f64> = log_widths.map(libm::exp).collect();
-        let is_static = widths.is_empty();
         let support_radius = SUPPORT_RADIUS * median(widths).unwrap_or(1.0);
         let centers = CENTERS * extent;
-        let rates = LearningRates {
+        LearningRates {
             centers,
             rotations: ROTATIONS,
             log_scales: LOG_SCALES,
@@ -109,8 +110,19 @@ impl LearningRates {
             log_widths: LOG_WIDTHS,
             motion: [1, 2, 3].map(|power| centers * support_radius.powi(-power)),
             rotation_rates: ROTATION_RATES,
-        };
-        if is_static { rates.scaled(STATIC) } else { rates }
+        }
+    }
+
+    /// The rates of a fit that goes on from earlier ones: what stands still or is finished is moved by no rate of time.
+    pub(in crate::fit) fn carrying(
+        extent: f64,
+        parameters: &Parameters<f32>,
+        carried: &[Carried],
+    ) -> LearningRates {
+        let moves = |(_, carried): &(&f32, &Carried)| carried.share_of_time() > 0.0;
+        let dynamic = || parameters.log_widths.iter().zip(carried).filter(moves);
+        let rates = LearningRates::of_widths(extent, dynamic().map(|(width, _)| f64::from(*width)));
+        if dynamic().next().is_none() { rates.scaled(STATIC) } else { rates }
     }
 
     /// The rates times `factor`.

@@ -115,11 +115,7 @@ impl Fit {
     /// If there is not one for each Gaussian.
     pub fn carrying(mut self, carried: Vec<Carried>) -> Fit {
         assert_eq!(carried.len(), self.len(), "a past for each Gaussian");
-        // What stands still or is finished is moved by no rate of time.
-        let log_widths = self.parameters.log_widths.iter().zip(&carried);
-        let dynamic = log_widths.filter(|(_, carried)| carried.share_of_time() > 0.0);
-        self.rates =
-            LearningRates::of_widths(self.bounds.extent, dynamic.map(|(width, _)| f64::from(*width)));
+        self.rates = LearningRates::carrying(self.bounds.extent, &self.parameters, &carried);
         self.moments.carried = carried;
         self.carries = true;
         self.keep_limits();

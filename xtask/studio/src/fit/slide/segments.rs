@@ -18,6 +18,16 @@ pub enum Segments {
     Range(Range<usize>),
 }
 
+impl std::fmt::Display for Segments {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Segments::Even => f.write_str("even"),
+            Segments::Odd => f.write_str("odd"),
+            Segments::Range(Range { start, end }) => write!(f, "{start}..{end}"),
+        }
+    }
+}
+
 impl FromStr for Segments {
     type Err = String;
 
@@ -47,8 +57,7 @@ impl Segments {
             Segments::Even => Ok(every_other(0)),
             Segments::Odd => Ok(every_other(1)),
             Segments::Range(range) if range.end > count => Err(Fault::Usage(format!(
-                "--segments {}..{}: the take has {count} parts, 0..{count}; see --split",
-                range.start, range.end
+                "--segments {self}: the take has {count} parts, 0..{count}; see --split"
             ))),
             Segments::Range(range) => Ok(range.clone().collect()),
         }
