@@ -26,6 +26,9 @@ const SKIPPED_MAX: usize = 48;
 /// Deviation that counts as rounding: ffprobe writes microseconds.
 const ON_TIME_S: f64 = 1e-6;
 
+/// The same in intervals of the capture.
+const ROUNDING: f64 = 1e-3;
+
 /// Rows of pixels from which a video that states no colour matrix has that of HDTV, as players assume.
 const HD_ROWS: u32 = 720;
 
@@ -101,7 +104,8 @@ impl Video {
         let mut nearest: Vec<Option<(u32, f64)>> = vec![None; frames];
         for (number, time_s) in (0..).zip(&self.times_s) {
             let at = (start_s + time_s) * fps;
-            let frame = at.round();
+            // Frames half an interval late all count for the next, however their times are rounded.
+            let frame = (at + 0.5 + ROUNDING).floor();
             if !(0.0..frames as f64).contains(&frame) {
                 continue;
             }

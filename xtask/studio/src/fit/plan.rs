@@ -178,6 +178,9 @@ fn fingerprint(capture_files: &CaptureFiles) -> String {
         crc.update(format!("{camera:?}").as_bytes());
     }
     crc.update(format!("{:?}", capture.frame_times_s).as_bytes());
+    for late_s in &capture.deviations_s {
+        crc.update(&late_s.to_le_bytes());
+    }
     for photo_id in &capture.photos {
         crc.update(capture_files.name(*photo_id).as_bytes());
     }
