@@ -11,7 +11,7 @@ use std::thread;
 use std::time::Duration;
 
 use serde_json::Value;
-use small_stage::{kill_when, stage_of};
+use small_stage::{kill_when, psnr_of, stage_of};
 use tempfile::TempDir;
 use tool::{aarc_studio, outcome};
 
@@ -49,8 +49,7 @@ fn field_files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
 
 /// PSNR of the subject in the photographs that were fitted to.
 fn measured(folder: &Path) -> f64 {
-    let json = aarc_studio(folder, &["eval", "field", "--capture", "stage", "--json"]).json();
-    json["splits"]["train"]["psnr_fg"].as_f64().unwrap()
+    psnr_of("field", folder, "train")
 }
 
 #[test]
@@ -252,15 +251,6 @@ fn what_cannot_be_shared_out_is_refused() {
     assert!(one.contains("--segments even: field.ply is one field; name a folder"), "{one}");
 }
 
-/// Runs the tool where no file may have more than `kilobytes`, as on a disk that is full.
-#[cfg(target_os = "linux")]
-fn with_small_disk(folder: &Path, kilobytes: usize, more: &[&str]) -> outcome::Outcome {
-    let script = format!("trap '' XFSZ; ulimit -f {}; exec \"$0\" \"$@\"", 2 * kilobytes);
-    let mut command = Command::new("sh");
-    command.arg("-c").arg(script).arg(env!("CARGO_BIN_EXE_aarc-studio")).args(fit(more));
-    command.current_dir(folder).output().unwrap().into()
-}
-
 #[cfg(target_os = "linux")]
 #[test]
 fn a_full_disk_costs_the_part_that_is_fitted_and_nothing_else() {
@@ -268,7 +258,7 @@ fn a_full_disk_costs_the_part_that_is_fitted_and_nothing_else() {
     let folder = folder.path();
     fitted(folder, &["--segments", "0..1"]);
     let before = field_files(folder);
-    let error = with_small_disk(folder, 16, &["--segments", "1..2"]).error(2);
+    let error = tool::with_small_disk(folder, 16, &fit(&["--segments", "1..2"])).error(2);
     assert!(error.contains("cannot write field/fit/part-0001") && !error.contains(".writing-"), "{error}");
     let after = field_files(folder);
     assert!(before.iter().all(|(name, file)| after.get(name) == Some(file)), "the other part is whole");

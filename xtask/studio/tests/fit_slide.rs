@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 
 use image::{GrayImage, RgbImage};
 use serde_json::Value;
-use small_stage::{kill_when, stage_of};
+use small_stage::{kill_when, psnr_of, stage_of};
 use tempfile::TempDir;
 use tool::aarc_studio;
 
@@ -53,8 +53,7 @@ fn field_files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
 
 /// PSNR of the subject in the photographs that were fitted to.
 fn measured(folder: &Path) -> f64 {
-    let json = aarc_studio(folder, &["eval", "field", "--capture", "stage", "--json"]).json();
-    json["splits"]["train"]["psnr_fg"].as_f64().unwrap()
+    psnr_of("field", folder, "train")
 }
 
 /// Starts the fit.

@@ -3,16 +3,14 @@
 mod support;
 mod tool;
 
-use std::fs;
-use std::path::Path;
 #[cfg(target_os = "linux")]
-use std::process::Command;
-
 use codec::{
     ClipInfo, Coder, EncodeOptions, Field, Limits, Package, Precision, SegmentPackage, Source, Take,
     encode_take_head,
 };
 use serde_json::{Value, json};
+use std::fs;
+use std::path::Path;
 use studio::export::field_file;
 use studio::import::import;
 use support::{Noise, field, info};
@@ -579,15 +577,6 @@ fn takes_of_one_and_of_a_thousand_segments() {
     assert_eq!(take_of(&read(&folder, "one.aarc")).segments.len(), 1);
 }
 
-/// Runs the tool where no file may have more than `kilobytes`, as on a disk that is full.
-#[cfg(target_os = "linux")]
-fn with_small_disk(folder: &TempDir, kilobytes: usize, line: &str) -> Outcome {
-    let script = format!("trap '' XFSZ; ulimit -f {}; exec \"$0\" \"$@\"", 2 * kilobytes);
-    let mut command = Command::new("sh");
-    command.arg("-c").arg(script).arg(env!("CARGO_BIN_EXE_aarc-studio")).args(line.split_whitespace());
-    command.current_dir(folder.path()).output().unwrap().into()
-}
-
 #[cfg(target_os = "linux")]
 #[test]
 fn nothing_is_left_where_the_disk_is_full() {
@@ -602,7 +591,9 @@ fn nothing_is_left_where_the_disk_is_full() {
         ("trim take.aarc --from 0 --to 2 -o full.aarc", "cannot write full.aarc"),
     ] {
         let kilobytes = if line.starts_with("join") { 32 } else { 2 };
-        let refused = with_small_disk(&folder, kilobytes, line).error(2);
+        let refused =
+            tool::with_small_disk(folder.path(), kilobytes, &line.split_whitespace().collect::<Vec<_>>())
+                .error(2);
         assert!(refused.contains(what) && refused.contains("name another place"), "{line}: {refused}");
         assert!(!refused.contains(".writing-"), "{refused}");
         assert!(tool::outcome::contents(folder.path()) == before, "{line}: something is left");

@@ -102,10 +102,8 @@ impl CaptureFiles {
     /// # Panics
     /// If the capture has no such photograph.
     pub fn read_ahead(&self, photo_id: PhotoId) {
-        let video = self.videos[photo_id.camera].as_ref().map(|of| of.video.path());
-        for path in self.files_of(photo_id).filter(|path| video != Some(path.as_path())) {
-            drop(std::fs::read(path));
-        }
+        let videos = usize::from(self.videos[photo_id.camera].is_some());
+        self.files_of(photo_id).skip(videos).for_each(|path| drop(std::fs::read(path)));
     }
 
     /// Rows of numbers of `photo_ids` to decode one after another, while others are decoded beside them: the photographs
@@ -264,21 +262,25 @@ impl CaptureBuilder {
 
     /// Sets the video of a camera, and adds the photographs in it: the video's frame at each frame of the capture, with
     /// the seconds by which it is later than that; `mask` gives the path of the mask of a frame.
+    ///
+    /// # Errors
+    /// Those of `mask`.
     pub(super) fn video(
         &mut self,
         camera: usize,
         video: Video,
         frames: &[Option<(u32, f64)>],
-        mask: impl Fn(usize) -> Option<String>,
-    ) {
+        mask: impl Fn(usize) -> Result<Option<String>, Fault>,
+    ) -> Result<(), Fault> {
         for (frame, (_, late_s)) in frames.iter().enumerate().filter_map(|(k, at)| Some((k, (*at)?))) {
-            self.photo(camera, frame, PhotoPath { image: "", name: "", mask: mask(frame).as_deref() });
+            self.photo(camera, frame, PhotoPath { image: "", name: "", mask: mask(frame)?.as_deref() });
             if late_s != 0.0 {
                 self.deviations_s.insert(PhotoId { frame, camera }, late_s);
             }
         }
         let frames = frames.iter().map(|at| at.map(|(frame, _)| frame)).collect();
         self.videos[camera] = Some(CameraVideo { video: Arc::new(video), frames });
+        Ok(())
     }
 
     /// Sets the [time offset](CalibratedCamera::time_offset_s) of a camera.

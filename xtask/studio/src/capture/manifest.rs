@@ -1,6 +1,6 @@
 //! Captures with this project's own manifest, `capture.json`.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::ops::RangeInclusive;
 use std::path::Path;
 
@@ -103,10 +103,7 @@ pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
         };
         if let Some(video) = video {
             let at_frames = video.at_frames(entry.start_s, frames, fps);
-            let masks = at_frames.iter().enumerate().filter(|(_, at)| at.is_some());
-            let masks = masks.map(|(frame, _)| Ok((frame, mask_of(frame)?)));
-            let masks = masks.collect::<Result<BTreeMap<usize, Option<String>>, Fault>>()?;
-            builder.video(index, video, &at_frames, |frame| masks[&frame].clone());
+            builder.video(index, video, &at_frames, mask_of)?;
             continue;
         }
         let pattern = manifest.images.as_ref().expect("cameras without a video have images");

@@ -5,7 +5,7 @@
 //! ffmpeg:  seeks to a frame, and decodes it and those after it to a pipe -> pictures
 //! ```
 //!
-//! Frames that are asked for in ascending order come from one run of `ffmpeg`, which waits at the pipe between them.
+//! Frames in ascending order come from one run of `ffmpeg`. It waits at the pipe until the next one is wanted.
 
 use std::fs::File;
 use std::io::{ErrorKind, Read, Seek};

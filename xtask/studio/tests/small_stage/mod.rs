@@ -51,6 +51,11 @@ pub(crate) fn kill_when(folder: &Path, args: &[&str], is_ready: impl Fn() -> boo
 
 /// PSNR of the subject in a split.
 pub(crate) fn measured(folder: &Path, split: &str) -> f64 {
-    let json = aarc_studio(folder, &["eval", "field.ply", "--capture", "stage", "--json"]).json();
+    psnr_of("field.ply", folder, split)
+}
+
+/// That of a field file or folder.
+pub(crate) fn psnr_of(field: &str, folder: &Path, split: &str) -> f64 {
+    let json = aarc_studio(folder, &["eval", field, "--capture", "stage", "--json"]).json();
     json["splits"][split]["psnr_fg"].as_f64().unwrap()
 }

@@ -31,6 +31,15 @@ pub(crate) fn aarc_studio_with(folder: &Path, args: &[&str], variables: &[(&str,
     command.output().expect("the tool starts").into()
 }
 
+/// Runs the tool in `folder` where no file may have more than `kilobytes`, as on a disk that is full.
+#[cfg(target_os = "linux")]
+pub(crate) fn with_small_disk(folder: &Path, kilobytes: usize, args: &[&str]) -> Outcome {
+    let script = format!("trap '' XFSZ; ulimit -f {}; exec \"$0\" \"$@\"", 2 * kilobytes);
+    let mut command = Command::new("sh");
+    command.arg("-c").arg(script).arg(env!("CARGO_BIN_EXE_aarc-studio")).args(args);
+    command.current_dir(folder).output().expect("the tool starts").into()
+}
+
 impl Outcome {
     /// What a successful run printed on standard output, as JSON.
     #[track_caller]

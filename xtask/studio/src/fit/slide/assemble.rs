@@ -37,11 +37,11 @@ pub(super) fn assemble(
     work: &WorkFolder,
     windows: &Windows,
     interval_s: f64,
-    [duration_s, unit_s]: [f64; 2],
     info: &ClipInfo,
     record: &FitRecord,
 ) -> anyhow::Result<Option<Assembled>> {
-    let grid = SegmentGrid::new(duration_s, unit_s);
+    let duration_s = windows.duration_s;
+    let grid = SegmentGrid::new(duration_s, windows.unit_s);
     let mut open: BTreeMap<(u8, u64), Parameters<f32>> = BTreeMap::new();
     let (mut entries, mut assembled) = (Vec::new(), Assembled::default());
     let add = |open: &mut BTreeMap<(u8, u64), Parameters<f32>>,

@@ -8,9 +8,10 @@
 //! end:   background and all that is finished -> segments by life -> field folder
 //! ```
 //!
-//! A Gaussian that is alive in the photographs of a part beside, which is not fitted yet, is left to it: it goes on with
-//! shorter steps the more of its life is elsewhere: [`Carried`](refine::fit::Carried). So parts may be fitted in any
-//! order, and by several processes, if no two beside each other are fitted at once.
+//! A Gaussian may be alive in the photographs of the next part or the one before. If that part is not fitted yet, the
+//! Gaussian is left to it, and moves there by shorter steps the more of its life is elsewhere:
+//! [`Carried`](refine::fit::Carried). So parts may be fitted in any order, and by several processes, if no two beside
+//! each other are fitted at once.
 
 mod assemble;
 mod background;
@@ -143,8 +144,7 @@ fn whole(
     let &Photographs { capture_files, windows, interval_s, .. } = photographs;
     let record = FitRecord { holdout: Some(plan.fit.holdout), ..Default::default() };
     let info = clip_info(capture_files);
-    let times = [capture_files.capture.duration_s(), plan.unit_s];
-    let Some(assembled) = assemble(work, &windows, interval_s, times, &info, &record)? else {
+    let Some(assembled) = assemble(work, &windows, interval_s, &info, &record)? else {
         let why = without_anchor.map_or_else(String::new, |error| format!("no anchor: {error}; "));
         let out = work.out.display();
         bail!(Fault::Data(format!(

@@ -22,9 +22,9 @@ pub(super) struct FittedPart {
     pub(super) seconds: f64,
     /// Gaussians that no other part changes.
     pub(super) finished: Parameters<f32>,
-    /// Gaussians that are alive in photographs of the part before, which was not fitted yet, and goes on with them.
+    /// Gaussians for the part before, if it was not fitted yet: they are alive in its photographs.
     pub(super) before: Parameters<f32>,
-    /// The same of the part after.
+    /// The same for the part after.
     pub(super) after: Parameters<f32>,
 }
 
@@ -104,8 +104,8 @@ pub(super) fn start(
     Ok(Start::Fit(Box::new(fit.carrying(pasts))))
 }
 
-/// What the finished parts beside one leave to it: Gaussians that are alive in its photographs and stay as they are,
-/// those that it goes on with, and the pasts of these.
+/// What the finished parts beside one leave to it: Gaussians in its photographs that stay as they are, Gaussians that it
+/// goes on with, and the pasts of the latter.
 fn carried(
     photographs: &Photographs,
     part: usize,
@@ -140,8 +140,8 @@ fn is_alive_in(windows: &Windows, part: usize, [birth_s, death_s]: [f64; 2]) -> 
     death_s > from_s && birth_s < to_s
 }
 
-/// Divides what was fitted in `part` by whether a part beside it goes on with it. A Gaussian that is alive in both of
-/// these, while none is finished, is finished: they could not go on with it together.
+/// Divides what was fitted in `part` into Gaussians that are finished and those that a part beside it goes on with. One
+/// that is alive in both of these, while neither is finished, is finished: they could not go on with it together.
 pub(super) fn divided(
     fitted: &Parameters<f32>,
     photographs: &Photographs,

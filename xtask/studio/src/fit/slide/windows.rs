@@ -8,7 +8,7 @@ const OVERLAP: f64 = 0.25;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Windows {
     pub(super) duration_s: f64,
-    unit_s: f64,
+    pub(super) unit_s: f64,
     /// Number of parts, at least 1.
     pub(super) count: usize,
 }

@@ -88,23 +88,22 @@ impl WorkFolder {
         output::make_folder(&folder)?;
         let work = WorkFolder { out: out.to_owned(), lock: lock_file(&path)?, folder };
         let path = work.folder.join("plan");
+        let sizes = sizes(capture_files);
+        let is_alone = work.is_locked_alone()?;
         // The first process writes the plan while it is alone.
-        if work.is_locked_alone()? {
-            if !path.exists() {
-                let begun = Begun { plan: plan.clone(), sizes: sizes(capture_files) };
-                store(&path, MAGIC, &begun).map_err(|error| Fault::Usage(error.to_string()))?;
-            }
-            if is_shared && !work.is_locked_with_others()? {
-                return Err(work.is_busy());
-            }
-        } else if !(is_shared && work.is_locked_with_others()?) {
+        if is_alone && !path.exists() {
+            let begun = Begun { plan: plan.clone(), sizes: sizes.clone() };
+            store(&path, MAGIC, &begun).map_err(|error| Fault::Usage(error.to_string()))?;
+        }
+        let is_locked = if is_shared { work.is_locked_with_others()? } else { is_alone };
+        if !is_locked {
             return Err(work.is_busy());
         }
         // A process may have finished it since.
         is_finished()?;
         let begun: Begun = read(&path)?;
         let what = match begun.plan == *plan {
-            true if is_alike(&begun.sizes, &sizes(capture_files)) => return Ok(work),
+            true if is_alike(&begun.sizes, &sizes) => return Ok(work),
             true => "a fit of other photographs",
             false => {
                 "a fit of another capture, or of one with more or fewer photographs, or with other options"
