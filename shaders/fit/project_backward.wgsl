@@ -96,17 +96,22 @@ fn images_backward(projected: Projected, d_splat: SplatGradient) -> array<vec3<f
     return d_images;
 }
 
-// To the scaled axes in camera space. Returns the gradient with respect to the centre there.
+// To the scaled axes in camera space and the logarithm of the focal lengths. Returns the gradient with respect to the
+// centre there.
 fn view_backward(
     projected: Projected,
     d_splat: SplatGradient,
     d_axes: ptr<function, array<vec3<f32>, 3>>,
+    log_focal: ptr<function, f32>,
 ) -> vec3<f32> {
     let d_images = images_backward(projected, d_splat);
     let z = projected.view.z;
     var d_view = vec3<f32>(0.0);
     for (var axis = 0u; axis < 2u; axis++) {
         let f = uniforms.focal[axis] / z;
+        // The centre and the image are proportional to it.
+        *log_focal += d_splat.center[axis] * f * projected.view[axis]
+            + dot(d_images[axis], projected.footprint.images[axis]);
         (*d_axes)[axis] = d_images[axis] * f;
         (*d_axes)[2] += d_images[axis] * (-f * projected.footprint.slope[axis]);
         // The image is proportional to f.
@@ -220,24 +225,47 @@ fn motion_backward(
     return d_since;
 }
 
-// To logit, width and tau: o = sigmoid(a) exp(-z^2 / 2) with z = d / s.
-fn window_backward(health: ptr<function, Health>, i: u32, window: Window, d_log_opacity: f32, d_since: f32) {
+// To logit, width and tau: o = sigmoid(a) exp(-z^2 / 2) with z = d / s. Returns the derivative of the fading with
+// respect to tau.
+fn window_backward(
+    health: ptr<function, Health>,
+    i: u32,
+    window: Window,
+    d_log_opacity: f32,
+    d_since: f32,
+) -> f32 {
     let n = uniforms.gaussians;
     put(health, place(n, START_LOGIT, 1u, i), d_log_opacity * window.clearness);
-    if IS_TIMED {
-        let z = window.since_in_widths;
-        put(health, place(n, START_LOG_WIDTH, 1u, i), d_log_opacity * z * z);
-        var d_tau = d_log_opacity * z / window.width;
-        if uniforms.detach_tau == 0u {
-            d_tau -= d_since;
-        }
-        put(health, place(n, START_TAU, 1u, i), d_tau);
+    if !IS_TIMED {
+        return 0.0;
     }
+    let z = window.since_in_widths;
+    put(health, place(n, START_LOG_WIDTH, 1u, i), d_log_opacity * z * z);
+    let fading = d_log_opacity * z / window.width;
+    put(health, place(n, START_TAU, 1u, i), select(fading, fading - d_since, uniforms.detach_tau == 0u));
+    return fading;
+}
+
+// What is turned about the camera's centre: the centre and the axes, in camera space.
+fn rotation_backward(projected: Projected, d_view: vec3<f32>, d_axes: array<vec3<f32>, 3>) -> vec3<f32> {
+    var sum = cross(projected.view, d_view);
+    for (var axis = 0u; axis < 3u; axis++) {
+        sum += cross(
+            vec3<f32>(projected.axes[0][axis], projected.axes[1][axis], projected.axes[2][axis]),
+            vec3<f32>(d_axes[0][axis], d_axes[1][axis], d_axes[2][axis]),
+        );
+    }
+    return sum;
 }
 
 // Clears and counts a gradient that is not finite, and updates the statistics.
-fn finish(i: u32, row: u32, screen_gradient: f32, health: Health) {
+fn finish(i: u32, row: u32, screen_gradient: f32, health: Health, by_view: ViewGradient) {
     let is_good = health.is_finite && is_finite(screen_gradient);
+    if is_good {
+        put_view(i, by_view);
+    } else {
+        put_view(i, ViewGradient());
+    }
     if !is_good {
         for (var column = 0u; column < COLUMNS; column++) {
             let first = place(uniforms.gaussians, START[column], COUNT[column], i);
@@ -268,17 +296,22 @@ fn project_backward(at: Invocation) {
     if !project_into(row, window, &projected) {
         // Only on a device that computes the same numbers differently in `project`.
         statistics[row].is_usable = 0u;
+        put_view(i, ViewGradient());
         return;
     }
     let d_splat = splat_backward(row, projected.splat);
     var health = Health(true, true);
     var d_axes = array<vec3<f32>, 3>();
-    var d_world = from_view(view_backward(projected, d_splat, &d_axes));
+    var log_focal = 0.0;
+    let d_view = view_backward(projected, d_splat, &d_axes, &log_focal);
+    var d_world = from_view(d_view);
     d_world += color_backward(&health, i, row, projected, d_splat.color);
     let d_rotation = axes_backward(&health, i, projected, d_axes);
     let d_since = motion_backward(&health, i, row, window.since, d_world, d_rotation);
-    window_backward(&health, i, window, d_splat.log_opacity, d_since);
+    let fading = window_backward(&health, i, window, d_splat.log_opacity, d_since);
+    let turned = rotation_backward(projected, d_view, d_axes);
+    let by_view = ViewGradient(turned, d_since - fading, d_world, log_focal);
     // The image spans [-1, 1] along both axes.
     let on_screen = d_splat.center * vec2<f32>(uniforms.size) * 0.5;
-    finish(i, row, sqrt(dot(on_screen, on_screen)), health);
+    finish(i, row, sqrt(dot(on_screen, on_screen)), health, by_view);
 }

@@ -2,7 +2,7 @@
 //! backpropagate the loss and take a step of Adam.
 //!
 //! ```text
-//! project -> sort -> bin -> rasterize -> loss -> rasterize_backward -> project_backward -> adam
+//! project -> sort -> bin -> rasterize -> [camera ->] loss -> [camera ->] rasterize_backward -> project_backward -> adam
 //! ```
 //!
 //! [`compose`] assembles a stage for the columns of a scene; absent columns cost neither memory nor
@@ -114,12 +114,26 @@ pub mod binding {
     pub const PAIR_ROWS: u32 = 26;
     /// Indices of the pairs, sorted by tile and front to back: `u32`.
     pub const TILE_PAIRS: u32 = 27;
+    /// [`Response`](super::layout::Response).
+    pub const RESPONSE: u32 = 28;
+    /// [`IMAGE`] as the camera shows it.
+    pub const SEEN: u32 = 29;
+    /// Gradient with respect to the view by drawn Gaussian: [`VIEW_BYTES`](super::VIEW_BYTES) each.
+    pub const D_VIEW: u32 = 30;
+    /// Gradient with respect to the camera: [`CAMERA_NUMBERS`](super::CAMERA_NUMBERS) `f32`.
+    pub const D_CAMERA: u32 = 31;
 }
+
+/// Size in bytes of the gradient of a Gaussian with respect to the view.
+pub const VIEW_BYTES: u64 = 32;
+
+/// Numbers of a camera that are learned: time, rotation, translation, logarithm of the focal lengths, colours, vignette.
+pub const CAMERA_NUMBERS: usize = 23;
 
 /// Size of a splat in bytes.
 pub const SPLAT_BYTES: u64 = 64;
 
-/// The columns of a scene, and its filter.
+/// The columns of a scene, its filter, and whether its cameras are learned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Columns {
     /// Degree of the spherical harmonics, 0 to 3.
@@ -132,6 +146,8 @@ pub struct Columns {
     pub rotates: bool,
     /// Whether the scene has the mip filter, which compensates opacities.
     pub mip: bool,
+    /// Whether the image is seen through a camera's response, and a step leaves the gradient with respect to the camera.
+    pub learns_cameras: bool,
 }
 
 impl Columns {
@@ -165,6 +181,8 @@ pub enum Stage {
     Bin,
     /// Composites splats into pixels.
     Rasterize,
+    /// Shows the image as the camera does, and backpropagates to the camera.
+    Camera,
     /// Compares the image with the photograph.
     Loss,
     /// Backpropagates from pixels to splats.
@@ -177,12 +195,13 @@ pub enum Stage {
 
 impl Stage {
     /// All stages.
-    pub const ALL: [Stage; 9] = [
+    pub const ALL: [Stage; 10] = [
         Stage::Project,
         Stage::Scan,
         Stage::Sort,
         Stage::Bin,
         Stage::Rasterize,
+        Stage::Camera,
         Stage::Loss,
         Stage::RasterizeBackward,
         Stage::ProjectBackward,
@@ -197,6 +216,7 @@ impl Stage {
             Stage::Sort => &["count_digits", "scatter"],
             Stage::Bin => &["count_tiles", "list_pairs", "find_tiles"],
             Stage::Rasterize => &["rasterize"],
+            Stage::Camera => &["respond", "respond_backward", "sum_response", "sum_view"],
             Stage::Loss => &["blur_rows", "compare", "blur_derivatives", "loss_backward", "sum_loss"],
             Stage::RasterizeBackward => &["rasterize_backward"],
             Stage::ProjectBackward => &["project_backward"],
@@ -218,6 +238,7 @@ pub fn compose(stage: Stage, columns: Columns) -> String {
     let footprint = include_str!("../fit/footprint.wgsl");
     let series = include_str!("../fit/series.wgsl");
     let statistics = include_str!("../fit/statistics.wgsl");
+    let view_gradient = include_str!("../fit/view_gradient.wgsl");
     let parts: &[&str] = match stage {
         Stage::Project => {
             let project = include_str!("../fit/project.wgsl");
@@ -227,13 +248,19 @@ pub fn compose(stage: Stage, columns: Columns) -> String {
         Stage::Sort => &[series, include_str!("../fit/sort.wgsl")],
         Stage::Bin => &[uniforms, splat, ellipse, include_str!("../fit/bin.wgsl")],
         Stage::Rasterize => &[uniforms, splat, footprint, include_str!("../fit/rasterize.wgsl")],
+        Stage::Camera => &[uniforms, view_gradient, include_str!("../fit/camera.wgsl")],
         Stage::Loss => &[uniforms, include_str!("../fit/loss.wgsl")],
         Stage::RasterizeBackward => {
             &[uniforms, splat, footprint, include_str!("../fit/rasterize_backward.wgsl")]
         }
         Stage::ProjectBackward => {
             let project_backward = include_str!("../fit/project_backward.wgsl");
-            &[uniforms, splat, places, parameters, harmonics, projection, statistics, project_backward]
+            let put_view = match columns.learns_cameras {
+                true => include_str!("../fit/view_gradient_kept.wgsl"),
+                false => include_str!("../fit/view_gradient_dropped.wgsl"),
+            };
+            let splats = [uniforms, splat, places, parameters, harmonics, projection, statistics];
+            &[&splats[..], &[view_gradient, put_view, project_backward]].concat()
         }
         Stage::Adam => &[uniforms, places, statistics, include_str!("../fit/adam.wgsl")],
     };

@@ -39,7 +39,12 @@
 //! let parameters = anchor(&settings, timeline, [Ok::<_, AnchorError>(frame)].into_iter())?;
 //!
 //! let training_view =
-//!     |view: AnchorView| TrainingView { camera: view.camera, time: 0.0, photograph: view.photograph };
+//!     |view: AnchorView| TrainingView {
+//!         camera_id: view.camera_id,
+//!         camera: view.camera,
+//!         time: 0.0,
+//!         photograph: view.photograph,
+//!     };
 //! let training: Vec<TrainingView> = views.into_iter().map(training_view).collect();
 //! let settings = FitSettings { steps: 2, ..FitSettings::default() };
 //! let fit = Fit::new(settings, parameters, timeline, training.iter().map(|view| &view.camera));

@@ -10,10 +10,11 @@ use std::process::ExitCode;
 use codec::{Camera, PixelFilter};
 use fixtures::{COLUMN_NAMES, TIMELINE};
 use libtest_mimic::{Arguments, Completion, Failed, Trial};
+use refine::capture::Response;
 use refine::fit::gpu::Gpu;
 use refine::fit::{
-    Backend, Carried, Cpu, DeviceError, Fit, FitSettings, FrameView, Gradient, Lpips, Parameters, Photograph,
-    Real, RenderedImage, Run, StepReport, Timeline, TrainingView, WeightTensor, cpu,
+    Backend, Carried, Cpu, DeviceError, Fit, FitSettings, FrameView, Gradient, Learned, Lpips, Parameters,
+    Photograph, Real, RenderedImage, Rig, Run, StepReport, Timeline, TrainingView, WeightTensor, cpu,
 };
 
 fn main() -> ExitCode {
@@ -24,6 +25,7 @@ fn main() -> ExitCode {
         trial("gradients match the CPU", gradients),
         trial("the loss matches the CPU", losses),
         trial("a step matches the CPU", a_step),
+        trial("cameras are learned as on the CPU", cameras),
         trial("a fit is reproducible bit by bit", repeatable),
         trial("fifty steps stay close to the CPU", fifty_steps),
         trial("capacity control follows the CPU", controls),
@@ -159,6 +161,10 @@ fn assert_gradients(found: &Gradient<f32>, expected: &Gradient<f32>, what: &str)
         println!("{what}: {name} {error:e}");
         assert!(error <= 1e-3, "{what}: {name} {error:e}");
     }
+    let [view, expected_view] = [&found.view, &expected.view]
+        .map(|view| [&[view.time, view.log_focal][..], &view.rotation, &view.translation].concat());
+    let error = relative(&view, &expected_view);
+    assert!(error <= 1e-3, "{what}: view {error:e}");
     let error = relative(&found.screen, &expected.screen);
     assert!(error <= 1e-3, "{what}: screen {error:e}");
 }
@@ -201,7 +207,7 @@ fn training_views(size: [u32; 2], frames: &[f64]) -> Vec<TrainingView> {
             pixels: image.pixels.iter().map(|pixel| pixel.map(byte)).collect(),
             valid: (0..size[0] * size[1]).map(|i| i % size[0] > 4 || i / size[0] > 9).collect(),
         };
-        TrainingView { camera, time: *frame, photograph }
+        TrainingView { camera_id: 0, camera, time: *frame, photograph }
     };
     frames.iter().map(view).collect()
 }
@@ -288,6 +294,38 @@ fn a_step(mut gpu: Gpu) -> Result<(), DeviceError> {
             assert!(error <= 1e-4, "{what}: {name} {error:e}");
         }
     }
+    Ok(())
+}
+
+/// Photographs of two cameras, one of which is late, elsewhere and dim.
+fn cameras(mut gpu: Gpu) -> Result<(), DeviceError> {
+    let dim = Response { vignette: [-0.2, 0.1, 0.0], ..Response::NEUTRAL };
+    let learned = Learned { offsets: true, colors: true, exposures: true, poses: true, focals: true };
+    let views = training_views([77, 53], &[0.0, 2.0, 4.0, 6.0]);
+    let views: Vec<TrainingView> =
+        (0..).zip(views).map(|(i, view)| TrainingView { camera_id: i % 2, ..view }).collect();
+    let start = cloud(46, 500, 2);
+    let rig = Rig::new(learned, vec![Response::NEUTRAL, dim], 0);
+    let fit = new_fit(&start, &views, 1000).seen_by(rig);
+    let (by_cpu, expected) = run_of(&mut Cpu::default(), fit.clone(), &views, 40, None)?;
+    let (by_gpu, found) = run_of(&mut gpu, fit, &views, 40, None)?;
+    let numbers = |report: &StepReport| report.camera.expect("cameras are learned").map(|x| x as f32);
+    for step in 0..2 {
+        let (a, b) = (numbers(&found[step]), numbers(&expected[step]));
+        for (what, range) in
+            [("time", 0..1), ("pose", 1..7), ("focal", 7..8), ("colours", 8..20), ("vignette", 20..23)]
+        {
+            let error = relative(&a[range.clone()], &b[range]);
+            println!("step {step}: {what} {error:e}");
+            assert!(error <= 1e-2, "step {step}: {what} {error:e}");
+        }
+    }
+    let [a, b] = [&by_gpu, &by_cpu].map(|fit| fit.rig().expect("a rig"));
+    assert!(b.late(0) == 0.0 && b.late(1).abs() > 0.01, "{}", b.late(1));
+    assert!((a.late(1) - b.late(1)).abs() < 0.1 * b.late(1).abs(), "{} {}", a.late(1), b.late(1));
+    // The photographs are not dim in the corners.
+    let [dim_a, dim_b] = [a, b].map(|rig| rig.response(1).vignette[0]);
+    assert!((dim_b + 0.2).abs() > 1e-2 && (dim_a - dim_b).abs() < 1e-3, "{dim_a} {dim_b}");
     Ok(())
 }
 

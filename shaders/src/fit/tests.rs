@@ -4,11 +4,11 @@ use std::mem::{offset_of, size_of};
 
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 
-use super::layout::{AdamUniforms, Series, Statistics, StepUniforms, Totals};
+use super::layout::{AdamUniforms, Response, Series, Statistics, StepUniforms, Totals};
 use super::*;
 use crate::tests::{assert_layout, struct_layout};
 
-const NAMES: [&str; 28] = [
+const NAMES: [&str; 32] = [
     "uniforms",
     "series",
     "adam_uniforms",
@@ -37,15 +37,30 @@ const NAMES: [&str; 28] = [
     "pair_tiles",
     "pair_rows",
     "tile_pairs",
+    "response",
+    "seen",
+    "d_view",
+    "d_camera",
 ];
+
+const STATIC: Columns = Columns {
+    sh_degree: 0,
+    is_timed: false,
+    motion_order: 0,
+    rotates: false,
+    mip: false,
+    learns_cameras: false,
+};
 
 fn all_columns() -> Vec<Columns> {
     let mut all = Vec::new();
     for (sh_degree, mip) in (0..=3).flat_map(|degree| [(degree, false), (degree, true)]) {
-        all.push(Columns { sh_degree, is_timed: false, motion_order: 0, rotates: false, mip });
+        let still = Columns { sh_degree, mip, ..STATIC };
+        all.extend([still, Columns { learns_cameras: true, ..still }]);
         for motion_order in 0..=3 {
             for rotates in [false, true] {
-                all.push(Columns { sh_degree, is_timed: true, motion_order, rotates, mip });
+                let timed = Columns { is_timed: true, motion_order, rotates, ..still };
+                all.extend([timed, Columns { learns_cameras: true, ..timed }]);
             }
         }
     }
@@ -78,9 +93,9 @@ fn every_stage_is_valid_and_has_its_kernels() {
 
 #[test]
 fn a_buffer_has_one_binding_and_a_kernel_at_most_eight_buffers() {
-    assert_eq!(binding::TILE_PAIRS as usize + 1, NAMES.len());
+    assert_eq!(binding::D_CAMERA as usize + 1, NAMES.len());
     for stage in Stage::ALL {
-        let module = parse(stage, all_columns()[0]);
+        let module = parse(stage, Columns { learns_cameras: true, ..all_columns()[0] });
         let info = validate(&module);
         for (_, variable) in module.global_variables.iter() {
             let Some(binding) = &variable.binding else { continue };
@@ -124,6 +139,8 @@ fn structs_have_the_layout_of_their_counterparts() {
     );
     assert_layout!(adam, AdamUniforms { rates, log_scales, log_widths, tau, logit_max, fragment_weight });
     assert_layout!(&module(Stage::Sort), Series { length_at, capacity, total_at, shift });
+    assert_layout!(&module(Stage::Camera), Response { color, vignette });
+    assert_eq!(struct_layout(&module(Stage::Camera), "ViewGradient").0 as u64, VIEW_BYTES);
     assert_eq!(struct_layout(&module(Stage::Bin), "Splat").0 as u64, SPLAT_BYTES);
 }
 
@@ -143,8 +160,14 @@ fn totals_have_their_indices() {
 
 #[test]
 fn absent_columns_are_empty() {
-    let static_scene = Columns { sh_degree: 0, is_timed: false, motion_order: 0, rotates: false, mip: false };
-    assert_eq!(static_scene.numbers(), 14);
-    let all = Columns { sh_degree: 3, is_timed: true, motion_order: 3, rotates: true, mip: true };
+    assert_eq!(STATIC.numbers(), 14);
+    let all = Columns {
+        sh_degree: 3,
+        is_timed: true,
+        motion_order: 3,
+        rotates: true,
+        mip: true,
+        learns_cameras: true,
+    };
     assert_eq!(all.counts(), [3, 4, 3, 1, 48, 1, 1, 9, 4]);
 }

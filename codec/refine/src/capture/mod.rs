@@ -5,12 +5,14 @@
 //! distortion and multiplied by its mask.
 
 mod lens;
+mod response;
 mod split;
 
 use codec::Camera;
 
 use crate::image::Image;
 pub use lens::Lens;
+pub use response::Response;
 pub use split::{Holdout, Split, SplitError};
 
 /// Mask value above which a pixel belongs to the subject.
@@ -41,6 +43,8 @@ pub struct CalibratedCamera {
     pub lens: Lens,
     /// Seconds by which the camera takes its photographs later than their frames; negative if earlier.
     pub time_offset_s: f64,
+    /// How it shows colours.
+    pub response: Response,
     /// Whether the capture marks the camera as held out.
     pub held: bool,
 }
@@ -205,6 +209,7 @@ pub(crate) mod fixtures {
             camera: Camera::look_at([0.0; 3], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0], 1.0, 32, 24),
             lens: Lens::default(),
             time_offset_s: 0.0,
+            response: Response::NEUTRAL,
             held: false,
         }
     }

@@ -12,6 +12,7 @@
 //! - `precision`: [`Real`], the scalar type of a computation
 //! - `parameters`: what is optimised, its bounds, its unit of time
 //! - `views`: cameras, photographs and rendered images
+//! - `cameras`: [`Rig`], what is learned of the cameras
 //! - `loss`: the objective and the metrics that it is made of
 //! - `optimizer`: Adam, its moments and the learning rates
 //! - `density`: capacity control, that is densification, pruning, relocation, the floater filter
@@ -23,6 +24,7 @@
 //! and holdout; in a [`codec::Field`] it is the clip.
 
 mod backend;
+mod cameras;
 mod density;
 #[cfg(test)]
 mod fixtures;
@@ -36,6 +38,7 @@ mod views;
 #[cfg(feature = "gpu")]
 pub use backend::gpu;
 pub use backend::{Backend, DeviceError, Gradient, StepConfig, StepReport, TrainingState, cpu};
+pub use cameras::{CameraNumbers, Learned, Rig, ViewGradient};
 pub use cpu::Cpu;
 pub use density::{DensityChange, DensityRule};
 pub(crate) use loss::ssim_and_gradient;

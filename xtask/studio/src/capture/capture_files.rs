@@ -255,7 +255,8 @@ impl CaptureBuilder {
 
     /// Adds a camera and returns its index.
     pub(super) fn camera(&mut self, name: &str, camera: Camera, lens: Lens, held: bool) -> usize {
-        self.cameras.push(CalibratedCamera { name: name.into(), camera, lens, time_offset_s: 0.0, held });
+        let (name, response) = (name.into(), Response::NEUTRAL);
+        self.cameras.push(CalibratedCamera { name, camera, lens, time_offset_s: 0.0, response, held });
         self.videos.push(None);
         self.cameras.len() - 1
     }

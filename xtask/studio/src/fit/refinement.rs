@@ -120,13 +120,14 @@ mod tests {
         let view = |camera: usize, frame: usize| {
             let angle = camera as f64;
             let position = [2.0 * angle.sin(), 0.2, 2.0 * angle.cos()];
+            let camera_id = camera;
             let camera = Camera::look_at(position, [0.0; 3], [0.0, 1.0, 0.0], 0.9, 32, 32);
             let time = frame as f64;
             let picture = cpu::render(&parameters, &FrameView { camera: &camera, time }).image;
             let byte = |c: f32| (c.clamp(0.0, 1.0) * 255.0).round() as u8;
             let pixels = picture.pixels.iter().map(|&[r, g, b, _]| [r, g, b, 1.0].map(byte)).collect();
             let photograph = Photograph { width: 32, height: 32, pixels, valid: Vec::new() };
-            TrainingView { camera, time, photograph }
+            TrainingView { camera_id, camera, time, photograph }
         };
         let train =
             (0..4).flat_map(|camera| [0, 2].map(|frame| (PhotoId { frame, camera }, view(camera, frame))));

@@ -169,7 +169,8 @@ mod tests {
             valid: Vec::new(),
         };
         let camera_of = Camera::look_at([0.0, 0.0, -2.0], [0.0; 3], [0.0, -1.0, 0.0], 1.0, 2, 1);
-        (PhotoId { camera, frame }, TrainingView { camera: camera_of, time: frame as f64, photograph })
+        let view = TrainingView { camera_id: camera, camera: camera_of, time: frame as f64, photograph };
+        (PhotoId { camera, frame }, view)
     }
 
     #[test]

@@ -81,7 +81,7 @@ pub(super) fn load_views(
         let photograph = Photograph::from(&capture_files.photo(*photo_id)?);
         let camera = capture_files.capture.cameras[photo_id.camera].camera.clone();
         on_photo();
-        Ok((*photo_id, TrainingView { camera, time: 0.0, photograph }))
+        Ok((*photo_id, TrainingView { camera_id: photo_id.camera, camera, time: 0.0, photograph }))
     };
     let batch = (DECODING_BYTES / (BYTES_PER_PIXEL * capture_files.pixels_max())).max(1);
     let mut loaded = Vec::with_capacity(photo_ids.len());

@@ -373,10 +373,10 @@ mod tests {
         let mut subject = subject();
         let timeline = Timeline::even(1);
         let parameters = Parameters::<f32>::from_field(&subject.field, timeline);
-        let view = |camera: usize| {
+        let view = |camera_id: usize| {
             let ClipInfo { up, viewpoints, .. } = &subject.scene.info;
             let mut viewpoint = viewpoints[0].clone();
-            let turn = glam::Quat::from_axis_angle((*up).into(), camera as f32);
+            let turn = glam::Quat::from_axis_angle((*up).into(), camera_id as f32);
             let arm = glam::Vec3::from(viewpoint.position) - glam::Vec3::from(viewpoint.target);
             viewpoint.position = (glam::Vec3::from(viewpoint.target) + turn * arm).to_array();
             let camera = viewpoint.camera(*up, 32, 32);
@@ -384,7 +384,7 @@ mod tests {
             let byte = |c: f32| (c.clamp(0.0, 1.0) * 255.0).round() as u8;
             let pixels = picture.pixels.iter().map(|pixel| pixel.map(byte)).collect();
             let photograph = Photograph { width: 32, height: 32, pixels, valid: Vec::new() };
-            TrainingView { camera, time: 0.0, photograph }
+            TrainingView { camera_id, camera, time: 0.0, photograph }
         };
         let photo = |camera| (PhotoId { frame: 0, camera }, view(camera));
         let views = TrainingViews { train: (0..4).map(photo).collect(), held: vec![view(4)], timeline };

@@ -1,5 +1,6 @@
 //! [`Gradient`]: derivatives of a loss of one image.
 
+use crate::fit::cameras::ViewGradient;
 use crate::fit::parameters::Parameters;
 
 /// The gradient of a loss of one image with respect to the Gaussians rendered in it. Gaussians outside
@@ -14,6 +15,8 @@ pub struct Gradient<T> {
     /// the loss per half image: the image spans `[-1, 1]` along both axes. The densification criterion
     /// of 3D Gaussian Splatting (Kerbl et al. 2023, section 5.2), scaled as in gsplat.
     pub screen: Vec<T>,
+    /// The gradient with respect to the view, without the Gaussians counted as non-finite.
+    pub view: ViewGradient<T>,
     /// Number of `rows` with a non-finite number in their gradient; those gradients are set to 0.
     pub non_finite: usize,
 }

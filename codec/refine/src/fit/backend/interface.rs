@@ -1,11 +1,13 @@
 //! [`Backend`]: the interface of the back ends, with their state, input and output.
 
 use super::DeviceError;
+use crate::capture::Response;
+use crate::fit::cameras::CameraNumbers;
 use crate::fit::density::ScreenGradients;
 use crate::fit::loss::Lpips;
 use crate::fit::optimizer::{LearningRates, Moments};
 use crate::fit::parameters::{Bounds, Parameters};
-use crate::fit::views::{FrameView, RenderedImage, TrainingView};
+use crate::fit::views::{FrameView, Photograph, RenderedImage};
 
 /// The per-Gaussian state of a fit: parameters, Adam's moments, accumulated screen-space gradients. A
 /// back end owns it while it steps.
@@ -35,6 +37,8 @@ pub struct StepConfig<'a> {
     pub(in crate::fit) detach_tau: bool,
     /// Weight of the fragment term, see `add_fragment_term`.
     pub(in crate::fit) fragment_weight: f64,
+    /// The response of the camera; `None` for a photograph in the colours of the field whose camera is not learned.
+    pub(in crate::fit) response: Option<Response>,
     /// The LPIPS term of the loss; left out without weights for it.
     pub(in crate::fit) lpips: Option<&'a Lpips<f32>>,
 }
@@ -48,6 +52,9 @@ pub struct StepReport {
     pub drawn: usize,
     /// Number of Gaussians whose gradient was not finite; the step left them where they were.
     pub non_finite: usize,
+    /// The gradient of the loss with respect to the camera: time in intervals, rotation vector, translation, logarithm of
+    /// the focal lengths, colours, vignette. `None` if cameras are not learned and show the colours of the field.
+    pub camera: Option<CameraNumbers>,
 }
 
 /// Computes the steps of a fit, by the conventions of [`crate::reference`]. From [`Backend::load`] to
@@ -79,7 +86,12 @@ pub trait Backend {
     ///
     /// # Panics
     /// If nothing is loaded, or if the photograph has another size than the camera's image.
-    fn step(&mut self, view: &TrainingView, config: &StepConfig) -> Result<StepReport, DeviceError>;
+    fn step(
+        &mut self,
+        view: &FrameView,
+        photograph: &Photograph,
+        config: &StepConfig,
+    ) -> Result<StepReport, DeviceError>;
 
     /// Returns the training state.
     ///

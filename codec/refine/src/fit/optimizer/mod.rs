@@ -5,9 +5,7 @@ mod fragment_term;
 mod learning_rates;
 mod moments;
 
-pub(super) use adam::adam;
-#[cfg(all(test, feature = "gpu"))]
-pub(super) use adam::{BETA1, BETA2, EPSILON};
+pub(super) use adam::{BETA1, BETA2, EPSILON, adam};
 pub(super) use fragment_term::add_fragment_term;
 pub(super) use learning_rates::{LearningRates, decay};
 pub(super) use moments::Moments;

@@ -7,6 +7,7 @@ use codec::{Camera, Field};
 use serde::{Deserialize, Serialize};
 
 use crate::fit::backend::TrainingState;
+use crate::fit::cameras::Rig;
 use crate::fit::density::{DensityChange, DensityControl, DensityRule, DensityState};
 use crate::fit::optimizer::{LearningRates, Moments};
 use crate::fit::parameters::{Bounds, Carried, Parameters, Timeline, keep_limits, scene_extent};
@@ -75,6 +76,8 @@ pub struct Fit {
     initial_count: usize,
     /// Whether it goes on from earlier fits.
     carries: bool,
+    /// The cameras, if they are learned or show other colours than the field.
+    pub(super) rig: Option<Rig>,
 }
 
 impl Fit {
@@ -106,6 +109,7 @@ impl Fit {
             steps_done: 0,
             non_finite: 0,
             carries: false,
+            rig: None,
         }
     }
 
@@ -120,6 +124,16 @@ impl Fit {
         self.carries = true;
         self.keep_limits();
         self
+    }
+
+    /// The photographs are taken by the cameras of `rig`, which has those of all training views.
+    pub fn seen_by(self, rig: Rig) -> Fit {
+        Fit { rig: (!rig.is_neutral()).then_some(rig), ..self }
+    }
+
+    /// The cameras, if they are learned or show other colours than the field.
+    pub fn rig(&self) -> Option<&Rig> {
+        self.rig.as_ref()
     }
 
     /// Whether windows have to be kept within [`Carried::limits`] after this step.
@@ -222,6 +236,7 @@ impl Fit {
             && [first, second].iter().all(|moment| moment.has_shape_of(&self.parameters))
             && visits.len() == rows
             && carried.len() == if self.carries { rows } else { 0 }
+            && self.rig.as_ref().is_none_or(Rig::is_consistent)
             && self.density.screen_gradients.sums.len() == rows
             && self.density.screen_gradients.images.len() == rows
     }

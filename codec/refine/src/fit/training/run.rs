@@ -2,10 +2,11 @@
 
 use super::Fit;
 use crate::fit::backend::{Backend, DeviceError, StepConfig, StepReport};
+use crate::fit::cameras::{SeenView, respond};
 use crate::fit::density::DensityChange;
 use crate::fit::loss::Lpips;
 use crate::fit::optimizer::decay;
-use crate::fit::views::{RenderedImage, TrainingView};
+use crate::fit::views::{FrameView, RenderedImage, TrainingView};
 
 /// A fit in progress: a back end owns its training state.
 pub struct Run<'a> {
@@ -40,16 +41,25 @@ impl<'a> Run<'a> {
         lpips: Option<&Lpips<f32>>,
     ) -> Result<StepReport, DeviceError> {
         let fit = &mut self.fit;
-        let view = views[shuffled(fit.steps_done, views.len(), fit.settings.seed)];
+        let place = shuffled(fit.steps_done, views.len(), fit.settings.seed);
+        let view = views[place];
+        let seen = fit.rig.as_ref().map(|rig| rig.seen(view, Some(place)));
+        let factor = decay(fit.steps_done as usize, fit.settings.steps as usize);
         let config = StepConfig {
-            rates: fit.rates.scaled(decay(fit.steps_done as usize, fit.settings.steps as usize)),
+            rates: fit.rates.scaled(factor),
             bounds: fit.bounds,
             detach_tau: fit.settings.detach_tau,
             fragment_weight: fit.settings.fragment_weight / fit.bounds.extent.powi(2),
+            response: seen.as_ref().map(|seen| seen.response),
             lpips,
         };
-        let report = self.backend.step(view, &config)?;
+        let frame_view = seen.as_ref().map_or(view.view(), SeenView::view);
+        let report = self.backend.step(&frame_view, &view.photograph, &config)?;
         fit.non_finite += report.non_finite as u64;
+        if let (Some(rig), Some(by_camera)) = (&mut fit.rig, &report.camera) {
+            let is_finite = rig.learn(view.camera_id, place, by_camera, factor, fit.bounds.extent);
+            fit.non_finite += u64::from(!is_finite);
+        }
         fit.steps_done += 1;
         self.change = DensityChange::default();
         let (is_control_due, is_keeping_due) = (fit.is_control_due(self.count), fit.is_keeping_due());
@@ -72,12 +82,17 @@ impl<'a> Run<'a> {
         self.change
     }
 
-    /// Renders from the viewpoint of `view`.
+    /// Renders from the viewpoint of `view`, as its camera shows it.
     ///
     /// # Errors
     /// A [`DeviceError`].
     pub fn render(&mut self, view: &TrainingView) -> Result<RenderedImage<f32>, DeviceError> {
-        self.backend.render(&view.view())
+        let Some(SeenView { camera, time, response }) = self.fit.rig.as_ref().map(|rig| rig.seen(view, None))
+        else {
+            return self.backend.render(&view.view());
+        };
+        let image = self.backend.render(&FrameView { camera: &camera, time })?;
+        Ok(RenderedImage { pixels: respond(&image, &response), ..image })
     }
 
     /// Takes the fit back from the back end.

@@ -2,9 +2,10 @@
 
 use super::render::render;
 use crate::fit::backend::{Backend, DeviceError, Gradient, StepConfig, StepReport, TrainingState};
+use crate::fit::cameras::{respond, respond_backward};
 use crate::fit::loss::loss;
 use crate::fit::optimizer::{adam, add_fragment_term};
-use crate::fit::views::{FrameView, RenderedImage, TrainingView};
+use crate::fit::views::{FrameView, Photograph, RenderedImage};
 
 /// The cores of the machine. Results are the same bit by bit for any number of them.
 #[derive(Clone, Debug, Default)]
@@ -32,16 +33,30 @@ impl Backend for Cpu {
         Ok(render(&self.loaded().parameters, view).image)
     }
 
-    fn step(&mut self, view: &TrainingView, config: &StepConfig) -> Result<StepReport, DeviceError> {
+    fn step(
+        &mut self,
+        view: &FrameView,
+        photograph: &Photograph,
+        config: &StepConfig,
+    ) -> Result<StepReport, DeviceError> {
         let TrainingState { parameters, moments, screen_gradients } = self.loaded();
-        let forward = render(parameters, &view.view());
-        let loss = loss(&forward.image.pixels, &view.photograph, config.lpips);
-        let Gradient { rows, mut values, screen, non_finite } =
-            forward.backward(parameters, &view.view(), &loss.gradient, config.detach_tau);
+        let forward = render(parameters, view);
+        let seen = config.response.map(|response| respond(&forward.image, &response));
+        let pixels = seen.as_ref().unwrap_or(&forward.image.pixels);
+        let mut loss = loss(pixels, photograph, config.lpips);
+        let by_response =
+            config.response.map(|response| respond_backward(&forward.image, &response, &mut loss.gradient));
+        let Gradient { rows, mut values, screen, view: by_view, non_finite } =
+            forward.backward(parameters, view, &loss.gradient, config.detach_tau);
         add_fragment_term(&mut values, parameters, &rows, config.fragment_weight);
         let skipped = adam(parameters, moments, &rows, &values, &config.rates, &config.bounds);
         screen_gradients.accumulate(&rows, &screen);
-        Ok(StepReport { loss: loss.value, drawn: rows.len(), non_finite: non_finite + skipped })
+        Ok(StepReport {
+            loss: loss.value,
+            drawn: rows.len(),
+            non_finite: non_finite + skipped,
+            camera: by_response.map(|by_response| by_view.numbers(&by_response)),
+        })
     }
 
     fn store(&mut self) -> Result<TrainingState, DeviceError> {

@@ -10,6 +10,7 @@ use super::project::{
 use super::rasterize_backward::SplatGradient;
 use super::sh;
 use crate::fit::backend::Gradient;
+use crate::fit::cameras::ViewGradient;
 use crate::fit::parameters::{COLUMNS, Parameters};
 use crate::fit::precision::Real;
 use crate::fit::views::FrameView;
@@ -32,24 +33,58 @@ pub(super) fn project_backward<T: Real>(
     let chunks = Rows::chunks(&mut values, &mut screen).into_par_iter();
     let chunks = chunks.zip(projected.par_chunks(CHUNK)).zip(places.par_chunks(CHUNK));
     let write_chunks = chunks.map(|((mut rows, chunk), places)| {
-        let mut non_finite = 0;
+        let (mut non_finite, mut by_view) = (0, ByView::default());
         for (row, (projected, place)) in chunk.iter().zip(places).enumerate() {
             let d_splat = &d_splats[*place as usize];
-            let gradient = gaussian(&projection, parameters, projected, d_splat, detach_tau);
+            let (gradient, by) = gaussian(&projection, parameters, projected, d_splat, detach_tau);
             let [x, y] = [0, 1].map(|axis| d_splat.center[axis] * projection.size[axis] * T::from_f64(0.5));
             let norm = (x * x + y * y).sqrt();
             if gradient.is_finite() && norm.is_finite() {
                 rows.write(row, &gradient);
                 rows.screen[row] = norm;
+                by_view.add(&by);
             } else {
                 non_finite += 1;
             }
         }
-        non_finite
+        (non_finite, by_view)
     });
-    let non_finite = write_chunks.sum();
+    let (mut non_finite, mut by_view) = (0, ByView::default());
+    for (of_chunk, by) in write_chunks.collect::<Vec<_>>() {
+        non_finite += of_chunk;
+        by_view.add(&by);
+    }
     let rows = projected.iter().map(|projected| projected.splat.row).collect();
-    Gradient { rows, values, screen, non_finite }
+    Gradient { rows, values, screen, view: by_view.in_camera(&projection), non_finite }
+}
+
+/// Parts of a [`ViewGradient`], which are summed over the Gaussians.
+#[derive(Clone, Copy, Default)]
+struct ByView<T> {
+    time: T,
+    rotation: [T; 3],
+    /// With respect to the centres, in world axes.
+    center: [T; 3],
+    log_focal: T,
+}
+
+impl<T: Real> ByView<T> {
+    fn add(&mut self, other: &ByView<T>) {
+        self.time += other.time;
+        self.rotation = add(self.rotation, other.rotation);
+        self.center = add(self.center, other.center);
+        self.log_focal += other.log_focal;
+    }
+
+    /// A translation of what the camera sees is one of all centres: colours depend on the direction to the camera.
+    fn in_camera(&self, projection: &Projection<T>) -> ViewGradient<T> {
+        ViewGradient {
+            time: self.time,
+            rotation: self.rotation,
+            translation: [0, 1, 2].map(|row| dot(projection.view_from_world[row], self.center)),
+            log_focal: self.log_focal,
+        }
+    }
 }
 
 /// Mutable access to some rows of a gradient.
@@ -131,10 +166,10 @@ fn gaussian<T: Real>(
     projected: &Projected<T>,
     d_splat: &SplatGradient<T>,
     detach_tau: bool,
-) -> GaussianGradient<T> {
+) -> (GaussianGradient<T>, ByView<T>) {
     let mut out = GaussianGradient::default();
     let row = projected.splat.row as usize;
-    let (d_view, d_axes) = view_and_axes(projection, projected, d_splat);
+    let (d_view, d_axes, log_focal) = view_and_axes(projection, projected, d_splat);
     let mut d_world = transposed_times(&projection.view_from_world, d_view);
     let count = sh_coefficients(parameters.sh_degree);
     let coefficients = &parameters.sh[row * count..(row + 1) * count];
@@ -144,16 +179,24 @@ fn gaussian<T: Real>(
     let d_since = motion(parameters, row, projected.window.since, &mut out);
     let by_since = if detach_tau { T::zero() } else { d_since };
     let d_log_opacity = d_splat.opacity * projected.splat.opacity;
-    temporal(&projected.window, d_log_opacity, by_since, !parameters.tau.is_empty(), &mut out);
-    out
+    let is_timed = !parameters.tau.is_empty();
+    let fading = temporal(&projected.window, d_log_opacity, by_since, is_timed, &mut out);
+    // What is turned about the camera's centre: the centre and the axes, in camera space.
+    let mut rotation = cross(projected.view, d_view);
+    for axis in 0..3 {
+        let column = |rows: &[[T; 3]; 3]| [0, 1, 2].map(|row: usize| rows[row][axis]);
+        rotation = add(rotation, cross(column(&projected.axes), column(&d_axes)));
+    }
+    (out, ByView { time: d_since - fading, rotation, center: d_world, log_focal })
 }
 
-/// From centre and footprint to the centre and the scaled axes in camera space.
+/// From centre and footprint to the centre and the scaled axes in camera space, and to the logarithm of the focal
+/// lengths.
 fn view_and_axes<T: Real>(
     projection: &Projection<T>,
     projected: &Projected<T>,
     d_splat: &SplatGradient<T>,
-) -> ([T; 3], [[T; 3]; 3]) {
+) -> ([T; 3], [[T; 3]; 3], T) {
     let two = T::from_f64(2.0);
     let Splat { shear, inverse_variance, .. } = projected.splat;
     let footprint = &projected.footprint;
@@ -180,8 +223,12 @@ fn view_and_axes<T: Real>(
     let center = [x / z, y / z];
     let mut d_view = [T::zero(); 3];
     let mut d_axes = [[T::zero(); 3]; 3];
+    let mut log_focal = T::zero();
     for axis in 0..2 {
         let f = projection.focal[axis] / z;
+        // The centre and the image are proportional to it.
+        log_focal += d_splat.center[axis] * projection.focal[axis] * center[axis]
+            + dot(d_images[axis], footprint.images[axis]);
         d_axes[axis] = scaled(d_images[axis], f);
         d_axes[2] = add(d_axes[2], scaled(d_images[axis], -f * footprint.slope[axis]));
         // The image is proportional to f.
@@ -193,7 +240,7 @@ fn view_and_axes<T: Real>(
         d_view[axis] = d_slope / z;
         d_view[2] -= d_slope * center[axis] / z;
     }
-    (d_view, d_axes)
+    (d_view, d_axes, log_focal)
 }
 
 /// From the logarithm of the factor of the opacity, `sqrt(A / D)`, to the images `x` and `y`, where `A` is
@@ -295,18 +342,21 @@ fn motion<T: Real>(parameters: &Parameters<T>, row: usize, d: T, out: &mut Gauss
 }
 
 /// From the logarithm of the opacity at the frame, `o = sigmoid(a) exp(-z^2 / 2)` with `z = d / s`, and from `d` to
-/// logit, width and `tau`.
+/// logit, width and `tau`. Returns the derivative of the fading with respect to `tau`.
 fn temporal<T: Real>(
     window: &Window<T>,
     d_log_opacity: T,
     d_since: T,
     is_timed: bool,
     out: &mut GaussianGradient<T>,
-) {
+) -> T {
     out.logit = [d_log_opacity * window.clearness];
-    if is_timed {
-        let z = window.since_in_widths;
-        out.log_width = [d_log_opacity * z * z];
-        out.tau = [d_log_opacity * z / window.width - d_since];
+    if !is_timed {
+        return T::zero();
     }
+    let z = window.since_in_widths;
+    out.log_width = [d_log_opacity * z * z];
+    let fading = d_log_opacity * z / window.width;
+    out.tau = [fading - d_since];
+    fading
 }

@@ -5,13 +5,15 @@ use pulp::Arch;
 
 use super::project::Projection;
 use super::{ForwardPass, rasterize, rasterize_backward, render};
+use crate::capture::Response;
 use crate::fit::backend::Gradient;
+use crate::fit::cameras::{CAMERA_NUMBERS, Learned, Rig, respond, respond_backward};
 use crate::fit::fixtures::{
     COLUMN_NAMES, EXTREME_FRAMES, TIMELINE, around_the_camera, camera, cloud, weights, with_extreme_numbers,
 };
 use crate::fit::parameters::Parameters;
 use crate::fit::precision::Real;
-use crate::fit::views::{FrameView, RenderedImage};
+use crate::fit::views::{FrameView, Photograph, RenderedImage, TrainingView};
 use crate::reference::{self, Order, RenderScene};
 
 fn render_field<T: Real>(field: &Field, camera: &Camera, frame: f64) -> RenderedImage<T> {
@@ -213,6 +215,57 @@ fn gradients_match_where_the_slope_is_clamped() {
         let projected = projection.project(&parameters, row, window).unwrap();
         assert_eq!(projected.footprint.is_inside, [false, row == 0]);
     }
+}
+
+/// Compares the gradient with respect to all numbers of a camera with central differences.
+fn check_camera_gradient(parameters: &Parameters<f64>, what: &str) {
+    let camera = camera(21, 18);
+    let photograph = Photograph { width: 21, height: 18, pixels: vec![[0; 4]; 21 * 18], valid: Vec::new() };
+    let view = TrainingView { camera_id: 1, camera, time: 3.3, photograph };
+    let response = Response {
+        color: [[0.9, 0.1, 0.0, 0.05], [0.0, 1.1, 0.1, -0.03], [0.1, 0.0, 0.8, 0.02]],
+        vignette: [-0.2, 0.1, -0.05],
+    };
+    let learned = Learned { offsets: true, ..Learned::default() };
+    let rig = Rig::new(learned, vec![Response::NEUTRAL, response], 0);
+    let weights = weights(view.photograph.pixels.len());
+    let loss = |numbers: &[f64; CAMERA_NUMBERS]| -> f64 {
+        let seen = rig.clone().with_numbers(1, numbers).seen(&view, None);
+        let image = render(parameters, &seen.view()).image;
+        let pixels = respond(&image, &seen.response);
+        pixels.iter().flatten().zip(weights.iter().flatten()).map(|(a, b)| a * b).sum()
+    };
+    let seen = rig.seen(&view, None);
+    let forward = render(parameters, &seen.view());
+    let mut d_image = weights.clone();
+    let by_response = respond_backward(&forward.image, &seen.response, &mut d_image);
+    for detach_tau in [true, false] {
+        let gradient = forward.backward(parameters, &seen.view(), &d_image, detach_tau);
+        let step = 1e-5;
+        for (number, found) in gradient.view.numbers(&by_response).into_iter().enumerate() {
+            let at = |offset: f64| {
+                let mut numbers = [0.0; CAMERA_NUMBERS];
+                numbers[number] = offset;
+                loss(&numbers)
+            };
+            let expected = (at(step) - at(-step)) / (2.0 * step);
+            // The first is the time, and the scene has no green.
+            let of_green = (8..20).contains(&number) && number % 4 == 1;
+            let matters = !(of_green || number == 0 && parameters.tau.is_empty());
+            assert_eq!(expected.abs() > 1e-3, matters, "{what}: {number}");
+            let tolerance = 1e-7 + 1e-6 * expected.abs();
+            assert!((found - expected).abs() <= tolerance, "{what}: {number}: {found} for {expected}");
+        }
+    }
+}
+
+#[test]
+fn gradients_of_the_camera_match_finite_differences() {
+    check_camera_gradient(&smooth(3, 3, true), "cubic and rotating");
+    check_camera_gradient(&smooth(1, 1, false), "linear");
+    check_camera_gradient(&static_scene(2), "static");
+    let mip = Parameters { filter: PixelFilter::Mip, ..smooth(2, 2, true) };
+    check_camera_gradient(&mip, "compensated");
 }
 
 /// Moving the principal point moves the projected centres, and nothing else.

@@ -1,16 +1,19 @@
 //! [`Gpu`]: the back end that runs on a graphics device.
 
 use shaders::fit::layout::{Statistics, Totals};
+use shaders::fit::{CAMERA_NUMBERS, Columns};
 
 use super::buffers::{Buffers, Fixed, Pairs, PerGaussian, PerPixel, Scanned};
 use super::device::Device;
 use super::kernels::{Dispatch, Kernels};
 use super::plan::Plan;
 use super::transfer;
+use crate::capture::Response;
 use crate::fit::backend::{Backend, DeviceError, Gradient, StepConfig, StepReport, TrainingState};
+use crate::fit::cameras::ViewGradient;
 use crate::fit::loss::{LAMBDA, lpips_loss};
 use crate::fit::parameters::{Carried, Parameters};
-use crate::fit::views::{FrameView, RenderedImage, TrainingView};
+use crate::fit::views::{FrameView, Photograph, RenderedImage};
 
 /// Initial capacity for splat-tile pairs.
 const FIRST_PAIRS: u32 = 1 << 14;
@@ -57,6 +60,8 @@ impl Gpu {
     ) -> Result<Gradient<f32>, DeviceError> {
         let (device, loaded) = self.loaded();
         let size = [view.camera.width, view.camera.height];
+        loaded.learn_cameras(device)?;
+        device.write(&loaded.buffers.fixed.response, 0, &[transfer::response(&Response::NEUTRAL)]);
         assert_eq!(d_image.len() as u64, pixels(size), "a gradient for each pixel");
         loaded.resize(device, size)?;
         let before: Vec<Statistics> = device.read(&loaded.buffers.gaussians.statistics, loaded.count())?;
@@ -80,6 +85,7 @@ impl Gpu {
             values: values.select(&places),
             screen: rows.iter().map(screen).collect(),
             rows,
+            view: loaded.d_camera(device)?.0,
             non_finite: totals.non_finite as usize,
         })
     }
@@ -95,7 +101,8 @@ impl Backend for Gpu {
     }
 
     fn load(&mut self, state: TrainingState) -> Result<(), DeviceError> {
-        let columns = transfer::columns_of(&state.parameters);
+        let learns_cameras = self.loaded.as_ref().is_some_and(|loaded| loaded.kernels.columns.learns_cameras);
+        let columns = transfer::columns_of(&state.parameters, learns_cameras);
         let device = &self.device;
         let count = u32::try_from(state.parameters.len()).unwrap_or(u32::MAX);
         // Reuses kernels and buffers of the previous state; the rest is freed first.
@@ -117,7 +124,7 @@ impl Backend for Gpu {
             }
             None => Buffers {
                 fixed: Fixed::new(device)?,
-                pixels: PerPixel::new(device, [1, 1], None)?,
+                pixels: PerPixel::new(device, [1, 1], learns_cameras, None)?,
                 gaussians: PerGaussian::new(device, count, columns)?,
                 scanned: Scanned::new(device, FIRST_PAIRS.max(count))?,
                 pairs: Pairs::new(device, FIRST_PAIRS)?,
@@ -137,33 +144,41 @@ impl Backend for Gpu {
         loaded.run(device, view, true, |device, loaded| {
             loaded.submit(device, [width, height], &[&loaded.plan.forward], device.encoder())
         })?;
-        let pixels = loaded.image(device, [width, height])?;
+        let pixels = device.read(&loaded.buffers.pixels.image, width as usize * height as usize)?;
         Ok(RenderedImage { width, height, pixels })
     }
 
-    fn step(&mut self, training: &TrainingView, config: &StepConfig) -> Result<StepReport, DeviceError> {
+    fn step(
+        &mut self,
+        view: &FrameView,
+        photograph: &Photograph,
+        config: &StepConfig,
+    ) -> Result<StepReport, DeviceError> {
         let (device, loaded) = self.loaded();
-        let (view, photograph) = (training.view(), &training.photograph);
         let size = [view.camera.width, view.camera.height];
         assert_eq!(photograph.pixels.len() as u64, pixels(size), "a photograph of the camera's size");
+        if let Some(response) = &config.response {
+            loaded.learn_cameras(device)?;
+            device.write(&loaded.buffers.fixed.response, 0, &[transfer::response(response)]);
+        }
         loaded.resize(device, size)?;
         device.write(&loaded.buffers.pixels.photograph, 0, &transfer::photograph(photograph));
         device.write(&loaded.buffers.fixed.adam_uniforms, 0, &[transfer::adam_uniforms(config)]);
         let mut perceptual = 0.0;
-        let totals = loaded.run(device, &view, config.detach_tau, |device, loaded| {
-            let Plan { forward, loss, backward, adam } = &loaded.plan;
+        let totals = loaded.run(device, view, config.detach_tau, |device, loaded| {
+            let Plan { forward, respond, loss, backward, adam } = &loaded.plan;
             let after = [&loss[..], backward, std::slice::from_ref(adam)];
             let mut encoder = device.encoder();
             let Some(lpips) = config.lpips else {
                 encoder.clear_buffer(&loaded.buffers.pixels.d_image.raw, 0, None);
-                let stages = [&forward[..], after[0], after[1], after[2]];
+                let stages = [&forward[..], respond, after[0], after[1], after[2]];
                 return loaded.submit(device, size, &stages, encoder);
             };
-            let totals = loaded.submit(device, size, &[forward], encoder)?;
+            let totals = loaded.submit(device, size, &[forward, respond], encoder)?;
             if !loaded.pairs_fit(&totals) {
                 return Ok(totals);
             }
-            let term = lpips_loss(&loaded.image(device, size)?, photograph, lpips);
+            let term = lpips_loss(&loaded.seen(device, size)?, photograph, lpips);
             perceptual = term.value;
             device.write(&loaded.buffers.pixels.d_image, 0, &term.gradient);
             loaded.submit(device, size, &after, device.encoder())
@@ -171,7 +186,15 @@ impl Backend for Gpu {
         let channels = (3 * photograph.pixels.len()).max(1) as f64;
         let [absolute, similarity] =
             [totals.absolute, totals.similarity].map(|sum| f64::from(sum) / channels);
+        let camera = match config.response {
+            Some(_) => {
+                let (by_view, by_response) = loaded.d_camera(device)?;
+                Some(by_view.numbers(&by_response))
+            }
+            None => None,
+        };
         Ok(StepReport {
+            camera,
             loss: (1.0 - LAMBDA) * absolute + LAMBDA * (1.0 - similarity) + perceptual,
             drawn: totals.drawn as usize,
             non_finite: totals.non_finite as usize,
@@ -196,10 +219,39 @@ impl Loaded {
     /// Grows the buffers for images of `size`.
     fn resize(&mut self, device: &Device, size: [u32; 2]) -> Result<(), DeviceError> {
         if !self.buffers.pixels.fits(size) {
-            self.buffers.pixels = PerPixel::new(device, size, Some(&self.buffers.pixels))?;
+            let learns_cameras = self.kernels.columns.learns_cameras;
+            self.buffers.pixels = PerPixel::new(device, size, learns_cameras, Some(&self.buffers.pixels))?;
             self.plan = Plan::new(device, &self.kernels, &self.buffers)?;
         }
         Ok(())
+    }
+
+    /// Compiles the kernels that show the image as a camera does and leave the gradient with respect to the camera, and
+    /// allocates their buffers, if that has not been done.
+    fn learn_cameras(&mut self, device: &Device) -> Result<(), DeviceError> {
+        let Columns { learns_cameras, .. } = self.kernels.columns;
+        if learns_cameras {
+            return Ok(());
+        }
+        self.kernels = Kernels::new(device, Columns { learns_cameras: true, ..self.kernels.columns });
+        let Buffers { gaussians, pixels, .. } = &mut self.buffers;
+        gaussians.columns = self.kernels.columns;
+        gaussians.d_view = PerGaussian::d_view(device, gaussians.count, gaussians.columns)?;
+        pixels.seen = PerPixel::seen(device, pixels.pixels, true)?;
+        self.plan = Plan::new(device, &self.kernels, &self.buffers)?;
+        Ok(())
+    }
+
+    /// The gradient of the last step with respect to the view and to the response.
+    fn d_camera(&self, device: &Device) -> Result<(ViewGradient<f32>, [f64; 15]), DeviceError> {
+        let numbers: Vec<f32> = device.read(&self.buffers.fixed.d_camera, CAMERA_NUMBERS)?;
+        let view = ViewGradient {
+            time: numbers[0],
+            rotation: [numbers[1], numbers[2], numbers[3]],
+            translation: [numbers[4], numbers[5], numbers[6]],
+            log_focal: numbers[7],
+        };
+        Ok((view, std::array::from_fn(|i| f64::from(numbers[8 + i]))))
     }
 
     /// Whether the buffers held all pairs. A count that overflowed is saturated.
@@ -254,8 +306,11 @@ impl Loaded {
         Ok(device.submit_and_read(encoder, totals, staging, 1)?[0])
     }
 
-    fn image(&self, device: &Device, size: [u32; 2]) -> Result<Vec<[f32; 4]>, DeviceError> {
-        device.read(&self.buffers.pixels.image, size[0] as usize * size[1] as usize)
+    /// The image as the camera shows it.
+    fn seen(&self, device: &Device, size: [u32; 2]) -> Result<Vec<[f32; 4]>, DeviceError> {
+        let PerPixel { image, seen, .. } = &self.buffers.pixels;
+        let seen = if self.kernels.columns.learns_cameras { seen } else { image };
+        device.read(seen, size[0] as usize * size[1] as usize)
     }
 }
 

@@ -1,8 +1,10 @@
 //! The buffers of a fit: per Gaussian, per pixel, per splat-tile pair.
 
 use bytemuck::Pod;
-use shaders::fit::layout::{AdamUniforms, Statistics, StepUniforms, Totals};
-use shaders::fit::{BLOCK, CHUNK, Columns, DIGIT_BITS, DIGITS, SPLAT_BYTES, SPLAT_NUMBERS, TILE};
+use shaders::fit::layout::{AdamUniforms, Response, Statistics, StepUniforms, Totals};
+use shaders::fit::{
+    BLOCK, CAMERA_NUMBERS, CHUNK, Columns, DIGIT_BITS, DIGITS, SPLAT_BYTES, SPLAT_NUMBERS, TILE, VIEW_BYTES,
+};
 
 use super::device::{Buffer, Device};
 use crate::fit::backend::DeviceError;
@@ -36,7 +38,9 @@ impl Buffers {
 pub(super) struct Fixed {
     pub(super) uniforms: Buffer,
     pub(super) adam_uniforms: Buffer,
+    pub(super) response: Buffer,
     pub(super) totals: Buffer,
+    pub(super) d_camera: Buffer,
     /// For reading the totals back.
     pub(super) staging: Buffer,
 }
@@ -51,6 +55,8 @@ pub(super) struct PerGaussian {
     pub(super) second_moments: Buffer,
     pub(super) d_parameters: Buffer,
     pub(super) statistics: Buffer,
+    /// Nothing if cameras are not learned.
+    pub(super) d_view: Buffer,
     pub(super) splats: Buffer,
     pub(super) keys: PingPong,
     pub(super) rows: PingPong,
@@ -62,6 +68,8 @@ pub(super) struct PerPixel {
     pub(super) pixels: u64,
     pub(super) tiles: u32,
     pub(super) image: Buffer,
+    /// Nothing if cameras are not learned.
+    pub(super) seen: Buffer,
     pub(super) photograph: Buffer,
     pub(super) blurred: Buffer,
     pub(super) derivatives: Buffer,
@@ -91,7 +99,9 @@ impl Fixed {
         Ok(Fixed {
             uniforms: device.uniform::<StepUniforms>()?,
             adam_uniforms: device.uniform::<AdamUniforms>()?,
+            response: device.uniform::<Response>()?,
             totals: device.storage("the totals", bytes::<Totals>(1))?,
+            d_camera: device.storage("the gradient of the camera", CAMERA_NUMBERS as u64 * WORD)?,
             staging: device.staging(bytes::<Totals>(1))?,
         })
     }
@@ -109,18 +119,31 @@ impl PerGaussian {
             second_moments: device.storage("the moments", all)?,
             d_parameters: device.storage("the gradient", all)?,
             statistics: device.storage("the statistics of the Gaussians", bytes::<Statistics>(n))?,
+            d_view: PerGaussian::d_view(device, count, columns)?,
             splats: device.storage("the splats", n * SPLAT_BYTES)?,
             keys: ping_pong(device, "the depths", n)?,
             rows: ping_pong(device, "the order of the splats", n)?,
         })
     }
+
+    /// The gradient of the view, for `count` Gaussians.
+    pub(super) fn d_view(device: &Device, count: u32, columns: Columns) -> Result<Buffer, DeviceError> {
+        let bytes = if columns.learns_cameras { u64::from(count) * VIEW_BYTES } else { 0 };
+        device.storage("the gradient of the view", bytes)
+    }
 }
 
 impl PerPixel {
+    /// The image as the camera shows it, for so many pixels.
+    pub(super) fn seen(device: &Device, pixels: u64, learns_cameras: bool) -> Result<Buffer, DeviceError> {
+        device.storage("the image", if learns_cameras { pixels * 4 * WORD } else { 0 })
+    }
+
     /// Buffers for images of `size` and of all sizes that fit `before`.
     pub(super) fn new(
         device: &Device,
         size: [u32; 2],
+        learns_cameras: bool,
         before: Option<&PerPixel>,
     ) -> Result<PerPixel, DeviceError> {
         let [x, y] = tiles(size);
@@ -130,6 +153,7 @@ impl PerPixel {
             pixels,
             tiles,
             image: device.storage("the image", pixels * 4 * WORD)?,
+            seen: PerPixel::seen(device, pixels, learns_cameras)?,
             photograph: device.storage("the photograph", pixels * WORD)?,
             blurred: device.storage("the blurred image", pixels * 15 * WORD)?,
             derivatives: device.storage("the derivatives of the loss", pixels * 9 * WORD)?,

@@ -42,7 +42,8 @@ impl Kernels {
     /// Compiles all stages.
     pub(super) fn new(device: &Device, columns: Columns) -> Kernels {
         let mut pipelines = HashMap::new();
-        for stage in Stage::ALL {
+        let is_used = |stage: &Stage| columns.learns_cameras || *stage != Stage::Camera;
+        for stage in Stage::ALL.into_iter().filter(is_used) {
             let source = compose(stage, columns);
             let module = device.device.create_shader_module(wgpu::ShaderModuleDescriptor {
                 label: None,

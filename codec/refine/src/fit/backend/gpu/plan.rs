@@ -1,9 +1,10 @@
 //! [`Plan`]: the kernels of a step in order, bound to the current buffers.
 
 use shaders::fit::binding::{
-    ADAM_UNIFORMS, BLOCK_SUMS, BLURRED, COUNTS, D_IMAGE, D_PAIRS, D_PARAMETERS, DERIVATIVES, DIFFERENCES,
-    FIRST_MOMENTS, IMAGE, KEYS, ORDER, PAIR_ROWS, PAIR_TILES, PARAMETERS, PHOTOGRAPH, ROWS, SECOND_MOMENTS,
-    SERIES, SORTED_KEYS, SORTED_ROWS, SPLATS, STATISTICS, TILE_PAIRS, TILE_STARTS, TOTALS, UNIFORMS,
+    ADAM_UNIFORMS, BLOCK_SUMS, BLURRED, COUNTS, D_CAMERA, D_IMAGE, D_PAIRS, D_PARAMETERS, D_VIEW,
+    DERIVATIVES, DIFFERENCES, FIRST_MOMENTS, IMAGE, KEYS, ORDER, PAIR_ROWS, PAIR_TILES, PARAMETERS,
+    PHOTOGRAPH, RESPONSE, ROWS, SECOND_MOMENTS, SEEN, SERIES, SORTED_KEYS, SORTED_ROWS, SPLATS, STATISTICS,
+    TILE_PAIRS, TILE_STARTS, TOTALS, UNIFORMS,
 };
 use shaders::fit::layout::{Series, Totals};
 use shaders::fit::{BLOCK, CHUNK, DIGIT_BITS, DIGITS, NO_DIGITS};
@@ -17,9 +18,11 @@ use crate::fit::backend::DeviceError;
 pub(super) struct Plan {
     /// From parameters to the image.
     pub(super) forward: Vec<Dispatch>,
-    /// From the image to its gradient.
+    /// From the image to what the camera shows of it; empty if cameras are not learned.
+    pub(super) respond: Vec<Dispatch>,
+    /// From there to its gradient.
     pub(super) loss: Vec<Dispatch>,
-    /// From there to the gradient of the parameters.
+    /// From there to the gradients of the parameters and of the camera.
     pub(super) backward: Vec<Dispatch>,
     /// The step along that gradient.
     pub(super) adam: Dispatch,
@@ -30,6 +33,7 @@ impl Plan {
         let builder = Builder { device, kernels, buffers };
         Ok(Plan {
             forward: builder.forward()?,
+            respond: builder.respond(),
             loss: builder.loss(),
             backward: builder.backward(),
             adam: builder.adam(),
@@ -204,10 +208,25 @@ impl Builder<'_> {
         Ok(())
     }
 
+    fn respond(&self) -> Vec<Dispatch> {
+        if !self.kernels.columns.learns_cameras {
+            return Vec::new();
+        }
+        let Buffers { fixed, pixels, .. } = self.buffers;
+        let respond = [
+            (UNIFORMS, &fixed.uniforms),
+            (RESPONSE, &fixed.response),
+            (IMAGE, &pixels.image),
+            (SEEN, &pixels.seen),
+        ];
+        vec![self.kernel("respond", &respond, Threads::Pixels)]
+    }
+
     fn loss(&self) -> Vec<Dispatch> {
         let Buffers { fixed, pixels, .. } = self.buffers;
+        let seen = if self.kernels.columns.learns_cameras { &pixels.seen } else { &pixels.image };
         let uniforms = (UNIFORMS, &fixed.uniforms);
-        let (image, photograph) = ((IMAGE, &pixels.image), (PHOTOGRAPH, &pixels.photograph));
+        let (image, photograph) = ((IMAGE, seen), (PHOTOGRAPH, &pixels.photograph));
         let (blurred, derivatives) = ((BLURRED, &pixels.blurred), (DERIVATIVES, &pixels.derivatives));
         let differences = (DIFFERENCES, &pixels.differences);
         let compare = [uniforms, image, photograph, blurred, derivatives, differences];
@@ -235,7 +254,7 @@ impl Builder<'_> {
             (D_IMAGE, &pixels.d_image),
             d_pairs,
         ];
-        let project_backward = [
+        let mut project_backward = vec![
             uniforms,
             (TOTALS, &fixed.totals),
             (PARAMETERS, &gaussians.parameters),
@@ -245,10 +264,29 @@ impl Builder<'_> {
             (D_PARAMETERS, &gaussians.d_parameters),
             (STATISTICS, &gaussians.statistics),
         ];
+        let learns_cameras = self.kernels.columns.learns_cameras;
+        let mut plan = if learns_cameras { self.response_backward() } else { Vec::new() };
+        let d_view = (D_VIEW, &gaussians.d_view);
+        project_backward.extend(learns_cameras.then_some(d_view));
         let per_gaussian = Threads::Count(gaussians.count.into());
+        plan.push(self.kernel("rasterize_backward", &rasterize_backward, Threads::Tiles));
+        plan.push(self.kernel("project_backward", &project_backward, per_gaussian));
+        if learns_cameras {
+            let sum_view = [uniforms, (TOTALS, &fixed.totals), d_view, (D_CAMERA, &fixed.d_camera)];
+            plan.push(self.kernel("sum_view", &sum_view, Threads::Group));
+        }
+        plan
+    }
+
+    /// From what the camera shows to the image.
+    fn response_backward(&self) -> Vec<Dispatch> {
+        let Buffers { fixed, pixels, .. } = self.buffers;
+        let (uniforms, response) = ((UNIFORMS, &fixed.uniforms), (RESPONSE, &fixed.response));
+        let d_image = (D_IMAGE, &pixels.d_image);
+        let sum_response = [uniforms, response, (IMAGE, &pixels.image), d_image, (D_CAMERA, &fixed.d_camera)];
         vec![
-            self.kernel("rasterize_backward", &rasterize_backward, Threads::Tiles),
-            self.kernel("project_backward", &project_backward, per_gaussian),
+            self.kernel("sum_response", &sum_response, Threads::Group),
+            self.kernel("respond_backward", &[uniforms, response, d_image], Threads::Pixels),
         ]
     }
 

@@ -1,11 +1,13 @@
 //! Conversion of training state, view and photograph to and from device memory.
 
-use shaders::fit::layout::{AdamUniforms, Statistics, StepUniforms};
-use shaders::fit::{COLUMNS, Columns};
+use shaders::fit::layout::{self, AdamUniforms, Statistics, StepUniforms};
+use shaders::fit::{CAMERA_NUMBERS, COLUMNS, Columns};
 
 use super::buffers::{PerGaussian, tiles};
 use super::device::{Buffer, Device};
+use crate::capture::Response;
 use crate::fit::backend::{DeviceError, StepConfig, TrainingState};
+use crate::fit::cameras::CAMERA_NUMBERS as FIT_CAMERA_NUMBERS;
 use crate::fit::density::ScreenGradients;
 use crate::fit::optimizer::{LearningRates, Moments};
 use crate::fit::parameters::{Bounds, COLUMNS as FIT_COLUMNS, Carried, LOGIT_MAX, Parameters};
@@ -15,13 +17,14 @@ use crate::fit::views::{FrameView, Photograph};
 const WORD: u64 = 4;
 
 /// The columns of the parameters.
-pub(super) fn columns_of(parameters: &Parameters<f32>) -> Columns {
+pub(super) fn columns_of(parameters: &Parameters<f32>, learns_cameras: bool) -> Columns {
     Columns {
         sh_degree: parameters.sh_degree,
         is_timed: !parameters.tau.is_empty(),
         motion_order: parameters.motion_order,
         rotates: !parameters.rotation_rates.is_empty(),
         mip: parameters.filter.compensates(),
+        learns_cameras,
     }
 }
 
@@ -86,7 +89,7 @@ pub(super) fn rows_of(
     rows: usize,
     capacity: usize,
 ) -> Result<Parameters<f32>, DeviceError> {
-    let counts = columns_of(shape).counts();
+    let counts = columns_of(shape, false).counts();
     let numbers: Vec<f32> = device.read(buffer, capacity * counts.iter().sum::<u32>() as usize)?;
     let mut all = shape.zeros(rows);
     let mut start = 0;
@@ -122,6 +125,15 @@ pub(super) fn step_uniforms(
         gaussians,
         pair_capacity,
         detach_tau: detach_tau.into(),
+        _pad0: 0,
+    }
+}
+
+/// The response of a camera.
+pub(super) fn response(response: &Response) -> layout::Response {
+    layout::Response {
+        color: response.color.map(|row| row.map(|x| x as f32)),
+        vignette: response.vignette.map(|x| x as f32),
         _pad0: 0,
     }
 }
@@ -167,5 +179,5 @@ pub(super) fn photograph(photograph: &Photograph) -> Vec<u32> {
     pixels.map(packed).collect()
 }
 
-// Both sides have the same columns.
-const _: () = assert!(COLUMNS == FIT_COLUMNS);
+// Both sides have the same columns and learn the same of a camera.
+const _: () = assert!(COLUMNS == FIT_COLUMNS && CAMERA_NUMBERS == FIT_CAMERA_NUMBERS);

@@ -1,0 +1,287 @@
+//! [`Rig`]: the cameras of a fit, and what it learns of them beside the field.
+//!
+//! A photograph is compared with the field as its camera shows it: at the camera's own time, from its pose, in its
+//! colours. The derivatives of the loss with respect to these are closed forms, so a fit descends along them as along
+//! those of the Gaussians.
+//!
+//! Some of it cannot be told from the field itself: a field that starts later under cameras that are all late, or a
+//! redder field under cameras that all show less red. So the first camera keeps its clock and its pose, and the mean of
+//! the colours over the cameras, and that of the exposures over the photographs, stays as calibrated.
+
+use codec::Camera;
+use glam::{DMat3, DQuat, DVec3};
+use serde::{Deserialize, Serialize};
+
+use super::numbers::{CAMERA_NUMBERS, COLOR, CameraNumbers, FOCAL, ROTATION, TIME, TRANSLATION, VIGNETTE};
+use crate::capture::Response;
+use crate::fit::optimizer::{BETA1, BETA2, EPSILON};
+use crate::fit::views::{FrameView, TrainingView};
+
+/// Learning rate of the time in intervals.
+const TIME_RATE: f64 = 1e-2;
+
+/// Learning rate of the rotation vectors in radians, and of the logarithms of the focal lengths.
+const ANGLE_RATE: f64 = 1e-4;
+
+/// Learning rate of the translations, in extents of the scene.
+const TRANSLATION_RATE: f64 = 1e-4;
+
+/// Learning rate of the colours, of the vignette and of the logarithms of the exposures.
+const COLOR_RATE: f64 = 2e-3;
+
+/// Weight in the loss of half the squares of what is learned of colours: it decides where the photographs do not.
+const COLOR_WEIGHT: f64 = 1e-3;
+
+/// Largest deviation from the calibration: intervals, radians, extents of the scene, logarithm of the focal length.
+/// Whatever is further off needs a calibration, not a correction.
+const TIME_MAX: f64 = 8.0;
+const ANGLE_MAX: f64 = 0.2;
+const TRANSLATION_MAX: f64 = 0.2;
+
+/// Largest deviation of a factor of colours, of a number of the vignette and of the logarithm of an exposure.
+const COLOR_MAX: f64 = 0.9;
+
+/// What a fit learns of its cameras, beside the field.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Learned {
+    /// When each camera takes its photographs.
+    pub offsets: bool,
+    /// Colours and vignette of each camera.
+    pub colors: bool,
+    /// The exposure of each photograph.
+    pub exposures: bool,
+    /// Small corrections of the pose of each camera.
+    pub poses: bool,
+    /// Small corrections of the focal length of each camera.
+    pub focals: bool,
+}
+
+impl Learned {
+    /// Whether nothing is learned.
+    pub fn is_nothing(self) -> bool {
+        self == Learned::default()
+    }
+}
+
+/// The cameras of a fit, by their numbers in the capture.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Rig {
+    learned: Learned,
+    /// The responses that the capture states.
+    responses: Vec<Response>,
+    /// The camera that keeps its clock and its pose.
+    fixed: usize,
+    /// [`CAMERA_NUMBERS`] of each camera.
+    cameras: Learning,
+    /// Logarithms of the exposures, by the place of the photograph among those of the fit.
+    exposures: Learning,
+}
+
+/// A photograph's view as the rig has it.
+pub(in crate::fit) struct SeenView {
+    pub(in crate::fit) camera: Camera,
+    /// In intervals.
+    pub(in crate::fit) time: f64,
+    pub(in crate::fit) response: Response,
+}
+
+impl SeenView {
+    pub(in crate::fit) fn view(&self) -> FrameView<'_> {
+        FrameView { camera: &self.camera, time: self.time }
+    }
+}
+
+impl Rig {
+    /// Cameras with these responses, of which `learned` is learned; `fixed` is the number of the first one that the field
+    /// is fitted to.
+    pub fn new(learned: Learned, responses: Vec<Response>, fixed: usize) -> Rig {
+        let cameras =
+            Learning::zeros(if learned.is_nothing() { 0 } else { responses.len() * CAMERA_NUMBERS });
+        Rig { learned, responses, fixed, cameras, exposures: Learning::default() }
+    }
+
+    /// What is learned.
+    pub fn learned(&self) -> Learned {
+        self.learned
+    }
+
+    /// Whether photographs are taken as the calibration says, in the colours of the field.
+    pub(in crate::fit) fn is_neutral(&self) -> bool {
+        self.learned.is_nothing() && self.responses.iter().all(Response::is_neutral)
+    }
+
+    /// Whether the numbers of columns agree; a damaged file may deserialise into a rig in which they do not.
+    pub(in crate::fit) fn is_consistent(&self) -> bool {
+        let count = if self.learned.is_nothing() { 0 } else { self.responses.len() * CAMERA_NUMBERS };
+        self.cameras.values.len() == count && self.cameras.is_consistent() && self.exposures.is_consistent()
+    }
+
+    /// Intervals by which a camera takes its photographs later than its calibration says.
+    pub fn late(&self, camera: usize) -> f64 {
+        self.numbers(camera)[TIME]
+    }
+
+    /// A camera with its learned pose and focal length.
+    pub fn corrected(&self, camera: usize, calibrated: &Camera) -> Camera {
+        let numbers = self.numbers(camera);
+        let mut corrected = calibrated.clone();
+        let factor = libm::exp(numbers[FOCAL]);
+        corrected.k[0][0] *= factor;
+        corrected.k[1][1] *= factor;
+        let turned = DMat3::from_quat(DQuat::from_scaled_axis(DVec3::from_slice(&numbers[ROTATION])));
+        let moved = DVec3::from_slice(&numbers[TRANSLATION]);
+        for column in 0..4 {
+            let before = DVec3::from_array([0, 1, 2].map(|row| calibrated.camera_from_world[row][column]));
+            let after = turned * before + if column == 3 { moved } else { DVec3::ZERO };
+            (0..3).for_each(|row| corrected.camera_from_world[row][column] = after[row]);
+        }
+        corrected
+    }
+
+    /// The response of a camera, as stated and as learned.
+    pub fn response(&self, camera: usize) -> Response {
+        let Response { mut color, mut vignette } = self.responses[camera];
+        let numbers = self.numbers(camera);
+        color.as_flattened_mut().iter_mut().zip(&numbers[COLOR]).for_each(|(x, by)| *x += by);
+        vignette.iter_mut().zip(&numbers[VIGNETTE]).for_each(|(x, by)| *x += by);
+        Response { color, vignette }
+    }
+
+    /// The rig with these numbers of a camera.
+    #[cfg(test)]
+    pub(in crate::fit) fn with_numbers(mut self, camera: usize, numbers: &CameraNumbers) -> Rig {
+        self.cameras.values[camera * CAMERA_NUMBERS..][..CAMERA_NUMBERS].copy_from_slice(numbers);
+        self
+    }
+
+    fn numbers(&self, camera: usize) -> CameraNumbers {
+        let numbers = self.cameras.values.get(camera * CAMERA_NUMBERS..(camera + 1) * CAMERA_NUMBERS);
+        numbers.map_or([0.0; CAMERA_NUMBERS], |numbers| numbers.try_into().expect("a camera's numbers"))
+    }
+
+    /// The view of a photograph; `place` is its place among those of the fit, `None` for one that is held out, whose
+    /// exposure is not known.
+    pub(in crate::fit) fn seen(&self, view: &TrainingView, place: Option<usize>) -> SeenView {
+        let mut response = self.response(view.camera_id);
+        let log_exposure = place.and_then(|place| self.exposures.values.get(place)).copied().unwrap_or(0.0);
+        let exposure = libm::exp(log_exposure);
+        response.color.as_flattened_mut().iter_mut().for_each(|x| *x *= exposure);
+        SeenView {
+            camera: self.corrected(view.camera_id, &view.camera),
+            time: view.time + self.late(view.camera_id),
+            response,
+        }
+    }
+
+    /// A step against the gradient of the loss of one photograph with respect to the numbers of its camera as it was
+    /// [seen](Rig::seen). `factor` is that of all learning rates, `extent` that of the scene. Returns whether the gradient
+    /// was finite; the step is left out otherwise.
+    pub(in crate::fit) fn learn(
+        &mut self,
+        camera: usize,
+        place: usize,
+        by_seen: &CameraNumbers,
+        factor: f64,
+        extent: f64,
+    ) -> bool {
+        if self.learned.is_nothing() {
+            return true;
+        }
+        if !by_seen.iter().all(|x| (x * x).is_finite()) {
+            return false;
+        }
+        let mut by = *by_seen;
+        if self.learned.exposures {
+            self.learn_exposure(camera, place, &mut by, factor);
+        }
+        let Learned { offsets, colors, poses, focals, .. } = self.learned;
+        let is_free = camera != self.fixed;
+        let first = camera * CAMERA_NUMBERS;
+        let parts = [
+            (offsets && is_free, TIME..TIME + 1, TIME_RATE, TIME_MAX, 0.0),
+            (poses && is_free, ROTATION, ANGLE_RATE, ANGLE_MAX, 0.0),
+            (poses && is_free, TRANSLATION, TRANSLATION_RATE * extent, TRANSLATION_MAX * extent, 0.0),
+            (focals, FOCAL..FOCAL + 1, ANGLE_RATE, ANGLE_MAX, 0.0),
+            (colors, COLOR.start..VIGNETTE.end, COLOR_RATE, COLOR_MAX, COLOR_WEIGHT),
+        ];
+        for (_, numbers, rate, most, weight) in parts.into_iter().filter(|(is_learned, ..)| *is_learned) {
+            for number in numbers {
+                let pull = weight * self.cameras.values[first + number];
+                self.cameras.step(first + number, by[number] + pull, factor * rate, most);
+            }
+        }
+        if colors {
+            self.center_colors();
+        }
+        true
+    }
+
+    /// Learns the exposure of a photograph, and takes it out of the gradient with respect to the camera's colours.
+    fn learn_exposure(&mut self, camera: usize, place: usize, by: &mut CameraNumbers, factor: f64) {
+        self.exposures.grow(place + 1);
+        let exposure = libm::exp(self.exposures.values[place]);
+        let Response { color, .. } = self.response(camera);
+        by[COLOR].iter_mut().for_each(|by| *by *= exposure);
+        let by_exposure: f64 = color.as_flattened().iter().zip(&by[COLOR]).map(|(x, by)| x * by).sum();
+        let pull = COLOR_WEIGHT * self.exposures.values[place];
+        self.exposures.step(place, by_exposure + pull, factor * COLOR_RATE, COLOR_MAX);
+        let known = || self.exposures.visits.iter().filter(|visits| **visits > 0).count();
+        let mean = self.exposures.values.iter().sum::<f64>() / known() as f64;
+        let Learning { values, visits, .. } = &mut self.exposures;
+        values.iter_mut().zip(visits).filter(|(_, visits)| **visits > 0).for_each(|(x, _)| *x -= mean);
+    }
+
+    /// Takes the mean of the colours' deviations over the cameras that are learned out of each.
+    fn center_colors(&mut self) {
+        let Learning { values, visits, .. } = &mut self.cameras;
+        for number in COLOR {
+            let places = || (number..visits.len()).step_by(CAMERA_NUMBERS).filter(|place| visits[*place] > 0);
+            let mean = places().map(|place| values[place]).sum::<f64>() / places().count().max(1) as f64;
+            places().for_each(|place| values[place] -= mean);
+        }
+    }
+}
+
+/// Numbers that are learned by Adam, each with a memory of its own.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct Learning {
+    values: Vec<f64>,
+    first: Vec<f64>,
+    second: Vec<f64>,
+    /// Number of gradients of each.
+    visits: Vec<u32>,
+}
+
+impl Learning {
+    fn zeros(count: usize) -> Learning {
+        let mut learning = Learning::default();
+        learning.grow(count);
+        learning
+    }
+
+    /// Appends zeros up to `count` numbers.
+    fn grow(&mut self, count: usize) {
+        if count > self.values.len() {
+            [&mut self.values, &mut self.first, &mut self.second]
+                .into_iter()
+                .for_each(|x| x.resize(count, 0.0));
+            self.visits.resize(count, 0);
+        }
+    }
+
+    fn is_consistent(&self) -> bool {
+        let count = self.values.len();
+        self.first.len() == count && self.second.len() == count && self.visits.len() == count
+    }
+
+    /// Moves a number against its gradient, and keeps it within `most` of 0.
+    fn step(&mut self, at: usize, gradient: f64, rate: f64, most: f64) {
+        self.visits[at] = self.visits[at].saturating_add(1);
+        let visits = f64::from(self.visits[at]);
+        self.first[at] += (1.0 - BETA1) * (gradient - self.first[at]);
+        self.second[at] += (1.0 - BETA2) * (gradient * gradient - self.second[at]);
+        let first = self.first[at] / (1.0 - libm::pow(BETA1, visits));
+        let second = self.second[at] / (1.0 - libm::pow(BETA2, visits));
+        self.values[at] = (self.values[at] - rate * first / (second.sqrt() + EPSILON)).clamp(-most, most);
+    }
+}

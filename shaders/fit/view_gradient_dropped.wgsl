@@ -1,0 +1,1 @@
+fn put_view(i: u32, gradient: ViewGradient) {}
