@@ -65,6 +65,7 @@
 pub mod anchor;
 pub mod capture;
 pub mod code;
+mod color_alignment;
 pub mod fit;
 pub mod image;
 mod in_order;

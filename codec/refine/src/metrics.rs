@@ -4,6 +4,7 @@
 //! mask.
 
 use crate::capture::Photo;
+use crate::color_alignment::align_colors;
 use crate::fit::{Lpips, ssim_and_gradient};
 use crate::image::Image;
 
@@ -12,6 +13,9 @@ use crate::image::Image;
 pub struct ImageMetrics {
     /// PSNR in dB over the pixels of the subject; `None` without such pixels, `+inf` if all are equal.
     pub psnr_fg: Option<f64>,
+    /// The same after the affine transform of colours that fits the photograph best: what is left of the difference when
+    /// the camera's own colours are taken away.
+    pub psnr_fg_aligned: Option<f64>,
     /// PSNR in dB over all valid pixels of the photograph, see [`Photo::seen`].
     pub psnr_full: f64,
     /// Mean structural similarity over the whole image, see [`ssim`].
@@ -31,17 +35,20 @@ impl ImageMetrics {
             *pixel = [0.0; 4];
         }
         let taken = &photo.image;
-        let error = |i: usize| (0..3).map(|c| (saved.pixels[i][c] - taken.pixels[i][c]).powi(2)).sum::<f64>();
-        let psnr = |pixels: Vec<usize>| {
+        let psnr = |shown: &Image, pixels: Vec<usize>| {
+            let error =
+                |i: usize| (0..3).map(|c| (shown.pixels[i][c] - taken.pixels[i][c]).powi(2)).sum::<f64>();
             let squares: f64 = pixels.iter().map(|&i| error(i)).sum();
             (!pixels.is_empty()).then(|| -10.0 * (squares / (3 * pixels.len()) as f64).log10())
         };
         let seen = |i: &usize| photo.seen[*i];
         let subject = |i: &usize| photo.is_subject(*i);
         let all = 0..taken.pixels.len();
+        let aligned = rounded(&align_colors(picture, photo));
         ImageMetrics {
-            psnr_fg: psnr(all.clone().filter(subject).collect()),
-            psnr_full: psnr(all.filter(seen).collect()).unwrap_or(f64::INFINITY),
+            psnr_fg: psnr(&saved, all.clone().filter(subject).collect()),
+            psnr_fg_aligned: psnr(&aligned, all.clone().filter(subject).collect()),
+            psnr_full: psnr(&saved, all.filter(seen).collect()).unwrap_or(f64::INFINITY),
             ssim: ssim(&saved, taken),
             lpips: lpips.map(|lpips| {
                 let single = |image: &Image| -> Vec<[f32; 4]> {

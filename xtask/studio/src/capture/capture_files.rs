@@ -8,7 +8,8 @@ use std::sync::Arc;
 
 use codec::Camera;
 use program::Fault;
-use refine::capture::{CalibratedCamera, Capture, Lens, Photo, PhotoId};
+use refine::capture::{CalibratedCamera, Capture, Lens, Photo, PhotoId, Response};
+use refine::fit::Learned;
 use refine::image::Image;
 
 use super::image_file::{apply_mask, bad, check_size, read, read_image};
@@ -23,6 +24,8 @@ pub struct CaptureFiles {
     pub capture: Capture,
     /// Frames per second that the capture states; `None` if [`DEFAULT_FPS`] are assumed.
     pub stated_fps: Option<f64>,
+    /// What a fit learns of its cameras if nothing else is named.
+    pub learned: Learned,
     /// Numbers of the selected frames in the capture.
     pub(super) selected: Range<usize>,
     /// Time of the first of them in the capture, in seconds.
@@ -225,7 +228,8 @@ impl CaptureFiles {
             apply_mask(&mut image, &mask);
         }
         let photo = Photo::undistorted(image, camera, lens);
-        Ok(if target == camera { photo } else { photo.shrunk(target.width, target.height) })
+        let is_whole = (target.width, target.height) == (camera.width, camera.height);
+        Ok(if is_whole { photo } else { photo.shrunk(target.width, target.height) })
     }
 }
 
@@ -322,6 +326,7 @@ impl CaptureBuilder {
         CaptureFiles {
             capture,
             stated_fps,
+            learned: Learned::default(),
             selected,
             start_s: 0.0,
             time_offsets_s,

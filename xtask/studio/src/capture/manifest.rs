@@ -8,6 +8,7 @@ use program::Fault;
 use refine::capture::{Lens, even_times_s};
 use serde::Deserialize;
 
+use super::camera_part::CameraPart;
 use super::capture_files::{CaptureBuilder, CaptureFiles, pinhole};
 use super::image_file::{bad, bad_layout, read_text};
 use super::photo_paths::PhotoPath;
@@ -36,6 +37,8 @@ struct Manifest {
     first_frame: usize,
     images: Option<String>,
     masks: Option<String>,
+    #[serde(default)]
+    learn: Vec<CameraPart>,
     cameras: Vec<ManifestCamera>,
 }
 
@@ -118,7 +121,8 @@ pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
             builder.photo(index, frame, PhotoPath { image: &image, name: &name, mask: mask.as_deref() });
         }
     }
-    Ok(builder.build(even_times_s(frames, fps), manifest.fps))
+    let learned = CameraPart::learned(&manifest.learn);
+    Ok(CaptureFiles { learned, ..builder.build(even_times_s(frames, fps), manifest.fps) })
 }
 
 /// Opens the video of a camera.

@@ -1,7 +1,9 @@
 //! Reads captures from disk. Each supported layout has a file here; `xtask/CAPTURE.md` specifies them.
 
+mod camera_part;
 mod capture_files;
 mod colmap;
+mod corrections;
 mod depth;
 mod easyvolcap;
 mod fitted;
@@ -18,7 +20,9 @@ use anyhow::bail;
 use program::Fault;
 use refine::capture::CalibratedCamera;
 
+pub use camera_part::CameraPart;
 pub use capture_files::CaptureFiles;
+pub use corrections::{CameraCorrection, CameraCorrections};
 #[cfg(feature = "onnx")]
 pub use depth::pfm_file;
 use image_file::{bad, bad_layout};

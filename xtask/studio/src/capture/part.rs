@@ -109,7 +109,7 @@ impl CaptureFiles {
 }
 
 /// The camera with an image of this size; pixels need not stay square.
-fn scaled(camera: &Camera, width: u32, height: u32) -> Camera {
+pub(super) fn scaled(camera: &Camera, width: u32, height: u32) -> Camera {
     let mut scaled = Camera { width, height, ..camera.clone() };
     let factors = [f64::from(width) / f64::from(camera.width), f64::from(height) / f64::from(camera.height)];
     for (row, factor) in scaled.k.iter_mut().zip(factors) {

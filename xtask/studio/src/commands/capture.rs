@@ -4,8 +4,8 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Once;
 
-use crate::capture::CaptureFiles;
-use crate::fit::{TrainingViews, file_crc};
+use crate::capture::{CameraCorrections, CaptureFiles};
+use crate::fit::{TrainingViews, cameras_path, file_crc};
 use crate::lpips_weights::load_lpips;
 use crate::messages::count;
 use crate::scene::Scene;
@@ -101,7 +101,23 @@ impl PartSelection {
         })
     }
 
+    /// Opens the capture at the frames of `source`, with the cameras that its fit learned.
     fn open_for(
+        &self,
+        folder: &Path,
+        size: Option<(u32, u32)>,
+        source: &FitSource,
+    ) -> anyhow::Result<CaptureFiles> {
+        let mut capture_files = self.open_fitted(folder, size, source)?;
+        let learned = cameras_path(source.path);
+        if learned.is_file() {
+            capture_files.correct(&CameraCorrections::read(&learned)?, &learned)?;
+            eprintln!("note: cameras are as {} has them", learned.display());
+        }
+        Ok(capture_files)
+    }
+
+    fn open_fitted(
         &self,
         folder: &Path,
         size: Option<(u32, u32)>,

@@ -4,7 +4,7 @@ use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use crate::capture::CaptureFiles;
+use crate::capture::{CameraCorrections, CameraPart, CaptureFiles};
 use crate::eval::fragments_per_lit_pixel;
 use crate::export::fitted_field_file;
 use crate::fit::{
@@ -17,13 +17,14 @@ use crate::progress::counting;
 use crate::segments::FieldFolder;
 use crate::takes::{List, ListedTake, Shard};
 use anyhow::{Context, bail};
+use clap::builder::PossibleValue;
 use clap::{Args as _, FromArgMatches, ValueEnum};
 use codec::PixelFilter;
 use indicatif::ProgressBar;
 use program::{Fault, output};
 use refine::anchor::Mirror;
 use refine::capture::Holdout;
-use refine::fit::{Backend, Cpu, DensityRule, Lpips};
+use refine::fit::{Backend, Cpu, DensityRule, Learned, Lpips};
 use refine::reference::RenderScene;
 use serde_json::{Value, json};
 
@@ -68,6 +69,9 @@ pub struct Args {
           conflicts_with_all = ["anchor", "depths", "anchor_cameras", "mirror", "no_motion_start", "filter",
                                 "sh_degree", "list"])]
     from: Option<PathBuf>,
+    /// Cameras as an earlier fit learned them, a file .cameras.json: this fit starts from them
+    #[arg(long, value_name = "FILE", conflicts_with = "list")]
+    learned: Option<PathBuf>,
     /// Prune without the lower limit of --gaussians
     #[arg(long)]
     no_floor: bool,
@@ -129,6 +133,10 @@ pub(super) struct FitOptions {
     /// Captured frames per second, of a capture that does not state them; 30 by default
     #[arg(long, value_parser = positive)]
     fps: Option<f64>,
+    /// What to learn of each camera beside the field; what capture.json names by default, and nothing without that. A file
+    /// .cameras.json is written beside the field, where `eval` and `package --refine` find it
+    #[arg(long, value_enum, value_name = "PART[,PART..]|none", value_delimiter = ',')]
+    learn: Vec<Learn>,
     /// Seconds between checkpoints
     #[arg(long, value_name = "S", default_value_t = fit::CHECKPOINT_EVERY.as_secs_f64(),
           value_parser = positive)]
@@ -146,6 +154,36 @@ enum Anchor {
     Hull,
     /// None: Gaussians at random positions
     None,
+}
+
+/// A part of a camera, or none.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Learn {
+    Part(CameraPart),
+    None,
+}
+
+impl ValueEnum for Learn {
+    fn value_variants<'a>() -> &'a [Learn] {
+        use CameraPart::{Colors, Exposures, Focals, Offsets, Poses};
+        const {
+            &[
+                Learn::Part(Offsets),
+                Learn::Part(Colors),
+                Learn::Part(Exposures),
+                Learn::Part(Poses),
+                Learn::Part(Focals),
+                Learn::None,
+            ]
+        }
+    }
+
+    fn to_possible_value(&self) -> Option<PossibleValue> {
+        match self {
+            Learn::Part(part) => part.to_possible_value(),
+            Learn::None => Some(PossibleValue::new("none").help("Nothing: cameras are as the capture says")),
+        }
+    }
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -317,8 +355,28 @@ impl FitOptions {
             }),
             sh_degree: self.sh_degree,
             seed: self.seed,
+            learned: self.learned(default.learned)?,
             ..default
         })
+    }
+
+    /// What is learned of cameras, where the capture asks for `asked`.
+    fn learned(&self, asked: Learned) -> Result<Learned, Fault> {
+        let parts: Vec<CameraPart> = self
+            .learn
+            .iter()
+            .filter_map(|learn| match learn {
+                Learn::Part(part) => Some(*part),
+                Learn::None => None,
+            })
+            .collect();
+        match (self.learn.contains(&Learn::None), parts.is_empty()) {
+            (true, false) => {
+                Err(Fault::Usage("--learn: none stands alone; leave it or the others out".into()))
+            }
+            (false, true) => Ok(asked),
+            _ => Ok(CameraPart::learned(&parts)),
+        }
     }
 
     /// Opens the back end.
@@ -351,6 +409,7 @@ fn fit_capture(args: &Args, out: &Path) -> anyhow::Result<FitResult> {
         Some(from) => open_for_start(args, from)?,
     };
     args.options.state_fps(&mut capture_files)?;
+    correct(args, &mut capture_files)?;
     let holdout = Holdout::from(args.holdout);
     let splits = describe(&capture_files, holdout)?;
     let lpips = args.options.lpips.load()?;
@@ -367,6 +426,12 @@ fn fit_capture(args: &Args, out: &Path) -> anyhow::Result<FitResult> {
     let scene = RenderScene::from(&field);
     let fragments_per_lit_pixel = fragments_per_lit_pixel(&scene, &capture_files, counted);
     Ok(FitResult { plan, fitted, splits, fragments_per_lit_pixel })
+}
+
+/// Corrects the cameras by the file that `--learned` names.
+fn correct(args: &Args, capture_files: &mut CaptureFiles) -> Result<(), Fault> {
+    let Some(path) = &args.learned else { return Ok(()) };
+    capture_files.correct(&CameraCorrections::read(path)?, path)
 }
 
 /// Opens the capture for a fit that starts from a field; one that moves is fitted to its own frames.
@@ -413,6 +478,9 @@ pub(super) fn fit_and_write(
     let fitted = fit::fit(plan, capture_files, views, runtime, out, &mut |progress| show(&bar, progress))?;
     bar.finish_and_clear();
     let info = fit::clip_info(capture_files);
+    if let Some(cameras) = fit::learned_cameras(capture_files, &fitted.fit, views.timeline) {
+        output::write_durable(&fit::cameras_path(out), cameras.to_json().as_bytes())?;
+    }
     // The checkpoint goes only when the field is safe.
     let record = capture_files.fit_record(plan.holdout);
     output::write_durable(out, &fitted_field_file(&fitted.fit.to_field(), &info, &record))?;
@@ -473,6 +541,7 @@ fn slide(args: &Args, out: &Path) -> anyhow::Result<()> {
     }
     let mut capture_files = args.selection.open(args.capture())?;
     args.options.state_fps(&mut capture_files)?;
+    correct(args, &mut capture_files)?;
     let holdout = Holdout::from(args.holdout);
     let duration_s = capture_files.capture.duration_s();
     if fit::train_frames(&capture_files, holdout)?.len() < 2 || duration_s <= 0.0 {
@@ -484,13 +553,25 @@ fn slide(args: &Args, out: &Path) -> anyhow::Result<()> {
     let unit_s = args.split.unwrap_or(UNIT_S).min(duration_s);
     let lpips = args.options.lpips.load()?;
     let default = FitPlan::default_for_seconds(&capture_files, holdout, unit_s)?;
-    let plan = SlidePlan { fit: plan(args, args.options.plan_from(default)?)?, unit_s };
+    let mut plan = SlidePlan { fit: plan(args, args.options.plan_from(default)?)?, unit_s };
+    let is_asked = args.options.learn.iter().any(|learn| *learn != Learn::None);
+    if is_asked || !(plan.fit.learned.is_nothing() || args.learned.is_some()) {
+        bail!(Fault::Usage(
+            "--learn: a field folder takes its cameras as they are; learn them from some seconds, \
+             `fit CAPTURE --frames A..B -o a.ply`, and name them: --learned a.cameras.json"
+                .into()
+        ));
+    }
+    plan.fit.learned = Learned::default();
     let work = WorkFolder::open(&plan, &capture_files, out, segments.is_some())?;
     let mut backend = args.options.open_backend()?;
     let runtime = args.options.runtime(&mut *backend, lpips.as_ref());
     note_assumed_fps(&capture_files, "--fps states another number");
     eprintln!("note: {}", describe(&capture_files, holdout)?);
     let slid = fit_folder(out, &plan, &capture_files, runtime, work, segments)?;
+    if args.learned.is_some() {
+        output::write(&fit::cameras_path(out), capture_files.corrections().to_json().as_bytes())?;
+    }
     report_folder(out, &slid, capture_files.capture.duration_s(), args.json);
     Ok(())
 }

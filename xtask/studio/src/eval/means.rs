@@ -19,6 +19,8 @@ pub struct SplitMeasures {
     pub psnr_fg: Option<f64>,
     /// Standard deviation of `psnr_fg`; `None` if that is.
     pub psnr_fg_deviation: Option<f64>,
+    /// The same after the affine transform of each picture's colours that fits its photograph best.
+    pub psnr_fg_aligned: Option<f64>,
     /// PSNR in dB over whole images, mean over those that differ from their photographs; infinite if none does.
     pub psnr_full: f64,
     /// SSIM of whole images, mean.
@@ -39,6 +41,7 @@ pub fn means(judged: &[Judged]) -> Vec<SplitMeasures> {
         let measures: Vec<ImageMetrics> =
             judged.iter().filter(|one| one.split == split).map(|one| one.measures).collect();
         let subject: Vec<f64> = measures.iter().filter_map(|m| m.psnr_fg).collect();
+        let aligned: Vec<f64> = measures.iter().filter_map(|m| m.psnr_fg_aligned).collect();
         let lpips: Vec<f64> = measures.iter().filter_map(|m| m.lpips).collect();
         let known = !subject.is_empty();
         let center = mean_psnr(&subject);
@@ -48,6 +51,7 @@ pub fn means(judged: &[Judged]) -> Vec<SplitMeasures> {
             split: split.name(),
             psnr_fg: known.then_some(center),
             psnr_fg_deviation: (!squares.is_empty()).then(|| mean(&squares).sqrt()),
+            psnr_fg_aligned: known.then(|| mean_psnr(&aligned)),
             psnr_full: mean_psnr(&full),
             ssim: mean(&measures.iter().map(|m| m.ssim).collect::<Vec<_>>()),
             lpips: (!lpips.is_empty()).then(|| mean(&lpips)),
@@ -77,7 +81,8 @@ pub(super) fn mean(numbers: &[f64]) -> f64 {
 /// The means as a table in Markdown.
 pub fn table(means: &[SplitMeasures]) -> String {
     let mut text = String::from(
-        "| split | images | PSNR of the subject, dB | whole frame, dB | SSIM | LPIPS |\n|---|---|---|---|---|---|\n",
+        "| split | images | PSNR of the subject, dB | colours aligned, dB | whole frame, dB | SSIM | LPIPS |\n\
+         |---|---|---|---|---|---|---|\n",
     );
     means.iter().for_each(|row| write_row(&mut text, row.split, row));
     text
@@ -101,22 +106,27 @@ fn write_row(text: &mut String, name: &str, row: &SplitMeasures) {
         (None, _) => "–".into(),
     };
     let SplitMeasures { images, psnr_full, ssim, .. } = row;
+    let aligned = row.psnr_fg_aligned.map_or("–".into(), |psnr| format!("{psnr:.2}"));
     let lpips = row.lpips.map_or("–".into(), |lpips| format!("{lpips:.4}"));
-    writeln!(text, "| {name} | {images} | {subject} | {psnr_full:.2} | {ssim:.4} | {lpips} |")
+    writeln!(text, "| {name} | {images} | {subject} | {aligned} | {psnr_full:.2} | {ssim:.4} | {lpips} |")
         .expect("text grows");
 }
 
 /// Every picture's measures as CSV.
 pub fn csv(judged: &[Judged], capture_files: &CaptureFiles) -> String {
-    let mut text = String::from("image,camera,frame,split,psnr_fg,psnr_full,ssim,lpips\n");
+    let mut text = String::from("image,camera,frame,split,psnr_fg,psnr_fg_aligned,psnr_full,ssim,lpips\n");
     for Judged { photo_id, split, measures } in judged {
         let camera = &capture_files.capture.cameras[photo_id.camera].name;
-        let subject = measures.psnr_fg.map_or(String::new(), |psnr| format!("{psnr:.4}"));
+        let [subject, aligned] = [measures.psnr_fg, measures.psnr_fg_aligned]
+            .map(|psnr| psnr.map_or(String::new(), |psnr| format!("{psnr:.4}")));
         let (name, frame, split) = (capture_files.name(*photo_id), photo_id.frame, split.name());
         let ImageMetrics { psnr_full, ssim, .. } = measures;
         let lpips = measures.lpips.map_or(String::new(), |lpips| format!("{lpips:.6}"));
-        writeln!(text, "{name},{camera},{frame},{split},{subject},{psnr_full:.4},{ssim:.6},{lpips}")
-            .expect("text grows");
+        writeln!(
+            text,
+            "{name},{camera},{frame},{split},{subject},{aligned},{psnr_full:.4},{ssim:.6},{lpips}"
+        )
+        .expect("text grows");
     }
     text
 }
@@ -144,7 +154,11 @@ pub fn parse_csv(text: &str, capture_files: &CaptureFiles) -> Result<Vec<Judged>
         let split = cell()?;
         let split = Split::ALL.into_iter().find(|known| known.name() == split)?;
         let photo_id = *named.get(cell()?)?;
-        Some(Judged { photo_id, split, measures: ImageMetrics { psnr_fg, psnr_full, ssim, lpips } })
+        Some(Judged {
+            photo_id,
+            split,
+            measures: ImageMetrics { psnr_fg, psnr_fg_aligned: psnr_fg, psnr_full, ssim, lpips },
+        })
     };
     let lines = (1..).zip(text.lines()).skip(1);
     lines
@@ -160,7 +174,13 @@ mod tests {
         let one = |(frame, psnr_fg): (usize, &Option<f64>)| Judged {
             photo_id: PhotoId { frame, camera: 0 },
             split: Split::Train,
-            measures: ImageMetrics { psnr_fg: *psnr_fg, psnr_full: 30.0, ssim: 0.5, lpips: None },
+            measures: ImageMetrics {
+                psnr_fg: *psnr_fg,
+                psnr_fg_aligned: *psnr_fg,
+                psnr_full: 30.0,
+                ssim: 0.5,
+                lpips: None,
+            },
         };
         psnr_fg.iter().enumerate().map(one).collect()
     }

@@ -97,6 +97,7 @@ mod tests {
             split,
             psnr_fg,
             psnr_fg_deviation: psnr_fg.map(|_| 9.0),
+            psnr_fg_aligned: psnr_fg,
             psnr_full,
             ssim: 0.5,
             lpips: None,

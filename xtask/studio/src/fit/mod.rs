@@ -7,6 +7,7 @@
 //! Beside the field it writes a table of its progress, a picture and, until it is done, a checkpoint from
 //! which it resumes.
 
+mod cameras;
 mod checkpoint;
 pub mod log;
 mod plan;
@@ -28,6 +29,7 @@ use refine::fit::{Backend, DeviceError, Fit, Lpips, RenderedImage, Run, Training
 use crate::capture::CaptureFiles;
 use crate::scene::{DEFAULT_DURATION_S, DEFAULT_METRES_PER_UNIT, DEFAULT_UP};
 use crate::up_axis::up_of;
+pub use cameras::{cameras_path, learned_cameras};
 use checkpoint::{Checkpoint, Tally};
 use log::LogEntry;
 pub use plan::{DepthScale, FitPlan, FitStart, SH_DEGREE, crc, file_crc};

@@ -8,7 +8,7 @@ use codec::PixelFilter;
 use program::Fault;
 use refine::anchor::Mirror;
 use refine::capture::{CalibratedCamera, Holdout};
-use refine::fit::{DensityRule, FRAGMENT_WEIGHT, FitSettings};
+use refine::fit::{DensityRule, FRAGMENT_WEIGHT, FitSettings, Learned};
 use serde::{Deserialize, Serialize};
 
 use super::training_views::train_frames;
@@ -46,6 +46,8 @@ pub struct FitPlan {
     pub sh_degree: u8,
     /// Seed of the random numbers.
     pub seed: u64,
+    /// What is learned of the cameras.
+    pub learned: Learned,
     /// Held-out frames.
     pub holdout: Holdout,
     /// Network and checksum of the LPIPS weights; `None` if the loss has no LPIPS term.
@@ -109,6 +111,7 @@ impl FitPlan {
             filter: PixelFilter::Mip,
             sh_degree: SH_DEGREE,
             seed: 0,
+            learned: capture_files.learned,
             holdout,
             lpips: None,
             capture: fingerprint(capture_files),

@@ -3,7 +3,8 @@
 
 use codec::Field;
 use refine::fit::{
-    Backend, DensityRule, DeviceError, Fit, FitSettings, Parameters, RenderedImage, Run, TrainingView,
+    Backend, DensityRule, DeviceError, Fit, FitSettings, Learned, Parameters, RenderedImage, Run,
+    TrainingView,
 };
 use serde::Serialize;
 
@@ -61,7 +62,8 @@ impl Refinement<'_> {
         };
         let parameters = Parameters::from_field(field, views.timeline);
         let cameras = views.train.iter().map(|(_, view)| &view.camera);
-        let mut run = Run::start(Fit::new(settings, parameters, views.timeline, cameras), backend)?;
+        let fit = Fit::new(settings, parameters, views.timeline, cameras);
+        let mut run = Run::start(fit.seen_by(views.rig(Learned::default())), backend)?;
         let train: Vec<&TrainingView> = views.train.iter().map(|(_, view)| view).collect();
         let held_before_db = held_psnr(&mut run, views)?;
         while !run.is_done() {
@@ -89,7 +91,7 @@ fn held_psnr(run: &mut Run, views: &TrainingViews) -> Result<Option<f64>, Device
 mod tests {
     use super::*;
     use codec::{Camera, Temporal};
-    use refine::capture::PhotoId;
+    use refine::capture::{PhotoId, Response};
     use refine::fit::{Cpu, FRAGMENT_WEIGHT, FrameView, Photograph, Timeline, cpu};
 
     const TIMELINE: Timeline = Timeline::even(3);
@@ -135,6 +137,7 @@ mod tests {
             train: train.collect(),
             held: (0..4).map(|camera| view(camera, 1)).collect(),
             timeline: TIMELINE,
+            responses: vec![Response::NEUTRAL; 4],
         }
     }
 

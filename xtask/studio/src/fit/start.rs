@@ -73,7 +73,7 @@ pub(super) fn start(
         ));
     }
     let cameras = views.train.iter().map(|(_, view)| &view.camera);
-    Ok(Fit::new(plan.fit_settings(), parameters, views.timeline, cameras))
+    Ok(Fit::new(plan.fit_settings(), parameters, views.timeline, cameras).seen_by(views.rig(plan.learned)))
 }
 
 /// Indices of the cameras whose pixels become Gaussians; `None` for all cameras.
@@ -176,7 +176,8 @@ mod tests {
     #[test]
     fn depths_are_scaled_on_the_hull_where_every_frame_has_one() {
         let scale = |train: Vec<_>| {
-            let views = TrainingViews { train, held: Vec::new(), timeline: Timeline::even(2) };
+            let views =
+                TrainingViews { train, held: Vec::new(), timeline: Timeline::even(2), responses: Vec::new() };
             DepthScale::Auto.alignment(&views)
         };
         let (partial, full, empty) = ([255, 0], [255, 255], [0, 0]);

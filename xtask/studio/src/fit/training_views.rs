@@ -4,8 +4,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use program::Fault;
 use rayon::prelude::*;
-use refine::capture::{Holdout, PhotoId, Split};
-use refine::fit::{self, Photograph, RenderedImage, Timeline, TrainingView};
+use refine::capture::{Capture, Holdout, PhotoId, Response, Split};
+use refine::fit::{self, Learned, Photograph, RenderedImage, Rig, Timeline, TrainingView};
 
 use crate::capture::CaptureFiles;
 
@@ -27,6 +27,8 @@ pub struct TrainingViews {
     pub held: Vec<TrainingView>,
     /// Number and times of the frames.
     pub timeline: Timeline,
+    /// The response of each camera of the capture.
+    pub responses: Vec<Response>,
 }
 
 impl TrainingViews {
@@ -51,8 +53,21 @@ impl TrainingViews {
         for (photo_id, view) in held.iter_mut().chain(&mut train) {
             view.time = capture_files.capture.clip_time(*photo_id) * timeline.intervals;
         }
-        Ok(TrainingViews { train, held: held.into_iter().map(|(_, view)| view).collect(), timeline })
+        let held = held.into_iter().map(|(_, view)| view).collect();
+        let responses = responses(&capture_files.capture);
+        Ok(TrainingViews { train, held, timeline, responses })
     }
+
+    /// The cameras of these views, of which `learned` is learned.
+    pub(super) fn rig(&self, learned: Learned) -> Rig {
+        let first = self.train.iter().map(|(photo_id, _)| photo_id.camera).min().unwrap_or(0);
+        Rig::new(learned, self.responses.clone(), first)
+    }
+}
+
+/// The response of each camera.
+pub(super) fn responses(capture: &Capture) -> Vec<Response> {
+    capture.cameras.iter().map(|camera| camera.response).collect()
 }
 
 pub(super) fn splits(capture_files: &CaptureFiles, holdout: Holdout) -> Result<Vec<(PhotoId, Split)>, Fault> {

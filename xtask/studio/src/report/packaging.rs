@@ -327,7 +327,7 @@ fn seen_views(subject: &ReportSubject) -> Vec<PosedView> {
 #[cfg(test)]
 mod tests {
     use codec::ClipInfo;
-    use refine::capture::PhotoId;
+    use refine::capture::{PhotoId, Response};
     use refine::fit::{FrameView, Parameters, Photograph, Timeline, TrainingView, cpu};
 
     use super::*;
@@ -387,7 +387,12 @@ mod tests {
             TrainingView { camera_id, camera, time: 0.0, photograph }
         };
         let photo = |camera| (PhotoId { frame: 0, camera }, view(camera));
-        let views = TrainingViews { train: (0..4).map(photo).collect(), held: vec![view(4)], timeline };
+        let views = TrainingViews {
+            train: (0..4).map(photo).collect(),
+            held: vec![view(4)],
+            timeline,
+            responses: vec![Response::NEUTRAL; 5],
+        };
         subject.field.log_scales.iter_mut().flatten().for_each(|scale| *scale += 0.3);
         let clip = FieldAnalysis::new(
             &subject.scene,

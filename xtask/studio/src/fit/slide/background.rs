@@ -10,7 +10,7 @@ use std::path::Path;
 use codec::{SH_C0, sh_coefficients};
 use program::Fault;
 use refine::capture::PhotoId;
-use refine::fit::{Backend, Carried, Fit, Parameters, TrainingView};
+use refine::fit::{Backend, Carried, Fit, Learned, Parameters, TrainingView};
 
 use super::photographs::Photographs;
 use super::rows::joined;
@@ -51,6 +51,7 @@ pub(super) fn background(
     let cameras = capture_files.capture.cameras.iter().map(|camera| &camera.camera);
     let carried = vec![Carried { is_static: true, ..Carried::NONE }; anchors.len()];
     let fit = Fit::new(plan.fit_settings(), anchors, views.timeline, cameras).carrying(carried);
+    let fit = fit.seen_by(views.rig(Learned::default()));
     let fitted = fit_from(plan, capture_files, &views, runtime, out, on_progress, |_| Ok(Some(fit)))?;
     Ok(fitted.expect("there is something to fit").fit.into_fitted())
 }

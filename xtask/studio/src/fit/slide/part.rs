@@ -3,7 +3,7 @@
 
 use refine::anchor::AnchorError;
 use refine::capture::PhotoId;
-use refine::fit::{Backend, Carried, Fit, FitSettings, Parameters, TrainingView};
+use refine::fit::{Backend, Carried, Fit, FitSettings, Learned, Parameters, TrainingView};
 use serde::{Deserialize, Serialize};
 
 use super::past::{PartTime, Side};
@@ -101,7 +101,7 @@ pub(super) fn start(
     pasts.resize(pasts.len() + fixed.len(), Carried::FIXED);
     let cameras = capture_files.capture.cameras.iter().map(|camera| &camera.camera);
     let fit = Fit::new(settings, joined(parameters, fixed), views.timeline, cameras);
-    Ok(Start::Fit(Box::new(fit.carrying(pasts))))
+    Ok(Start::Fit(Box::new(fit.carrying(pasts).seen_by(views.rig(Learned::default())))))
 }
 
 /// What the finished parts beside one leave to it: Gaussians in its photographs that stay as they are, Gaussians that it

@@ -8,7 +8,7 @@ use refine::fit::{Timeline, TrainingView};
 
 use super::windows::Windows;
 use crate::capture::CaptureFiles;
-use crate::fit::training_views::{CHECKED_MAX, TrainingViews, evenly, load_views, splits};
+use crate::fit::training_views::{CHECKED_MAX, TrainingViews, evenly, load_views, responses, splits};
 
 /// Number of frames that stand for the whole take.
 const SPREAD_FRAMES: usize = 8;
@@ -80,6 +80,7 @@ impl<'a> Photographs<'a> {
             train,
             held: Vec::new(),
             timeline: Timeline { frames: frames.len().max(2), intervals },
+            responses: responses(&self.capture_files.capture),
         })
     }
 
@@ -107,6 +108,8 @@ impl<'a> Photographs<'a> {
         train.sort_by_key(|(photo_id, _)| *photo_id);
         let frames: BTreeSet<usize> = train.iter().map(|(photo_id, _)| photo_id.frame).collect();
         let timeline = Timeline { frames: frames.len().max(2), intervals: (to_s - from_s) / self.interval_s };
-        Ok(TrainingViews { train, held: held.into_iter().map(|(_, view)| view).collect(), timeline })
+        let responses = responses(&self.capture_files.capture);
+        let held = held.into_iter().map(|(_, view)| view).collect();
+        Ok(TrainingViews { train, held, timeline, responses })
     }
 }

@@ -1,0 +1,103 @@
+//! [`CameraCorrections`]: a file of what a fit learned of the cameras of a capture, and what it changes there.
+//!
+//! `fit` writes it beside the field, and commands that compare the field with photographs read it there.
+
+use std::path::Path;
+
+use codec::Camera;
+use program::Fault;
+use refine::capture::{CalibratedCamera, Response};
+use serde::{Deserialize, Serialize};
+
+use super::capture_files::CaptureFiles;
+use super::image_file::{bad_layout, read_text};
+use super::part::scaled;
+
+/// The cameras of a capture as a fit learned them.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CameraCorrections {
+    /// In the order of the capture.
+    pub cameras: Vec<CameraCorrection>,
+}
+
+/// A camera as a fit learned it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CameraCorrection {
+    /// Name in the capture.
+    pub id: String,
+    /// Seconds by which its photographs are later than their frames.
+    pub time_offset_s: f64,
+    /// Rigid transform from the world to the camera.
+    pub w2c: [[f64; 4]; 4],
+    /// Factor of the focal lengths that the capture states.
+    pub focal_factor: f64,
+    /// How it shows colours.
+    pub response: Response,
+}
+
+impl CameraCorrections {
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// [`Fault::Data`] that names it.
+    pub fn read(path: &Path) -> Result<CameraCorrections, Fault> {
+        serde_json::from_str(&read_text(path)?).map_err(|error| bad_layout(path, error))
+    }
+
+    /// The file.
+    pub fn to_json(&self) -> String {
+        serde_json::to_string_pretty(self).expect("numbers and names") + "\n"
+    }
+}
+
+impl CaptureFiles {
+    /// The cameras as they are.
+    pub fn corrections(&self) -> CameraCorrections {
+        let of = |(i, camera): (usize, &CalibratedCamera)| CameraCorrection {
+            id: camera.name.clone(),
+            time_offset_s: camera.time_offset_s,
+            w2c: camera.camera.camera_from_world,
+            focal_factor: self.focal_factor(i, &camera.camera),
+            response: camera.response,
+        };
+        CameraCorrections { cameras: self.capture.cameras.iter().enumerate().map(of).collect() }
+    }
+
+    /// The factor of the focal lengths of a camera against those that the capture states.
+    pub fn focal_factor(&self, camera: usize, corrected: &Camera) -> f64 {
+        let stated = scaled(&self.file_cameras[camera], corrected.width, corrected.height);
+        corrected.k[1][1] / stated.k[1][1]
+    }
+
+    /// Corrects the cameras that `corrections` name; `path` is that of their file, for messages.
+    ///
+    /// # Errors
+    /// [`Fault::Data`] if they name none of the capture's, or a camera would be invalid.
+    pub fn correct(&mut self, corrections: &CameraCorrections, path: &Path) -> Result<(), Fault> {
+        let mut is_any = false;
+        for (i, CalibratedCamera { name, camera, time_offset_s, response, .. }) in
+            self.capture.cameras.iter_mut().enumerate()
+        {
+            let Some(learned) = corrections.cameras.iter().find(|learned| learned.id == *name) else {
+                continue;
+            };
+            is_any = true;
+            let stated = scaled(&self.file_cameras[i], camera.width, camera.height);
+            camera.camera_from_world = learned.w2c;
+            (0..2).for_each(|axis| camera.k[axis][axis] = stated.k[axis][axis] * learned.focal_factor);
+            let numbers = [learned.response.color.as_flattened(), &learned.response.vignette].concat();
+            if !(learned.time_offset_s.is_finite() && numbers.iter().all(|x| x.is_finite())) {
+                return Err(bad_layout(path, format!("camera {name}: a number is not finite")));
+            }
+            camera.check().map_err(|problem| bad_layout(path, format!("camera {name}: {problem}")))?;
+            *time_offset_s = learned.time_offset_s;
+            *response = learned.response;
+        }
+        match is_any {
+            true => Ok(()),
+            false => Err(bad_layout(path, "it names no camera of this capture; name the file of its fit")),
+        }
+    }
+}
