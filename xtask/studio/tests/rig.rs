@@ -282,6 +282,12 @@ fn sound_of_two_cameras_is_as_far_apart_as_the_truth_says() {
             + number("sound_skew_s")
     };
     let clap_s = written.truth["sound"]["clap_s"].as_f64().unwrap();
+    for (camera, sound) in sounds.iter().enumerate() {
+        let onset = (heard_s(camera, clap_s) * RATE).round() as usize;
+        let around = onset - 4800..onset + 4800;
+        let loudest = around.max_by(|a, b| sound[*a].abs().total_cmp(&sound[*b].abs())).unwrap();
+        assert!((onset..onset + 400).contains(&loudest), "camera {camera}: {loudest}, {onset} expected");
+    }
     let length = (0.4 * RATE) as usize;
     for (a, b) in [(0, 1), (0, 2), (1, 3), (2, 3)] {
         // The clap and speech around it, of the second camera at different lags.
