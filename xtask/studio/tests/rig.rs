@@ -202,6 +202,35 @@ fn photographs_are_the_traced_pictures_at_their_own_times() {
     }
 }
 
+/// ffmpeg likes to round rates to common ones.
+#[test]
+fn videos_of_any_rate_present_their_frames_when_they_were_taken() {
+    if !has_ffmpeg() {
+        return;
+    }
+    for fps in [239.76, 23.976, 14.999, 1.0] {
+        let settings = RigSettings { fps, size: [18, 16], cameras: 3, ..settings(Perturbations::ALL) };
+        let written = written(&settings);
+        for camera in 0..3 {
+            let mut command = Command::new("ffprobe");
+            command.args(["-v", "error", "-select_streams", "v", "-show_entries", "packet=pts_time"]);
+            command.args(["-of", "csv=p=0"]).arg(written.path().join(format!("{camera:02}.mp4")));
+            let output = String::from_utf8(command.output().unwrap().stdout).unwrap();
+            let mut presented_s: Vec<f64> = output.split_whitespace().map(|s| s.parse().unwrap()).collect();
+            presented_s.sort_by(f64::total_cmp);
+            let rate = 1.0 + 1e-6 * written.number(camera, "drift_ppm");
+            let start_s = written.number(camera, "start_s");
+            let times_s = written.times_s(camera);
+            assert_eq!(presented_s.len(), times_s.len());
+            for (presented_s, time_s) in presented_s.iter().zip(times_s) {
+                // ffprobe writes microseconds.
+                let expected_s = (time_s - start_s) / rate;
+                assert!((presented_s - expected_s).abs() < 1e-6, "{fps}: {presented_s} {expected_s}");
+            }
+        }
+    }
+}
+
 #[test]
 fn a_clean_rig_is_synchronous_before_a_static_room() {
     if !has_ffmpeg() {

@@ -53,7 +53,9 @@ impl Encoding {
         let interval = format.millifps.div_ceil(1000).to_string();
         let feeding = Feeding::start("ffmpeg", |command| {
             command.args(["-nostdin", "-v", "error", "-f", "rawvideo", "-pix_fmt", "rgb24"]);
-            command.args(["-s", &format!("{width}x{height}"), "-framerate", &rate, "-i", "pipe:0", "-i"]);
+            // Without -r it rounds a rate to one that is common.
+            command.args(["-s", &format!("{width}x{height}"), "-framerate", &rate, "-r", &rate]);
+            command.args(["-i", "pipe:0", "-i"]);
             command.arg(sound).args(["-map", "0:v", "-map", "1:a", "-vf", &filters]);
             command.args([
                 "-fps_mode",
