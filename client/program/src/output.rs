@@ -185,6 +185,11 @@ impl OutputFolder {
             .map_err(|error| failed(&self.path.join(name), error))
     }
 
+    /// Where the folder is until it is complete, for programs that write into it.
+    pub fn path(&self) -> &Path {
+        self.folder.path()
+    }
+
     /// Gives the folder its name.
     ///
     /// # Errors

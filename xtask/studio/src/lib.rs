@@ -8,6 +8,7 @@ pub mod cli;
 mod commands;
 pub mod eval;
 pub mod export;
+mod ffmpeg;
 pub mod fit;
 pub mod import;
 pub mod input;

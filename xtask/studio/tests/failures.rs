@@ -306,6 +306,8 @@ const FAILURES: &[Failure] = &[
         "rename one",
     ),
     ("synth stage -o other --cameras 0", USAGE, "0 cameras", "use 1 to 256"),
+    ("synth rig -o other --size 63x48", USAGE, "63x48 pixels", "videos have even sides, from 16 on"),
+    ("synth rig -o other --exposure 2", USAGE, "exposure 2", "use 0 to 0.9"),
     ("synth limbs -o /proc/limbs.ply", USAGE, "cannot write /proc/limbs.ply", "name another place"),
     ("synth clip -o no/clip.ply", USAGE, "cannot write no/clip.ply", "make it first"),
     ("serve nope", DATA, "nope: not a folder", "name one"),

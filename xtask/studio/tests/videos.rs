@@ -5,30 +5,20 @@ mod tool;
 
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Stdio};
+use std::process::Command;
 
 use refine::capture::PhotoId;
 use serde_json::{Value, json};
 use small_stage::stage_of;
 use studio::capture::CaptureFiles;
 use tempfile::TempDir;
-use tool::{aarc_studio, aarc_studio_with};
+use tool::{aarc_studio, aarc_studio_with, has_ffmpeg};
 
 /// Frames of the stage, which has 25 a second.
 const FRAMES: usize = 12;
 
 /// A change of a manifest.
 type Change<'a> = &'a dyn Fn(&mut Value);
-
-/// Whether there is an ffmpeg.
-fn has_ffmpeg() -> bool {
-    let output = Command::new("ffprobe").arg("-version").stdout(Stdio::null()).stderr(Stdio::null()).status();
-    let has = output.is_ok_and(|status| status.success());
-    if !has {
-        println!("skipped: no ffmpeg; cargo xtask test installs it where it may");
-    }
-    has
-}
 
 /// Runs ffmpeg with a command line without spaces in its words.
 fn ffmpeg(folder: &Path, line: &str) {

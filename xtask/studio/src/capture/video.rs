@@ -7,10 +7,9 @@
 //!
 //! Frames in ascending order come from one run of `ffmpeg`. It waits at the pipe until the next one is wanted.
 
-use std::fs::File;
-use std::io::{ErrorKind, Read, Seek};
+use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
-use std::process::{Child, ChildStdout, Command, Stdio};
+use std::process::{ChildStdout, Stdio};
 use std::sync::Mutex;
 
 use image::RgbImage;
@@ -18,6 +17,7 @@ use program::Fault;
 use serde::Deserialize;
 
 use super::image_file::bad;
+use crate::ffmpeg::{self, Running, last_line};
 use crate::messages::unreadable;
 
 /// Longest row of frames that are decoded to reach one, rather than to seek it.
@@ -55,11 +55,10 @@ impl Video {
     pub(super) fn open(path: &Path) -> Result<Video, Fault> {
         std::fs::metadata(path).map_err(|error| unreadable(path, &error))?;
         let entries = "stream=width,height,color_space:stream_side_data=rotation:packet=pts_time,flags:format=start_time";
-        let mut command = Command::new("ffprobe");
-        command
-            .args(["-v", "error", "-select_streams", "V:0", "-show_entries", entries, "-of", "json"])
-            .arg(path);
-        let output = command.stdin(Stdio::null()).output().map_err(|error| not_run("ffprobe", &error))?;
+        let arguments = ["-v", "error", "-select_streams", "V:0", "-show_entries", entries, "-of", "json"];
+        let output = ffmpeg::output("ffprobe", |command| {
+            command.args(arguments).arg(path);
+        })?;
         let said = String::from_utf8_lossy(&output.stderr);
         let probed = serde_json::from_slice::<Probed>(&output.stdout).ok();
         let probed = probed.filter(|_| output.status.success()).unwrap_or_default();
@@ -151,37 +150,27 @@ impl Video {
         // Halfway from the frame before, so that no rounding of times misses it.
         let before = frame.checked_sub(1).map_or(0.0, |before| self.times_s[frame] - self.times_s[before]);
         let from_s = (self.first_s + self.times_s[frame] - 0.5 * before).max(0.0);
-        let errors =
-            tempfile::tempfile().map_err(|error| Fault::Usage(format!("no temporary file: {error}")))?;
-        let said = errors.try_clone().map_err(|error| Fault::Usage(format!("no temporary file: {error}")))?;
-        let mut command = Command::new("ffmpeg");
-        command.args(["-nostdin", "-v", "error", "-threads", "2", "-ss", &format!("{from_s:.6}"), "-i"]);
-        command.arg(&self.path).args(["-map", "0:V:0", "-fps_mode", "passthrough"]);
         let scale = format!(
             "scale=in_color_matrix={}:flags=accurate_rnd+full_chroma_int+full_chroma_inp",
             self.matrix
         );
-        command.args(["-vf", &scale, "-pix_fmt", "rgb24", "-f", "rawvideo", "-"]);
-        let mut child = command
-            .stdin(Stdio::null())
-            .stdout(Stdio::piped())
-            .stderr(errors)
-            .spawn()
-            .map_err(|error| not_run("ffmpeg", &error))?;
-        let pictures = child.stdout.take().expect("it is piped");
-        Ok(Decoding { child, pictures, said, next: frame })
+        let mut running = Running::start("ffmpeg", |command| {
+            command.args(["-nostdin", "-v", "error", "-threads", "2", "-ss", &format!("{from_s:.6}"), "-i"]);
+            command.arg(&self.path).args(["-map", "0:V:0", "-fps_mode", "passthrough"]);
+            command.args(["-vf", &scale, "-pix_fmt", "rgb24", "-f", "rawvideo", "-"]);
+            command.stdout(Stdio::piped());
+        })?;
+        let pictures = running.take_stdout();
+        Ok(Decoding { running, pictures, next: frame })
     }
 
     /// The fault of a frame that ffmpeg did not write.
-    fn undecoded(&self, current: Decoding, error: &std::io::Error) -> Fault {
+    fn undecoded(&self, mut current: Decoding, error: &std::io::Error) -> Fault {
         let (frame, frames) = (current.next, self.times_s.len());
-        let mut said = String::new();
-        let mut log = &current.said;
-        let why = match log.rewind().and_then(|()| log.read_to_string(&mut said)) {
-            Ok(_) if !said.trim().is_empty() => last_line(&said, &self.path),
-            _ if error.kind() == ErrorKind::UnexpectedEof => "the video ends before".into(),
+        let why = current.running.last_error(&self.path).unwrap_or_else(|| match error.kind() {
+            ErrorKind::UnexpectedEof => "the video ends before".into(),
             _ => error.to_string(),
-        };
+        });
         bad(
             &self.path,
             format!("ffmpeg cannot decode frame {frame} of {frames}: {why}; record or copy it again"),
@@ -192,20 +181,10 @@ impl Video {
 /// A run of ffmpeg that decodes frames to a pipe.
 #[derive(Debug)]
 struct Decoding {
-    child: Child,
+    running: Running,
     pictures: ChildStdout,
-    /// What it says of errors.
-    said: File,
     /// Number of the next frame in the pipe.
     next: usize,
-}
-
-impl Drop for Decoding {
-    fn drop(&mut self) {
-        // It may have ended already.
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
 }
 
 /// What ffprobe says.
@@ -262,19 +241,6 @@ fn matrix(stated: Option<&str>, rows: u32) -> &'static str {
     }
 }
 
-/// The last line that ffmpeg or ffprobe says, without the path of the file.
-fn last_line(said: &str, path: &Path) -> String {
-    let line = said.lines().rev().find(|line| !line.trim().is_empty()).unwrap_or("it says nothing");
-    line.replace(&format!("{}: ", path.display()), "").trim().to_owned()
-}
-
-fn not_run(program: &str, error: &std::io::Error) -> Fault {
-    Fault::Usage(match error.kind() {
-        ErrorKind::NotFound => format!("videos need {program}, version 5.1 or newer; install ffmpeg"),
-        _ => format!("cannot run {program}: {error}"),
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -328,7 +294,5 @@ mod tests {
             [seconds(Some("1.5")), seconds(Some("N/A")), seconds(Some("nan")), seconds(None)],
             [Some(1.5), None, None, None]
         );
-        let said = "[mov @ 0x1] moov atom not found\nrig/a.mp4: Invalid data found\n\n";
-        assert_eq!(last_line(said, Path::new("rig/a.mp4")), "Invalid data found");
     }
 }

@@ -6,8 +6,8 @@ use std::time::Instant;
 use crate::export;
 use crate::messages::count;
 use crate::progress::counting;
-use crate::synth::{juggler, limbs, stage};
-use clap::Subcommand;
+use crate::synth::{juggler, limbs, rig, stage};
+use clap::{Subcommand, ValueEnum};
 use codec::{ClipInfo, Field};
 use program::output;
 
@@ -52,6 +52,114 @@ enum SyntheticScene {
         #[arg(long)]
         props: bool,
     },
+    /// The stage as a rig of real cameras records it: videos with sound, not synchronous, not alike, in a room
+    Rig(RigArgs),
+}
+
+#[derive(clap::Args)]
+struct RigArgs {
+    /// Folder to make
+    #[arg(short, long, value_name = "DIR")]
+    out: PathBuf,
+    /// Number of cameras
+    #[arg(long, value_name = "N", default_value_t = 12)]
+    cameras: usize,
+    /// Seconds in which all cameras run; each starts before and stops after
+    #[arg(long, value_name = "S", default_value_t = 4.0)]
+    seconds: f64,
+    /// Frames per second
+    #[arg(long, value_name = "F", default_value_t = 30.0)]
+    fps: f64,
+    /// Size of the upright pictures, in even numbers
+    #[arg(long, value_name = "WxH", default_value = "320x240", value_parser = size)]
+    size: [u32; 2],
+    /// Seed of everything that is drawn
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
+    /// Quality of the videos, x264's constant rate factor: 0 loses nothing, 51 is worst
+    #[arg(long, value_name = "N", default_value_t = 12)]
+    crf: u8,
+    /// Write the figure's masks, too: masks/CAMERA/FRAME.png for each frame of the videos
+    #[arg(long)]
+    masks: bool,
+    /// Let the figure cast a shadow on the floor, so that the background is not static
+    #[arg(long)]
+    shadow: bool,
+    /// Leave out everything that perturbs, except what the options below name
+    #[arg(long)]
+    clean: bool,
+    #[command(flatten)]
+    perturbations: PerturbationArgs,
+}
+
+#[derive(clap::Args)]
+struct PerturbationArgs {
+    /// Seconds between the first and the last camera that starts, at most [default: 2]
+    #[arg(long, value_name = "S")]
+    starts: Option<f64>,
+    /// Whether cameras are offset by fractions of a frame [default: on]
+    #[arg(long)]
+    offsets: Option<Switch>,
+    /// Largest error of a camera's rate, in parts per million [default: 20]
+    #[arg(long, value_name = "PPM")]
+    drift: Option<f64>,
+    /// Largest relative error of a camera's exposure [default: 0.2]
+    #[arg(long, value_name = "X")]
+    exposure: Option<f64>,
+    /// Largest relative error of a camera's red and blue [default: 0.1]
+    #[arg(long, value_name = "X")]
+    white_balance: Option<f64>,
+    /// Standard deviation of a pixel's noise, in 255ths [default: 2]
+    #[arg(long, value_name = "X")]
+    noise: Option<f64>,
+    /// Largest time between a camera's sound and its pictures, in seconds [default: 0.04]
+    #[arg(long, value_name = "S")]
+    sound_skew: Option<f64>,
+    /// Sound relative to a microphone's noise, in decibels [default: 10]
+    #[arg(long, value_name = "DB", allow_negative_numbers = true)]
+    sound_noise: Option<f64>,
+    /// Whether the second camera stands on its side [default: on]
+    #[arg(long)]
+    rotated: Option<Switch>,
+    /// Whether the third camera has a variable frame rate [default: on]
+    #[arg(long)]
+    variable_rate: Option<Switch>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
+enum Switch {
+    On,
+    Off,
+}
+
+impl RigArgs {
+    fn settings(&self) -> rig::RigSettings {
+        let args = &self.perturbations;
+        let base = if self.clean { rig::Perturbations::NONE } else { rig::Perturbations::ALL };
+        let is_on = |switch: Option<Switch>, base: bool| switch.map_or(base, |switch| switch == Switch::On);
+        rig::RigSettings {
+            cameras: self.cameras,
+            seconds: self.seconds,
+            fps: self.fps,
+            size: self.size,
+            seed: self.seed,
+            crf: self.crf,
+            shadow: self.shadow,
+            masks: self.masks,
+            perturbations: rig::Perturbations {
+                starts_s: args.starts.unwrap_or(base.starts_s),
+                offsets: is_on(args.offsets, base.offsets),
+                drift_ppm: args.drift.unwrap_or(base.drift_ppm),
+                exposure: args.exposure.unwrap_or(base.exposure),
+                white_balance: args.white_balance.unwrap_or(base.white_balance),
+                noise: args.noise.unwrap_or(base.noise),
+                sound_skew_s: args.sound_skew.unwrap_or(base.sound_skew_s),
+                sound_noise_db: args.sound_noise.or(base.sound_noise_db),
+                rotated: is_on(args.rotated, base.rotated),
+                variable_rate: is_on(args.variable_rate, base.variable_rate),
+            },
+        }
+    }
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
@@ -63,6 +171,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
                 stage::StageSettings { cameras: *cameras, frames: *frames, size: *size, props: *props };
             write_stage(out, &settings)
         }
+        SyntheticScene::Rig(args) => write_rig(&args.out, &args.settings()),
     }
 }
 
@@ -89,6 +198,23 @@ fn write_stage(out: &Path, settings: &stage::StageSettings) -> anyhow::Result<()
         out.display(),
         count(*cameras, "camera"),
         count(*frames, "frame")
+    );
+    Ok(())
+}
+
+fn write_rig(out: &Path, settings: &rig::RigSettings) -> anyhow::Result<()> {
+    let rig = rig::Rig::new(settings)?;
+    let start = Instant::now();
+    let progress = counting(rig.pictures() as u64, "pictures");
+    rig::write(out, &rig, || progress.inc(1))?;
+    progress.finish_and_clear();
+    let [width, height] = settings.size;
+    let seconds = start.elapsed().as_secs_f64();
+    println!(
+        "{}: {}, {} of {width}x{height}; in {seconds:.1} s",
+        out.display(),
+        count(settings.cameras, "video"),
+        count(rig.pictures(), "picture")
     );
     Ok(())
 }

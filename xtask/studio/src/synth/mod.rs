@@ -2,4 +2,5 @@
 
 pub mod juggler;
 pub mod limbs;
+pub mod rig;
 pub mod stage;

@@ -2,7 +2,7 @@
 #![allow(dead_code, reason = "each test binary uses its own part")]
 
 use std::path::Path;
-use std::process::Command;
+use std::process::{Command, Stdio};
 
 use serde_json::Value;
 
@@ -38,6 +38,16 @@ pub(crate) fn with_small_disk(folder: &Path, kilobytes: usize, args: &[&str]) ->
     let mut command = Command::new("sh");
     command.arg("-c").arg(script).arg(env!("CARGO_BIN_EXE_aarc-studio")).args(args);
     command.current_dir(folder).output().expect("the tool starts").into()
+}
+
+/// Whether there is an ffmpeg.
+pub(crate) fn has_ffmpeg() -> bool {
+    let output = Command::new("ffprobe").arg("-version").stdout(Stdio::null()).stderr(Stdio::null()).status();
+    let has = output.is_ok_and(|status| status.success());
+    if !has {
+        println!("skipped: no ffmpeg; cargo xtask test installs it where it may");
+    }
+    has
 }
 
 impl Outcome {

@@ -11,7 +11,7 @@ use super::texture::Texture;
 
 /// A part of the figure at an instant, or of what stands around it.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct FigurePart {
+pub(in crate::synth) struct FigurePart {
     pub(super) solid: Solid,
     pub(super) texture: Texture,
     /// Centre of the solid.

@@ -17,11 +17,15 @@ use std::f64::consts::TAU;
 use std::ops::RangeInclusive;
 
 use codec::Camera;
-use figure::{FigurePart, figure};
-use motion::Motion;
+use figure::figure;
 use program::Fault;
 
+pub(super) use figure::FigurePart;
+pub(super) use motion::Motion;
+pub(super) use texture::{noise, split_mix};
+pub(super) use trace::{PixelSamples, Rays, is_shaded, sample_pixel};
 pub use write::write;
+pub(super) use write::{mask_png, name};
 
 /// Size of the capture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -35,6 +39,9 @@ pub struct StageSettings {
     /// Whether a floor and a chair stand still around the figure.
     pub props: bool,
 }
+
+/// Frames per second of the figure's movement in captures of more than 33 frames.
+pub(super) const FPS: u32 = 30;
 
 /// Permitted values of [`StageSettings`].
 const CAMERAS: RangeInclusive<usize> = 1..=256;
@@ -85,7 +92,7 @@ pub fn is_held(camera: usize) -> bool {
 }
 
 /// All parts at `frame`, see [`Motion::pose`].
-fn subject(settings: &StageSettings, motion: &Motion, frame: f64) -> Vec<FigurePart> {
+pub(super) fn subject(settings: &StageSettings, motion: &Motion, frame: f64) -> Vec<FigurePart> {
     let mut parts = figure(&motion.pose(frame));
     if settings.props {
         parts.extend(props::props());
@@ -94,7 +101,7 @@ fn subject(settings: &StageSettings, motion: &Motion, frame: f64) -> Vec<FigureP
 }
 
 /// The cameras, evenly spaced around the figure from the front, alternately low and high.
-fn rig(settings: &StageSettings) -> Vec<Camera> {
+pub(super) fn rig(settings: &StageSettings) -> Vec<Camera> {
     let [width, height] = settings.size;
     let half_y = HALF_VIEW * f64::from(height) / f64::from(width.min(height));
     let camera = |number: usize| {

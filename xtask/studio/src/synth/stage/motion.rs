@@ -121,7 +121,7 @@ struct Blow {
 
 /// The movement over a capture.
 #[derive(Clone, Debug)]
-pub(super) struct Motion {
+pub(in crate::synth) struct Motion {
     blows: Vec<Blow>,
     /// Frames from the start of the first blow to its end, at least 1.
     first: usize,
@@ -131,7 +131,7 @@ impl Motion {
     /// The movement over `frames` frames. Up to 33 frames are one blow from the first frame to the last, at a speed
     /// that depends on their number. Of more frames, the first 33 are the first blow, and another blow starts
     /// at every 32nd frame; the last one is cut where the capture ends.
-    pub(super) fn new(frames: usize) -> Motion {
+    pub(in crate::synth) fn new(frames: usize) -> Motion {
         let last = frames.max(2) - 1;
         let mut blows = vec![first_blow()];
         for number in 1..last.div_ceil(BLOW_FRAMES) {

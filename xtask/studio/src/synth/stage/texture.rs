@@ -63,7 +63,7 @@ fn face(point: DVec3) -> Color {
 }
 
 /// Smooth noise in `[0, 1]`: random numbers at integer points, interpolated between them.
-fn noise(point: DVec3) -> f64 {
+pub(in crate::synth) fn noise(point: DVec3) -> f64 {
     let cell = point.floor();
     let u = point - cell;
     let u = u * u * (3.0 - 2.0 * u);
@@ -80,7 +80,7 @@ fn noise(point: DVec3) -> f64 {
 }
 
 /// A pseudorandom number (the finaliser of SplitMix64).
-pub(super) fn split_mix(number: u64) -> u64 {
+pub(in crate::synth) fn split_mix(number: u64) -> u64 {
     let mut z = number.wrapping_add(0x9e37_79b9_7f4a_7c15);
     z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);

@@ -35,56 +35,144 @@ struct RayHit {
     part: usize,
 }
 
+/// The rays of a camera.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::synth) struct Rays {
+    /// Position of the camera.
+    pub(in crate::synth) origin: DVec3,
+    world_from_camera: DMat3,
+    focal: [f64; 2],
+    center: [f64; 2],
+}
+
+impl Rays {
+    pub(in crate::synth) fn new(camera: &Camera) -> Rays {
+        let (m, k) = (&camera.camera_from_world, &camera.k);
+        let row = |r: usize| dvec3(m[r][0], m[r][1], m[r][2]);
+        Rays {
+            origin: DVec3::from(camera.position()),
+            world_from_camera: DMat3::from_cols(row(0), row(1), row(2)),
+            focal: [k[0][0], k[1][1]],
+            center: [k[0][2], k[1][2]],
+        }
+    }
+
+    /// Direction of the ray through a point of the image. Its component along the camera's axis is 1, so that ray
+    /// parameters are depths.
+    fn through(&self, x: f64, y: f64) -> DVec3 {
+        let direction =
+            dvec3((x - self.center[0]) / self.focal[0], (y - self.center[1]) / self.focal[1], 1.0);
+        self.world_from_camera * direction
+    }
+
+    /// Directions of the rays of the samples of a pixel.
+    pub(in crate::synth) fn of_pixel(&self, x: u32, y: u32) -> impl Iterator<Item = DVec3> {
+        let place =
+            |pixel: u32, sample: u32| f64::from(pixel) + (f64::from(sample) + 0.5) / f64::from(SAMPLES);
+        (0..SAMPLES * SAMPLES)
+            .map(move |sample| self.through(place(x, sample % SAMPLES), place(y, sample / SAMPLES)))
+    }
+
+    /// Replaces `near` by the indices of the parts that rays of a pixel may meet.
+    fn parts_near(&self, parts: &[FigurePart], [x, y]: [u32; 2], near: &mut Vec<usize>) {
+        let axis = self.through(f64::from(x) + 0.5, f64::from(y) + 0.5);
+        // No ray of the pixel is farther from its axis than half the diagonal, times the depth.
+        let spread = std::f64::consts::FRAC_1_SQRT_2 / self.focal[0].min(self.focal[1]);
+        near.clear();
+        near.extend((0..parts.len()).filter(|i| {
+            let to = parts[*i].center - self.origin;
+            let beside = to - axis * (to.dot(axis) / axis.length_squared());
+            let margin = parts[*i].solid.bounding_radius() + spread * to.length();
+            beside.length_squared() <= margin * margin
+        }));
+    }
+}
+
+/// Sums over the samples of a pixel.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::synth) struct PixelSamples {
+    /// Colours of those that hit the figure.
+    pub(in crate::synth) color: [f64; 3],
+    /// Number of those.
+    pub(in crate::synth) hits: u32,
+}
+
+impl PixelSamples {
+    /// Number of samples of a pixel.
+    pub(in crate::synth) const COUNT: u32 = SAMPLES * SAMPLES;
+
+    /// Fraction of samples that hit the figure, times 255.
+    pub(in crate::synth) fn mask(&self) -> u8 {
+        byte(f64::from(self.hits))
+    }
+}
+
+/// A byte from a sum over samples of numbers from 0 to 1.
+fn byte(sum: f64) -> u8 {
+    (sum / f64::from(PixelSamples::COUNT) * 255.0).round() as u8
+}
+
+/// Samples a pixel and calls `on_miss` with the direction of each ray that does not hit the figure. `near` is a buffer.
+pub(in crate::synth) fn sample_pixel(
+    parts: &[FigurePart],
+    rays: &Rays,
+    pixel: [u32; 2],
+    near: &mut Vec<usize>,
+    mut on_miss: impl FnMut(DVec3),
+) -> PixelSamples {
+    rays.parts_near(parts, pixel, near);
+    let mut samples = PixelSamples { color: [0.0; 3], hits: 0 };
+    for direction in rays.of_pixel(pixel[0], pixel[1]) {
+        match nearest(parts, near, rays.origin, direction) {
+            Some(hit) => {
+                let color = shaded(parts, hit.part, rays.origin + hit.t * direction);
+                (0..3).for_each(|c| samples.color[c] += color[c]);
+                samples.hits += 1;
+            }
+            None => on_miss(direction),
+        }
+    }
+    samples
+}
+
 /// Renders the image of `camera`.
 pub(super) fn trace(parts: &[FigurePart], camera: &Camera) -> TracedImage {
-    let m = &camera.camera_from_world;
-    let row = |r: usize| dvec3(m[r][0], m[r][1], m[r][2]);
-    let world_from_camera = DMat3::from_cols(row(0), row(1), row(2));
-    let origin = DVec3::from(camera.position());
-    // The component along the camera's axis is 1, so that ray parameters are depths.
-    let ray = |x: f64, y: f64| {
-        let direction =
-            dvec3((x - camera.k[0][2]) / camera.k[0][0], (y - camera.k[1][2]) / camera.k[1][1], 1.0);
-        world_from_camera * direction
-    };
+    let rays = Rays::new(camera);
     let pixels = camera.width as usize * camera.height as usize;
     let mut image = TracedImage {
         colors: Vec::with_capacity(pixels),
         mask: Vec::with_capacity(pixels),
         depths: Vec::with_capacity(pixels),
     };
+    let mut near = Vec::new();
     for y in 0..camera.height {
         for x in 0..camera.width {
-            let (mut sum, mut hits) = ([0.0; 3], 0);
-            for sample in 0..SAMPLES * SAMPLES {
-                let place = |pixel: u32, sample: u32| {
-                    f64::from(pixel) + (f64::from(sample) + 0.5) / f64::from(SAMPLES)
-                };
-                let direction = ray(place(x, sample % SAMPLES), place(y, sample / SAMPLES));
-                if let Some(hit) = nearest(parts, origin, direction) {
-                    let color = shaded(parts, hit.part, origin + hit.t * direction);
-                    (0..3).for_each(|c| sum[c] += color[c]);
-                    hits += 1;
-                }
-            }
-            let byte = |sum: f64| (sum / f64::from(SAMPLES * SAMPLES) * 255.0).round() as u8;
-            image.colors.push(sum.map(byte));
-            image.mask.push(byte(f64::from(hits)));
-            let at_center = nearest(parts, origin, ray(f64::from(x) + 0.5, f64::from(y) + 0.5));
+            let samples = sample_pixel(parts, &rays, [x, y], &mut near, |_| ());
+            image.colors.push(samples.color.map(byte));
+            image.mask.push(samples.mask());
+            let axis = rays.through(f64::from(x) + 0.5, f64::from(y) + 0.5);
+            let at_center = nearest(parts, &near, rays.origin, axis);
             image.depths.push(at_center.map_or(0, |hit| (hit.t * 1000.0).round() as u16));
         }
     }
     image
 }
 
-fn nearest(parts: &[FigurePart], origin: DVec3, direction: DVec3) -> Option<RayHit> {
+/// The nearest intersection with the parts whose indices are `near`.
+fn nearest(parts: &[FigurePart], near: &[usize], origin: DVec3, direction: DVec3) -> Option<RayHit> {
     let mut nearest: Option<RayHit> = None;
-    for (part, found) in parts.iter().enumerate().map(|(i, part)| (i, enter(part, origin, direction))) {
+    for (part, found) in near.iter().map(|&i| (i, enter(&parts[i], origin, direction))) {
         if let Some(t) = found.filter(|t| nearest.as_ref().is_none_or(|hit| *t < hit.t)) {
             nearest = Some(RayHit { t, part });
         }
     }
     nearest
+}
+
+/// Whether a part of the figure lies between `point` and the sun.
+pub(in crate::synth) fn is_shaded(parts: &[FigurePart], point: DVec3) -> bool {
+    let sun = SUN.normalize();
+    parts.iter().any(|part| enter(part, point, sun).is_some())
 }
 
 /// Ray parameter at which a ray enters a part.
@@ -106,10 +194,8 @@ fn shaded(parts: &[FigurePart], number: usize, point: DVec3) -> [f64; 3] {
     let part = &parts[number];
     let local = part.axes.transpose() * (point - part.center);
     let normal = part.axes * part.solid.normal(local);
-    let sun = SUN.normalize();
-    let facing = normal.dot(sun);
-    let start = point + CLEARANCE * normal;
-    let lit = facing > 0.0 && !parts.iter().any(|part| enter(part, start, sun).is_some());
+    let facing = normal.dot(SUN.normalize());
+    let lit = facing > 0.0 && !is_shaded(parts, point + CLEARANCE * normal);
     let sky = SKYLIGHT[0] + (SKYLIGHT[1] - SKYLIGHT[0]) * 0.5 * (1.0 + normal.y);
     let light = sky + if lit { SUNLIGHT * facing } else { 0.0 };
     part.texture.color(number, local).map(|c| (c * light).min(1.0))

@@ -12,10 +12,7 @@ use serde_json::json;
 
 use super::motion::Motion;
 use super::trace::trace;
-use super::{StageSettings, is_held, rig, subject};
-
-/// Frames per second.
-const FPS: u32 = 30;
+use super::{FPS, StageSettings, is_held, rig, subject};
 
 /// Path of an image in each of the folders `images`, `masks` and `depths`.
 const PATTERN: &str = "{camera}/{frame:06}.png";
@@ -57,7 +54,7 @@ fn fill(folder: &Path, settings: &StageSettings, on_image: impl Fn() + Sync) -> 
         let path = |kind: &str| folder.join(kind).join(name(camera)).join(format!("{frame:06}.png"));
         let png = |kind: &str, bytes: &[u8], color| save(&path(kind), &cameras[camera], bytes, color);
         png("images", image.colors.as_flattened(), ExtendedColorType::Rgb8)?;
-        png("masks", &image.mask, ExtendedColorType::L8)?;
+        mask_png(&path("masks"), &cameras[camera], &image.mask)?;
         // The encoder takes native byte order.
         png("depths", bytemuck::cast_slice(&image.depths), ExtendedColorType::L16)?;
         on_image();
@@ -71,6 +68,11 @@ fn save(path: &Path, camera: &Camera, bytes: &[u8], color: ExtendedColorType) ->
     let encoded = PngEncoder::new(&mut png).write_image(bytes, camera.width, camera.height, color);
     encoded.map_err(Error::other)?;
     fs::write(path, png.get_ref())
+}
+
+/// Saves the mask of a camera's picture as a PNG.
+pub(in crate::synth) fn mask_png(path: &Path, camera: &Camera, mask: &[u8]) -> io::Result<()> {
+    save(path, camera, mask, ExtendedColorType::L8)
 }
 
 fn manifest(settings: &StageSettings, cameras: &[Camera]) -> String {
@@ -91,6 +93,6 @@ fn manifest(settings: &StageSettings, cameras: &[Camera]) -> String {
 }
 
 /// Name of the camera with index `camera`.
-fn name(camera: usize) -> String {
+pub(in crate::synth) fn name(camera: usize) -> String {
     format!("{camera:02}")
 }
