@@ -88,8 +88,8 @@ fn a_killed_fit_resumes_with_the_same_result() {
     );
 
     for (contents, what) in [
-        (&b"aarcfit\x06 and then nonsense"[..], "the checkpoint is damaged"),
-        (b"aarcfit\x05 of an earlier program", "no checkpoint of this version; remove it"),
+        (&b"aarcfit\x07 and then nonsense"[..], "the checkpoint is damaged"),
+        (b"aarcfit\x06 of an earlier program", "no checkpoint of this version; remove it"),
     ] {
         fs::write(folder.join("field.checkpoint"), contents).unwrap();
         let error = aarc_studio(folder, &args).error(3);
