@@ -55,11 +55,11 @@ const STATIC: Columns = Columns {
 fn all_columns() -> Vec<Columns> {
     let mut all = Vec::new();
     for (sh_degree, mip) in (0..=3).flat_map(|degree| [(degree, false), (degree, true)]) {
-        let still = Columns { sh_degree, mip, ..STATIC };
-        all.extend([still, Columns { learns_cameras: true, ..still }]);
+        let plain = Columns { sh_degree, mip, ..STATIC };
+        all.extend([plain, Columns { learns_cameras: true, ..plain }]);
         for motion_order in 0..=3 {
             for rotates in [false, true] {
-                let timed = Columns { is_timed: true, motion_order, rotates, ..still };
+                let timed = Columns { is_timed: true, motion_order, rotates, ..plain };
                 all.extend([timed, Columns { learns_cameras: true, ..timed }]);
             }
         }

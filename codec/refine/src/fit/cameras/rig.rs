@@ -214,8 +214,8 @@ impl Rig {
         ];
         for (_, numbers, rate, most, weight) in parts.into_iter().filter(|(is_learned, ..)| *is_learned) {
             for number in numbers {
-                let pull = weight * self.cameras.values[first + number];
-                self.cameras.step(first + number, by[number] + pull, factor * rate, most);
+                let to_zero = weight * self.cameras.values[first + number];
+                self.cameras.step(first + number, by[number] + to_zero, factor * rate, most);
             }
         }
         if offsets {
@@ -234,8 +234,8 @@ impl Rig {
         let Response { color, .. } = self.response(camera);
         by[COLOR].iter_mut().for_each(|by| *by *= exposure);
         let by_exposure: f64 = color.as_flattened().iter().zip(&by[COLOR]).map(|(x, by)| x * by).sum();
-        let pull = COLOR_WEIGHT * self.exposures.values[place];
-        self.exposures.step(place, by_exposure + pull, factor * COLOR_RATE, COLOR_MAX);
+        let to_zero = COLOR_WEIGHT * self.exposures.values[place];
+        self.exposures.step(place, by_exposure + to_zero, factor * COLOR_RATE, COLOR_MAX);
         let known = || self.exposures.visits.iter().filter(|visits| **visits > 0).count();
         let mean = self.exposures.values.iter().sum::<f64>() / known() as f64;
         let Learning { values, visits, .. } = &mut self.exposures;
