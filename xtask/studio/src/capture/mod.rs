@@ -85,7 +85,9 @@ impl CaptureFiles {
 ///
 /// # Errors
 /// [`Fault::Data`] that names the file and the problem.
-pub(crate) fn calibrated_cameras(path: &Path) -> Result<Option<(&'static str, Vec<CalibratedCamera>)>, Fault> {
+pub(crate) fn calibrated_cameras(
+    path: &Path,
+) -> Result<Option<(&'static str, Vec<CalibratedCamera>)>, Fault> {
     let folder = if path.is_dir() { path } else { path.parent().unwrap_or(path) };
     let is_named = |names: &[&str]| path.is_dir() || names.iter().any(|name| path.ends_with(name));
     if folder.join(easyvolcap::INTRINSICS).is_file() && is_named(&[easyvolcap::INTRINSICS]) {

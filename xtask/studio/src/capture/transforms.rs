@@ -84,8 +84,7 @@ pub(super) fn cameras(path: &Path) -> Result<Vec<CalibratedCamera>, Fault> {
         let (Some(w), Some(h)) = (side(|i| i.w), side(|i| i.h)) else {
             return Err(at("w and h are missing, the size of its pictures".into()));
         };
-        let (k, lens) =
-            frame.intrinsics.resolve(&transforms.intrinsics, (w as u32, h as u32)).map_err(at)?;
+        let (k, lens) = frame.intrinsics.resolve(&transforms.intrinsics, (w as u32, h as u32)).map_err(at)?;
         let camera = pinhole((w as u32, h as u32), k, camera_from_world(frame.transform_matrix));
         Ok(calibrated(name, camera, lens))
     };

@@ -263,7 +263,9 @@ pub fn clip_info(capture_files: &CaptureFiles) -> ClipInfo {
             Some(up) => up.map(|x| x as f32),
             None => up_of(cameras.iter().map(|camera| &camera.camera)).unwrap_or(DEFAULT_UP),
         },
-        metres_per_unit: capture_files.metres_per_unit.map_or(DEFAULT_METRES_PER_UNIT, |metres| metres as f32),
+        metres_per_unit: capture_files
+            .metres_per_unit
+            .map_or(DEFAULT_METRES_PER_UNIT, |metres| metres as f32),
         viewpoints: (0..views).map(|i| viewpoint(&cameras[i * cameras.len() / views])).collect(),
     }
 }
