@@ -1,8 +1,9 @@
 //! Checks a calibration against pictures: distances of matched corners from their epipolar lines, and movements of cameras.
 //!
-//! A match that is right lies on its epipolar line, if the calibration is right. Matches between far views are mostly wrong,
-//! and a wrong one lies anywhere. So a pair of cameras only tells something if clearly more matches lie near their lines than
-//! when the same corners are paired at random. Distances along the line cannot be seen.
+//! Each corner is compared with those of the other picture in a wide band around its epipolar line. Wrong matches, which
+//! are most of them between far views, lie anywhere in the band; right ones lie on the line, if the calibration is right. So a
+//! pair of cameras tells something if clearly more matches lie near the line than the rest of the band lets expect, and that
+//! many are left out of the median. An error along the line, or one beyond the band, cannot be seen.
 //!
 //! A camera's own pictures at the start, in the middle and at the end match easily, and the background that they share shows
 //! whether it moved.
@@ -22,13 +23,14 @@ use super::pictures::CHECKED;
 /// Distance in pixels up to which a match counts as exact.
 const EXACT_PX: f64 = 2.0;
 
-/// Distance up to which a match counts as near its line, as a part of the longer side, and at least in pixels.
-const NEAR: f64 = 0.02;
-const NEAR_MIN_PX: f64 = 6.0;
+/// Half the width of the band, as a part of the longer side, and the part of it that counts as near the line.
+const BAND: f64 = 0.04;
+const NEAR: f64 = 0.25;
 
-/// Matches near their lines beyond those by chance, and their ratio, from which on a pair tells something.
-const TELLING: f64 = 10.0;
-const TELLING_RATIO: f64 = 2.0;
+/// Matches near the line beyond those by chance from which on a pair tells something, and how many standard deviations they
+/// have to be.
+const TELLING: f64 = 8.0;
+const TELLING_DEVIATIONS: f64 = 4.0;
 
 /// Neighbours that each camera is compared with.
 const NEIGHBOURS: usize = 2;
@@ -64,15 +66,15 @@ pub struct EpipolarPair {
 /// Distances of matches from their epipolar lines.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct EpipolarErrors {
-    /// Matches.
+    /// Matches in the band.
     pub matches: usize,
-    /// Those near their lines.
+    /// Those near their lines, within a quarter of the band.
     pub near: usize,
     /// As many would be by chance.
     pub by_chance: f64,
     /// Whether the pair tells something.
     pub is_telling: bool,
-    /// Median distance in pixels of those near; `None` if the pair tells nothing.
+    /// Median distance in pixels of those near, without as many as there are by chance; `None` if the pair tells nothing.
     pub median_px: Option<f64>,
     /// Share of those near that are within 2 px.
     pub exact: Option<f64>,
@@ -82,16 +84,11 @@ pub struct EpipolarErrors {
 pub(super) fn check(cameras: &[RigCamera], features: &[&[Features]]) -> EpipolarCheck {
     let pairs = neighbours(cameras).into_par_iter().map(|[a, b]| {
         let lines = EpipolarLines::between(&cameras[a], &cameras[b]);
-        let near = near_px(&cameras[a].camera).max(near_px(&cameras[b].camera));
-        let mut all: (Vec<f64>, Vec<f64>) = Default::default();
-        let mut instants = Vec::new();
-        for i in 0..CHECKED.len() {
-            let (distances, at_random) = distances(&lines, &features[a][i], &features[b][i]);
-            instants.push(EpipolarErrors::of(&distances, &at_random, near));
-            all.0.extend(distances);
-            all.1.extend(at_random);
-        }
-        EpipolarPair { cameras: [a, b], all: EpipolarErrors::of(&all.0, &all.1, near), instants }
+        let band_px = [a, b].map(|camera| band_px(&cameras[camera].camera)).into_iter().fold(0.0, f64::max);
+        let distances: Vec<Vec<f64>> =
+            (0..CHECKED.len()).map(|i| lines.distances(&features[a][i], &features[b][i], band_px)).collect();
+        let instants = distances.iter().map(|distances| EpipolarErrors::of(distances, band_px)).collect();
+        EpipolarPair { cameras: [a, b], all: EpipolarErrors::of(&distances.concat(), band_px), instants }
     });
     let moved = cameras.par_iter().zip(features).map(|(camera, features)| {
         [1, 2].map(|later| movement(&camera.camera, &features[0], &features[later]))
@@ -99,26 +96,31 @@ pub(super) fn check(cameras: &[RigCamera], features: &[&[Features]]) -> Epipolar
     EpipolarCheck { pairs: pairs.collect(), moved_px: moved.collect() }
 }
 
-fn near_px(camera: &Camera) -> f64 {
-    (NEAR * f64::from(camera.width.max(camera.height))).max(NEAR_MIN_PX)
+fn band_px(camera: &Camera) -> f64 {
+    BAND * f64::from(camera.width.max(camera.height))
 }
 
 impl EpipolarErrors {
-    fn of(distances: &[f64], at_random: &[f64], near_px: f64) -> EpipolarErrors {
+    /// Of distances that are at most `band_px`.
+    fn of(distances: &[f64], band_px: f64) -> EpipolarErrors {
+        let near_px = NEAR * band_px;
         let mut near: Vec<f64> = distances.iter().copied().filter(|x| *x <= near_px).collect();
         near.sort_by(f64::total_cmp);
-        let random = at_random.iter().filter(|x| **x <= near_px).count() as f64;
-        let by_chance = random * distances.len() as f64 / at_random.len().max(1) as f64;
-        let found = near.len() as f64;
-        let is_telling = found - by_chance >= TELLING && found >= TELLING_RATIO * by_chance;
-        let exact = near.iter().filter(|x| **x <= EXACT_PX).count() as f64 / found;
+        // Wrong matches are as dense near the line as elsewhere in the band.
+        let per_px = (distances.len() - near.len()) as f64 / (band_px - near_px);
+        let by_chance = near_px * per_px;
+        let right = near.len() as f64 - by_chance;
+        let is_telling = right >= TELLING && right >= TELLING_DEVIATIONS * (by_chance + 1.0).sqrt();
+        let right_within = |count: usize, px: f64| count as f64 - px * per_px;
+        let median = near.iter().enumerate().find(|(i, px)| right_within(i + 1, **px) >= 0.5 * right);
+        let exact = near.iter().filter(|px| **px <= EXACT_PX).count();
         EpipolarErrors {
             matches: distances.len(),
             near: near.len(),
             by_chance,
             is_telling,
-            median_px: is_telling.then(|| near[near.len() / 2]),
-            exact: is_telling.then_some(exact),
+            median_px: median.filter(|_| is_telling).map(|(_, px)| *px),
+            exact: is_telling.then(|| (right_within(exact, EXACT_PX.min(near_px)) / right).clamp(0.0, 1.0)),
         }
     }
 }
@@ -165,24 +167,17 @@ impl EpipolarLines<'_> {
         let of = |line: DVec3, point: DVec3| line.dot(point).abs() / line.x.hypot(line.y).max(1e-300);
         of(self.fundamental * p, q).max(of(self.fundamental.transpose() * q, p))
     }
-}
 
-/// Distances of the matches, and of their corners paired at random.
-fn distances(lines: &EpipolarLines, a: &Features, b: &Features) -> (Vec<f64>, Vec<f64>) {
-    let place = |camera: usize, point: [f32; 2]| undistorted(lines.cameras[camera], point);
-    let matches: Vec<[DVec3; 2]> = a
-        .matches(b, |_, _| true)
-        .into_iter()
-        .filter_map(|[i, j]| Some([place(0, a.points[i])?, place(1, b.points[j])?]))
-        .collect();
-    let count = matches.len();
-    // Each with several others, so that chance is known better than by as many pairs.
-    let shifts = (1..count).step_by((count / 8).max(1));
-    let at_random = shifts.flat_map(|shift| {
-        let matches = &matches;
-        (0..count).map(move |i| lines.distance([matches[i][0], matches[(i + shift) % count][1]]))
-    });
-    (matches.iter().map(|pair| lines.distance(*pair)).collect(), at_random.collect())
+    /// Distances of the matches within the band.
+    fn distances(&self, a: &Features, b: &Features, band_px: f64) -> Vec<f64> {
+        let place = |camera: usize, features: &Features| -> Vec<Option<DVec3>> {
+            features.points.iter().map(|point| undistorted(self.cameras[camera], *point)).collect()
+        };
+        let (of_a, of_b) = (place(0, a), place(1, b));
+        let distance = |i: usize, j: usize| Some(self.distance([of_a[i]?, of_b[j]?]));
+        let matches = a.matches(b, |i, j| distance(i, j).is_some_and(|px| px <= band_px));
+        matches.into_iter().filter_map(|[i, j]| distance(i, j)).collect()
+    }
 }
 
 /// The point of a picture without its lens, in pixels.
@@ -210,7 +205,7 @@ fn straight(lens: &Lens, bent: [f64; 2]) -> Option<[f64; 2]> {
 fn movement(camera: &Camera, first: &Features, later: &Features) -> Option<f64> {
     let side = camera.width.max(camera.height) as f32;
     let apart = |a: [f32; 2], b: [f32; 2]| (a[0] - b[0]).hypot(a[1] - b[1]);
-    let matches = first.matches(later, |a, b| apart(a, b) < MOVED_MAX * side);
+    let matches = first.matches(later, |i, j| apart(first.points[i], later.points[j]) < MOVED_MAX * side);
     let by = |axis: usize| {
         let difference = |[i, j]: &[usize; 2]| f64::from(later.points[*j][axis] - first.points[*i][axis]);
         let mut moved: Vec<f64> = matches.iter().map(difference).collect();
@@ -253,12 +248,15 @@ mod tests {
 
     #[test]
     fn chance_tells_nothing() {
-        let even: Vec<f64> = (0..200).map(f64::from).collect();
-        let chance = EpipolarErrors::of(&even, &even, 10.0);
+        let even: Vec<f64> = (0..200).map(|i| 0.2 * f64::from(i)).collect();
+        let chance = EpipolarErrors::of(&even, 40.0);
         assert!(!chance.is_telling && chance.median_px.is_none(), "{chance:?}");
-        let right: Vec<f64> = (0..40).map(|i| 0.05 * f64::from(i)).chain(even.clone()).collect();
-        let told = EpipolarErrors::of(&right, &even, 10.0);
-        assert!(told.is_telling && told.median_px.unwrap() < 2.5, "{told:?}");
+        // Chance does not bend the median of what is right.
+        let right: Vec<f64> = (0..60).map(|i| 0.05 * f64::from(i)).chain(even).collect();
+        let told = EpipolarErrors::of(&right, 40.0);
+        assert!(told.is_telling && (told.median_px.unwrap() - 1.5).abs() < 0.2, "{told:?}");
+        assert!((told.exact.unwrap() - 2.0 / 3.0).abs() < 0.1, "{told:?}");
+        assert!(!EpipolarErrors::of(&[], 40.0).is_telling);
     }
 
     #[test]

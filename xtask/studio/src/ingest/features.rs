@@ -131,20 +131,20 @@ impl Features {
         &self.descriptors[i * DESCRIPTOR..(i + 1) * DESCRIPTOR]
     }
 
-    /// Pairs of points of `self` and `other` that are each other's best match, and clearly better than the second; points that
-    /// `may_match` refuses are not compared.
+    /// Pairs of points of `self` and `other` that are each other's best match, and clearly better than the second; those whose
+    /// numbers `may_match` refuses are not compared.
     pub(super) fn matches(
         &self,
         other: &Features,
-        may_match: impl Fn([f32; 2], [f32; 2]) -> bool,
+        may_match: impl Fn(usize, usize) -> bool,
     ) -> Vec<[usize; 2]> {
         // Best match and distance, and that of the second best, for each point of both.
         let none = (usize::MAX, f32::INFINITY, f32::INFINITY);
         let (mut of_self, mut of_other) = (vec![none; self.points.len()], vec![none; other.points.len()]);
-        for (i, a) in self.points.iter().enumerate() {
+        for i in 0..self.points.len() {
             let descriptor = self.descriptor(i);
-            for (j, b) in other.points.iter().enumerate() {
-                if !may_match(*a, *b) {
+            for j in 0..other.points.len() {
+                if !may_match(i, j) {
                     continue;
                 }
                 let apart = distance(descriptor, other.descriptor(j));

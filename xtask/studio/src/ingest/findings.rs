@@ -10,7 +10,7 @@ use super::starts::{StartSource, Starts};
 use super::videos::{Probe, RigVideo};
 use crate::messages::{count, decimal};
 
-/// Median distance from epipolar lines in pixels from which on a calibration deserves a warning.
+/// Median distance from epipolar lines in pixels, of pictures of 1000, from which on a calibration deserves a warning.
 const EPIPOLAR_MAX_PX: f64 = 3.0;
 
 /// Part of a frame by which drift may move a camera before it deserves a warning.
@@ -112,7 +112,7 @@ pub(super) fn describe_starts(starts: &Starts, videos: &[RigVideo]) -> String {
         "{text}; {} of {} agree to {} ms, and peak at least {least:.0} times over the median ({CONFIDENCE_MIN} are needed)",
         used.count(),
         count(sound.pairs.len(), "pair"),
-        decimal(1e3 * worst_s, 2)
+        decimal(1e3 * worst_s, 3)
     )
 }
 
@@ -158,12 +158,20 @@ pub(super) fn describe_epipolar(check: &EpipolarCheck) -> String {
     }
 }
 
+/// Thousands of pixels on the longer side of a video, at least 1.
+fn thousands(video: &RigVideo) -> f64 {
+    let (width, height) = video.probe.size;
+    (f64::from(width.max(height)) / 1000.0).max(1.0)
+}
+
 /// Sentences about calibrations that do not fit and cameras that moved.
 pub(super) fn epipolar_warnings(check: &EpipolarCheck, videos: &[RigVideo]) -> Vec<String> {
     let mut warnings = Vec::new();
     for pair in &check.pairs {
         let [a, b] = pair.cameras.map(|camera| &videos[camera].name);
-        if let Some(median_px) = pair.all.median_px.filter(|median_px| *median_px > EPIPOLAR_MAX_PX) {
+        let limit_px = EPIPOLAR_MAX_PX
+            * pair.cameras.map(|camera| thousands(&videos[camera])).into_iter().fold(1.0, f64::max);
+        if let Some(median_px) = pair.all.median_px.filter(|median_px| *median_px > limit_px) {
             warnings.push(format!(
                 "{a} and {b}: matched corners are {} px from their epipolar lines; check the calibration, and that it is of these \
                  videos",
@@ -172,8 +180,7 @@ pub(super) fn epipolar_warnings(check: &EpipolarCheck, videos: &[RigVideo]) -> V
         }
     }
     for (video, moved_px) in videos.iter().zip(&check.moved_px) {
-        let (width, height) = video.probe.size;
-        let limit_px = MOVED_PX * (f64::from(width.max(height)) / 1000.0).max(1.0);
+        let limit_px = MOVED_PX * thousands(video);
         let worst = moved_px.iter().flatten().copied().fold(0.0, f64::max);
         if worst > limit_px {
             warnings.push(format!(

@@ -104,7 +104,8 @@ fn videos(findings: &IngestFindings) -> String {
 fn sheets(findings: &IngestFindings, pictures: &[Pictures], instants_s: &[f64; FRAMES]) -> String {
     let instants: Vec<String> = instants_s.iter().map(|second| format!("{second:.2} s")).collect();
     let mut text = format!(
-        "<p>All cameras at {}. One row for each camera: the pictures of a column should show the same instant.</p>\n",
+        "<p>All cameras at {}. One row for each camera: the pictures of a column should show the same instant. \
+         Beside the instant is the mean colour.</p>\n",
         instants.join(", ")
     );
     for (camera, pictures) in findings.cameras.iter().zip(pictures) {
@@ -113,8 +114,7 @@ fn sheets(findings: &IngestFindings, pictures: &[Pictures], instants_s: &[f64; F
             let [r, g, b] = mean.map(|x| format!("{x:.0}"));
             let _ = write!(
                 text,
-                "<figure><img alt=\"\" src=\"data:image/jpeg;base64,{thumbnail}\"><figcaption>{instant}, mean {r} {g} \
-                 {b}</figcaption></figure>"
+                "<figure style=\"flex-basis:205px\"><img alt=\"\" src=\"data:image/jpeg;base64,{thumbnail}\"><figcaption>{instant}: {r} {g} {b}</figcaption></figure>"
             );
         }
         text += "</div>\n";
@@ -126,10 +126,11 @@ fn starts(findings: &IngestFindings) -> anyhow::Result<String> {
     let names: Vec<&str> = findings.cameras.iter().map(|camera| camera.name.as_str()).collect();
     let first_s = findings.starts.starts_s.iter().copied().fold(f64::INFINITY, f64::min);
     let source = findings::describe_source(findings.starts.source);
-    let mut text = format!(
-        "<p>{source}. The last camera starts the capture, {} s after the first.</p>\n",
-        decimal(-first_s, 3)
-    );
+    let spread = match first_s < 0.0 {
+        true => format!(" The last camera starts the capture, {} s after the first.", decimal(-first_s, 3)),
+        false => String::new(),
+    };
+    let mut text = format!("<p>{source}.{spread}</p>\n");
     let Some(sound) = &findings.starts.sound else { return Ok(text) };
     text += "<p>Correlation of the sound of pairs around the delay that was found: one sharp peak is right. Left the pairs with \
              the highest peaks, right those with the lowest.</p>\n";
@@ -143,7 +144,7 @@ fn starts(findings: &IngestFindings) -> anyhow::Result<String> {
     for pair in &sound.pairs {
         let [a, b] = pair.cameras.map(|camera| escape(names[camera]));
         let residual =
-            pair.residual_s.map_or("left out".into(), |residual_s| format!("{:.3}", 1e3 * residual_s));
+            pair.residual_s.map_or("left out".into(), |residual_s| format!("{:.3}", 1e3 * residual_s.abs()));
         let cells = [
             format!("{a} - {b}"),
             format!("{:.5}", pair.later_s),
@@ -182,9 +183,9 @@ fn correlations(sound: &SoundSync, names: &[&str]) -> anyhow::Result<String> {
 fn epipolar(findings: &IngestFindings) -> String {
     let check = &findings.epipolar;
     let mut text = format!(
-        "<p>{}. Corners are matched between neighbouring cameras; if the calibration is right, a match lies on the epipolar line \
-         of its other point. The check sees errors across these lines only, and matches of far views are mostly wrong: \
-         a pair without numbers tells nothing. Medians include the wrong matches that lie near by chance.</p>\n",
+        "<p>{}. Corners are matched between neighbouring cameras, within a band of 4 % of the picture on each side of their \
+         epipolar lines, on which right matches lie if the calibration is right. Matches of far views are mostly wrong, and lie anywhere in the \
+         band: a pair without numbers tells nothing, and an error along the lines or beyond the band is not seen.</p>\n",
         escape(&findings::capital(&findings::describe_epipolar(check)))
     );
     let mut rows = headed(&[

@@ -6,7 +6,7 @@ use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::PngEncoder;
 use program::{Fault, output};
 use rayon::prelude::*;
-use serde_json::{Value, json};
+use serde_json::json;
 
 use super::ExtractFormat;
 use super::calibration::RigCamera;
@@ -84,29 +84,28 @@ fn camera(
     i: usize,
     is_extracted: bool,
     late_s: f64,
-) -> Result<Value, Fault> {
+) -> Result<String, Fault> {
     let (video, RigCamera { camera, lens, .. }) = (&parts.videos[i], &parts.cameras[i]);
     let (is_fisheye, coefficients) = lens.coefficients();
-    let mut entry = json!({
-        "id": video.name,
-        "w": camera.width,
-        "h": camera.height,
-        "K": camera.k,
-        "D": coefficients,
-        "w2c": camera.camera_from_world,
-    });
-    if is_fisheye {
-        entry["lens"] = "fisheye".into();
-    }
+    let mut keys = vec![("id", json!(video.name)), ("w", json!(camera.width)), ("h", json!(camera.height))];
     if is_extracted {
         if late_s != 0.0 {
-            entry["time_offset_s"] = late_s.into();
+            keys.push(("time_offset_s", json!(late_s)));
         }
     } else {
-        entry["video"] = path_from(out, &video.path)?.into();
-        entry["start_s"] = parts.starts.starts_s[i].into();
+        keys.push(("video", json!(path_from(out, &video.path)?)));
+        keys.push(("start_s", json!(parts.starts.starts_s[i])));
     }
-    Ok(entry)
+    keys.push(("K", json!(camera.k)));
+    if is_fisheye {
+        keys.push(("lens", json!("fisheye")));
+    }
+    if is_fisheye || !lens.is_none() {
+        keys.push(("D", json!(coefficients)));
+    }
+    keys.push(("w2c", json!(camera.camera_from_world)));
+    let keys: Vec<String> = keys.iter().map(|(key, value)| format!("\"{key}\": {value}")).collect();
+    Ok(format!("{{{}}}", keys.join(", ")))
 }
 
 /// The path of a video for a manifest in `folder`: relative if the two share more than the root.

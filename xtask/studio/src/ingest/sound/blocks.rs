@@ -7,8 +7,9 @@ use super::correlate::{Correlator, Peak};
 use super::extract::Track;
 use super::{CONFIDENCE_MIN, RATE, SoundPair};
 
-/// Seconds of a block. Clocks that drift by 200 ppm part by 0.6 ms within one, which the peak survives.
-const BLOCK_S: f64 = 3.0;
+/// Seconds of a block, a quarter of the time if that is between these. Clocks that drift by 200 ppm part by 0.6 ms within the
+/// longest, which the peak survives.
+const BLOCK_S: [f64; 2] = [0.5, 3.0];
 
 /// Most blocks, evenly spread.
 const BLOCKS_MAX: usize = 12;
@@ -18,7 +19,7 @@ const SEARCH_S: f64 = 0.03;
 const SEARCH_PER_S: f64 = 1e-3;
 
 /// Seconds between the first and the last block from which on their drift is measured.
-const DRIFT_SPAN_S: f64 = 3.0;
+const DRIFT_SPAN_S: f64 = 2.0;
 
 /// Deviation of a block from the line of its pair that is always kept, in seconds.
 const KEPT_S: f64 = 2e-4;
@@ -43,7 +44,7 @@ pub(super) fn refined(
     if common_s < 0.2 {
         return Ok(pairs);
     }
-    let block_s = BLOCK_S.min(common_s);
+    let block_s = (0.25 * common_s).clamp(BLOCK_S[0], BLOCK_S[1]).min(common_s);
     let blocks = ((common_s / block_s) as usize).clamp(1, BLOCKS_MAX);
     let gap_s = if blocks > 1 { (common_s - block_s) / (blocks - 1) as f64 } else { 0.0 };
     let count = (block_s * RATE) as usize;
