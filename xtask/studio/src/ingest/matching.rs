@@ -8,8 +8,8 @@ use std::path::Path;
 use codec::Camera;
 use program::Fault;
 
-use super::ResizePolicy;
 use super::calibration::{Calibration, RigCamera};
+use super::options::ResizePolicy;
 use super::videos::RigVideo;
 use crate::capture::bad;
 
@@ -134,7 +134,7 @@ pub(super) fn sized(
     let why = if (height, width) == (w, h) {
         "it is rotated, or the calibration is; turn the video by its metadata, or calibrate with turned pictures"
             .to_owned()
-    } else if (proportions - 1.0).abs() < 2.0 / f64::from(width.min(height)) {
+    } else if width != w && height != h && (proportions - 1.0).abs() < 2.0 / f64::from(width.min(height)) {
         format!("it is scaled by {:.3}; --resize scale scales the camera, too", factors[0])
     } else {
         "other proportions; --resize scale if the pictures were scaled, --resize crop if as much was cut off (or added) on \

@@ -247,9 +247,9 @@ fn coverage(findings: &IngestFindings) -> String {
     let mut marks = String::new();
     for (camera, position) in findings.cameras.iter().zip(&positions) {
         let [u, v] = place(*position);
-        let reach = focus.map_or(0.3 * span, |focus| (focus[0] - position[0]).hypot(focus[1] - position[1]));
+        let length = focus.map_or(0.3 * span, |focus| (focus[0] - position[0]).hypot(focus[1] - position[1]));
         let forward = flat(camera.forward);
-        let [end_u, end_v] = place([position[0] + reach * forward[0], position[1] + reach * forward[1]]);
+        let [end_u, end_v] = place([position[0] + length * forward[0], position[1] + length * forward[1]]);
         let _ = write!(
             marks,
             "<line x1=\"{u:.1}\" y1=\"{v:.1}\" x2=\"{end_u:.1}\" y2=\"{end_v:.1}\" stroke=\"#0072b2\" stroke-opacity=\"0.5\"/>\

@@ -6,7 +6,7 @@ use program::Fault;
 use serde::Serialize;
 
 use super::calibration::{Calibration, RigCamera};
-use super::{IngestOptions, UpSource};
+use super::options::{IngestOptions, UpSource};
 use crate::messages::decimal;
 use crate::up_axis::up_of;
 

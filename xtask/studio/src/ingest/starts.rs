@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 use serde_json::json;
 
-use super::Offsets;
+use super::options::Offsets;
 use super::sound::{self, SoundSync, Track};
 use super::store::{Store, identity};
 use super::videos::RigVideo;

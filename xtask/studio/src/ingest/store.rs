@@ -8,14 +8,21 @@ use std::path::{Path, PathBuf};
 use std::time::UNIX_EPOCH;
 
 use program::{Fault, output};
-use serde::Serialize;
 use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use crate::messages::unreadable;
 
 /// Version of all results: a change of what a step computes changes it.
 const VERSION: u32 = 2;
+
+/// A result in its file.
+#[derive(Deserialize)]
+struct Kept<T> {
+    key: String,
+    value: T,
+}
 
 /// The folder of results.
 #[derive(Debug)]
@@ -48,17 +55,20 @@ impl Store {
         key: &Value,
         make: impl FnOnce() -> Result<T, Fault>,
     ) -> Result<(T, bool), Fault> {
-        let key = json!([VERSION, env!("CARGO_PKG_VERSION"), key]);
+        // As text: numbers that are read differ in their last bit.
+        let key = json!([VERSION, env!("CARGO_PKG_VERSION"), key]).to_string();
         let path = self.path(&format!("{name}.json"));
-        let kept = fs::read(&path).ok().and_then(|bytes| serde_json::from_slice::<Value>(&bytes).ok());
-        if let Some(value) = kept.filter(|kept| kept["key"] == key).map(|mut kept| kept["value"].take())
-            && let Ok(value) = serde_json::from_value(value)
-        {
-            return Ok((value, true));
+        let kept =
+            fs::read_to_string(&path).ok().and_then(|text| serde_json::from_str::<Kept<T>>(&text).ok());
+        if let Some(kept) = kept.filter(|kept| kept.key == key) {
+            return Ok((kept.value, true));
         }
-        let value = make()?;
-        output::write(&path, json!({ "key": key, "value": value }).to_string().as_bytes())?;
-        Ok((value, false))
+        let text = json!({ "key": key, "value": make()? }).to_string();
+        // Every run goes on from the same numbers, those that are read.
+        let kept: Kept<T> = serde_json::from_str(&text)
+            .map_err(|error| Fault::Defect(format!("the result {name} cannot be read again: {error}")))?;
+        output::write(&path, text.as_bytes())?;
+        Ok((kept.value, false))
     }
 }
 

@@ -8,8 +8,8 @@ use program::{Fault, output};
 use rayon::prelude::*;
 use serde_json::json;
 
-use super::ExtractFormat;
 use super::calibration::RigCamera;
+use super::options::ExtractFormat;
 use super::placement::Placement;
 use super::starts::{StartSource, Starts};
 use super::store::{Store, file_name, identity};

@@ -2,44 +2,18 @@
 //!
 //! OpenCV counts pixel centres from 0, [`codec::Camera`] from 0.5: files in OpenCV's convention gain half a pixel.
 
+mod camera;
 mod opencv;
 mod qualisys;
 mod toml;
 
 use std::path::{Path, PathBuf};
 
-use codec::Camera;
-use glam::DMat3;
 use program::Fault;
-use refine::capture::Lens;
 
 use crate::capture::{bad, calibrated_cameras};
 use crate::messages::unreadable;
-
-/// Half a pixel: what OpenCV's pixel centres lack.
-const HALF_PIXEL: f64 = 0.5;
-
-/// The calibration of a rig.
-#[derive(Clone, Debug)]
-pub(super) struct Calibration {
-    /// The file, or the folder of its files.
-    pub(super) path: PathBuf,
-    /// Name of its layout.
-    pub(super) layout: &'static str,
-    pub(super) cameras: Vec<RigCamera>,
-    /// Up direction of its world, if the layout has one.
-    pub(super) up: Option<[f64; 3]>,
-    /// Metres per unit of its world, if the layout says so.
-    pub(super) metres_per_unit: Option<f64>,
-}
-
-/// A camera of a calibration; 0x0 pixels if no size is stated.
-#[derive(Clone, Debug)]
-pub(super) struct RigCamera {
-    pub(super) name: String,
-    pub(super) camera: Camera,
-    pub(super) lens: Lens,
-}
+pub(super) use camera::{Calibration, RigCamera};
 
 /// Reads the calibration at `stated`, or else the only one in `folder`.
 ///
@@ -122,18 +96,4 @@ fn read_one(path: &Path) -> Result<Option<Calibration>, Fault> {
     };
     let cameras = cameras.into_iter().map(of).collect();
     Ok(Some(Calibration { path: path.to_owned(), layout, cameras, up: None, metres_per_unit: None }))
-}
-
-/// A camera of OpenCV's numbers: focal lengths and principal point, rotation from the world to the camera, translation.
-fn opencv_camera(size: (u32, u32), [fx, fy, cx, cy]: [f64; 4], rotation: DMat3, t: [f64; 3]) -> Camera {
-    let row = |i: usize| {
-        let row = rotation.row(i);
-        [row.x, row.y, row.z, t[i]]
-    };
-    Camera {
-        width: size.0,
-        height: size.1,
-        k: [[fx, 0.0, cx + HALF_PIXEL], [0.0, fy, cy + HALF_PIXEL], [0.0, 0.0, 1.0]],
-        camera_from_world: [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]],
-    }
 }

@@ -7,7 +7,7 @@ use glam::DMat3;
 use program::Fault;
 use refine::capture::Lens;
 
-use super::{Calibration, RigCamera, opencv_camera};
+use super::camera::{Calibration, RigCamera, opencv_camera};
 use crate::capture::{Storage, bad, numbers, parse_storage, read_text, rodrigues};
 
 /// Accepted names of each matrix.

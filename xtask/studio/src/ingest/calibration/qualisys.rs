@@ -9,7 +9,7 @@ use glam::{DMat3, DVec3};
 use program::Fault;
 use refine::capture::Lens;
 
-use super::{Calibration, RigCamera, opencv_camera};
+use super::camera::{Calibration, RigCamera, opencv_camera};
 use crate::capture::{bad, read_text};
 
 /// Units of a pixel.

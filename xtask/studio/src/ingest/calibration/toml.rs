@@ -10,7 +10,7 @@ use program::Fault;
 use refine::capture::Lens;
 use serde::Deserialize;
 
-use super::{Calibration, RigCamera, opencv_camera};
+use super::camera::{Calibration, RigCamera, opencv_camera};
 use crate::capture::{bad, read_text};
 
 #[derive(Deserialize)]

@@ -5,14 +5,14 @@ use rayon::prelude::*;
 
 use super::correlate::{Correlator, Peak};
 use super::extract::Track;
-use super::{CONFIDENCE_MIN, RATE, SoundPair};
+use super::pair::{CONFIDENCE_MIN, RATE, SoundPair};
 
-/// Seconds of a block, a quarter of the time if that is between these. Clocks that drift by 200 ppm part by 0.6 ms within the
-/// longest, which the peak survives.
-const BLOCK_S: [f64; 2] = [0.5, 3.0];
+/// Seconds of a block, a quarter of the time if that is between these. Clocks that drift by 200 ppm part by 0.2 ms within the
+/// longest, by which the peak is blurred.
+const BLOCK_S: [f64; 2] = [0.5, 1.0];
 
 /// Most blocks, evenly spread.
-const BLOCKS_MAX: usize = 12;
+const BLOCKS_MAX: usize = 24;
 
 /// Seconds around the expected delay that are searched, and what is added for each second from the start: 1000 ppm.
 const SEARCH_S: f64 = 0.03;

@@ -10,7 +10,7 @@ use realfft::{ComplexToReal, RealFftPlanner, RealToComplex};
 use std::sync::Arc;
 
 use super::extract::Track;
-use super::{RATE, SoundPair};
+use super::pair::{RATE, SoundPair};
 
 /// Band in Hz: below are hums, above little of a voice.
 const BAND_HZ: [f64; 2] = [150.0, 7000.0];

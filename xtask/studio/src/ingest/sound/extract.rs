@@ -8,7 +8,7 @@ use std::process::Stdio;
 use program::{Fault, output};
 use serde_json::json;
 
-use super::RATE;
+use super::pair::RATE;
 use crate::capture::bad;
 use crate::ffmpeg::Running;
 use crate::ingest::store::{Store, file_name, identity};

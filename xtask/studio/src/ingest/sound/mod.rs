@@ -13,49 +13,14 @@
 mod blocks;
 mod correlate;
 mod extract;
+mod pair;
 mod solve;
 
 use program::Fault;
-use serde::{Deserialize, Serialize};
 
 pub(super) use extract::Track;
-
-/// Samples a second.
-pub(super) const RATE: f64 = 16_000.0;
-
-/// Peak of a correlation over its median, from which on it is a match. Noise of any length stays below 9.
-pub(super) const CONFIDENCE_MIN: f64 = 12.0;
-
-/// Drift in parts per million up to which clocks are modelled.
-pub(super) const DRIFT_MAX_PPM: f64 = 200.0;
-
-/// When the sound tracks started, and how sure that is.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct SoundSync {
-    /// Second at which each file starts, the first at 0, in the middle of the time in which all run.
-    pub starts_s: Vec<f64>,
-    /// Parts per million by which each clock is slow against the median one.
-    pub drifts_ppm: Vec<f64>,
-    /// The pairs that were compared.
-    pub pairs: Vec<SoundPair>,
-}
-
-/// Two sound tracks.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct SoundPair {
-    /// Numbers of the cameras.
-    pub cameras: [usize; 2],
-    /// Seconds by which the second file starts later than the first.
-    pub later_s: f64,
-    /// Parts per million by which the second clock is slow against the first.
-    pub drift_ppm: f64,
-    /// Peak of the correlation over its median.
-    pub confidence: f64,
-    /// Seconds that the solution differs from `later_s`; `None` if the pair was dropped.
-    pub residual_s: Option<f64>,
-    /// The correlation around its peak, from -5 to 5 ms, over its median.
-    pub curve: Vec<f32>,
-}
+pub(super) use pair::{CONFIDENCE_MIN, DRIFT_MAX_PPM, RATE};
+pub(super) use pair::{SoundPair, SoundSync};
 
 /// Compares all pairs of `tracks` and solves for their starts; `name` names a camera in messages.
 ///

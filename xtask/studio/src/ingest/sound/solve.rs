@@ -1,6 +1,6 @@
 //! Least squares over the graph of pairs: a number for each camera whose differences are those of the pairs.
 
-use super::{CONFIDENCE_MIN, SoundPair};
+use super::pair::{CONFIDENCE_MIN, SoundPair};
 
 /// Deviation in seconds that is always kept.
 const KEPT_S: f64 = 5e-4;
