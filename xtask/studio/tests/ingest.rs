@@ -430,3 +430,35 @@ fn a_real_rig_becomes_a_capture() {
         }
     }
 }
+
+#[test]
+fn a_camera_that_moved_is_said() {
+    if !has_ffmpeg() {
+        return;
+    }
+    let folder = silent(&["stays", "moved"]);
+    let (folder, rig) = (folder.path(), folder.path().join("rig"));
+    // Blocks of pseudorandom colours.
+    let blocks = image::RgbImage::from_fn(360, 240, |x, y| {
+        let hash = (x / 9).wrapping_mul(0x9e37_79b9) ^ (y / 7).wrapping_mul(0x85eb_ca6b);
+        let hash = (hash ^ (hash >> 15)).wrapping_mul(0x2c1b_3c6d);
+        image::Rgb([(hash >> 8) as u8, (hash >> 16) as u8, (hash >> 24) as u8])
+    });
+    blocks.save(folder.join("blocks.png")).unwrap();
+    for (name, x) in [("stays", "8"), ("moved", "8+6*gt(t\\,0.6)")] {
+        let line = format!(
+            "-loop 1 -framerate 25 -t 1 -i ../blocks.png -vf crop=320:240:{x}:0 {ENCODED} {name}.mp4"
+        );
+        ffmpeg(&rig, &line);
+    }
+    let sized = calibration(&["stays", "moved"]).replace("64.0, 48.0", "320.0, 240.0");
+    fs::write(rig.join("calibration.toml"), sized).unwrap();
+    let json = ingest(folder, "--offsets none --json").json();
+    let warnings = json["warnings"].to_string();
+    assert!(warnings.contains("moved: its picture moves by 6 px from the start"), "{warnings}");
+    assert!(!warnings.contains("stays: "), "{warnings}");
+    let moved_px = json["epipolar"]["moved_px"].as_array().unwrap();
+    // In the order of the files: moved, stays.
+    assert_eq!(moved_px[0][0].as_f64(), Some(0.0), "it moved after the middle");
+    assert_eq!([&moved_px[1][0], &moved_px[1][1]].map(Value::as_f64), [Some(0.0); 2]);
+}

@@ -94,7 +94,10 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let findings = ingest::ingest(&args.rig, &args.out, &options, &mut say)?;
     match args.json {
         true => println!("{}", serde_json::to_string_pretty(&findings)?),
-        false => println!("next        look at the page, then: fit {} -o field.ply", args.out.display()),
+        false => println!(
+            "next        look at the page, then: fit {} -o field.ply, with masks in the manifest or with --depths",
+            args.out.display()
+        ),
     }
     Ok(())
 }

@@ -3,11 +3,13 @@
 //! Each spectrum is divided by its magnitude within the band. So the correlation has one sharp peak, whatever the sound's own
 //! spectrum and the microphones' are.
 
+use std::f64::consts::PI;
+use std::sync::Arc;
+
 use program::Fault;
 use rayon::prelude::*;
 use realfft::num_complex::Complex;
 use realfft::{ComplexToReal, RealFftPlanner, RealToComplex};
-use std::sync::Arc;
 
 use super::extract::Track;
 use super::pair::{RATE, SoundPair};
@@ -26,6 +28,17 @@ const CURVE_SIDE: i64 = 80;
 
 /// Largest number of samples over which a median is taken.
 const MEDIAN_OF: usize = 1 << 15;
+
+/// Steps of a sample between which the vertex of a peak is sought, and samples on each side that interpolate it: the band
+/// ends below half the rate.
+const FINE: i64 = 8;
+const TAPS: i64 = 24;
+
+/// The weight of a sample at a distance of `x` samples.
+fn windowed_sinc(x: f64) -> f64 {
+    let window = 0.5 + 0.5 * libm::cos(PI * (x / (TAPS + 2) as f64).clamp(-1.0, 1.0));
+    if x == 0.0 { 1.0 } else { window * libm::sin(PI * x) / (PI * x) }
+}
 
 /// Spectra of a length, and back.
 pub(super) struct Correlator {
@@ -89,10 +102,20 @@ impl Correlator {
         let Some(best) = lags.max_by(|a, b| at(*a).total_cmp(&at(*b))) else {
             return Peak { lag: around as f64, confidence: 0.0, curve: Vec::new() };
         };
-        let [before, top, after] = [best - 1, best, best + 1].map(|lag| f64::from(at(lag)));
+        let fine = |step: i64| {
+            let x = step as f64 / FINE as f64;
+            let tap = |n: i64| {
+                let value = correlation[(best + n).rem_euclid(self.len as i64) as usize];
+                f64::from(value) * windowed_sinc(x - n as f64)
+            };
+            (-TAPS..=TAPS).map(tap).sum::<f64>().abs()
+        };
+        let step = (-FINE..=FINE).max_by(|a, b| fine(*a).total_cmp(&fine(*b))).expect("some");
+        let [before, top, after] = [step - 1, step, step + 1].map(fine);
         // The vertex of the parabola through three points.
         let bend = before - 2.0 * top + after;
-        let shift = if bend < 0.0 { (0.5 * (before - after) / bend).clamp(-0.5, 0.5) } else { 0.0 };
+        let vertex = if bend < 0.0 { (0.5 * (before - after) / bend).clamp(-0.5, 0.5) } else { 0.0 };
+        let shift = (step as f64 + vertex) / FINE as f64;
         Peak {
             lag: best as f64 + shift,
             confidence: top / f64::from(median),
@@ -163,8 +186,8 @@ mod tests {
         let correlator = Correlator::new(4000);
         let [a, b] = [sound(0.0), sound(12.3)].map(|sound| correlator.spectrum(sound));
         let peak = correlator.peak([&a, &b], (0, 4000), 4000);
-        assert!((peak.lag - 12.3).abs() < 0.1 && peak.confidence > 20.0, "{peak:?}");
+        assert!((peak.lag - 12.3).abs() < 0.05 && peak.confidence > 20.0, "{peak:?}");
         let near = correlator.peak([&a, &b], (100, 20), 4000);
-        assert!((80.0..=120.0).contains(&near.lag) && near.confidence < 12.0, "{near:?}");
+        assert!((80.0..=120.0).contains(&near.lag) && near.confidence < 0.1 * peak.confidence, "{near:?}");
     }
 }

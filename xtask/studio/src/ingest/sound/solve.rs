@@ -44,33 +44,37 @@ fn solve(cameras: usize, pairs: &[SoundPair], of: fn(&SoundPair) -> f64, kept: f
     let mut used: Vec<bool> = pairs.iter().map(|pair| pair.confidence >= CONFIDENCE_MIN).collect();
     loop {
         let values = least_squares(cameras, pairs, &used, of);
-        let residual = |pair: &SoundPair| of(pair) - (values[pair.cameras[1]] - values[pair.cameras[0]]);
-        let mut sizes: Vec<f64> = pairs
-            .iter()
-            .zip(&used)
-            .filter(|(_, used)| **used)
-            .map(|(pair, _)| residual(pair).abs())
-            .collect();
-        sizes.sort_by(f64::total_cmp);
-        let limit = kept.max(4.0 * sizes.get(sizes.len() / 2).copied().unwrap_or(0.0));
-        // The worst goes first: it bends the others. It stays if nothing else joins its cameras.
+        let residual = |values: &[f64], i: usize| {
+            let [a, b] = pairs[i].cameras;
+            of(&pairs[i]) - (values[b] - values[a])
+        };
+        // The worst goes first: it bends the others. A pair that alone joins its cameras leaves no residual.
         let worst = (0..pairs.len())
             .filter(|i| {
-                used[*i] && residual(&pairs[*i]).abs() > limit && joined_without(cameras, pairs, &used, *i)
+                used[*i]
+                    && residual(&values, *i).abs() > 0.25 * kept
+                    && is_joined_without(cameras, pairs, &used, *i)
             })
-            .max_by(|a, b| residual(&pairs[*a]).abs().total_cmp(&residual(&pairs[*b]).abs()));
-        match worst {
-            Some(worst) => used[worst] = false,
-            None => {
-                let residuals = pairs.iter().zip(&used).map(|(pair, used)| used.then(|| residual(pair)));
-                return Solution { residuals: residuals.collect(), values: values.clone() };
-            }
+            .max_by(|a, b| residual(&values, *a).abs().total_cmp(&residual(&values, *b).abs()));
+        let is_outlier = worst.is_some_and(|worst| {
+            used[worst] = false;
+            let others = least_squares(cameras, pairs, &used, of);
+            let mut sizes: Vec<f64> =
+                (0..pairs.len()).filter(|i| used[*i]).map(|i| residual(&others, i).abs()).collect();
+            sizes.sort_by(f64::total_cmp);
+            let is_outlier = residual(&others, worst).abs() > kept.max(4.0 * sizes[sizes.len() / 2]);
+            used[worst] = !is_outlier;
+            is_outlier
+        });
+        if !is_outlier {
+            let residuals = (0..pairs.len()).map(|i| used[i].then(|| residual(&values, i))).collect();
+            return Solution { values, residuals };
         }
     }
 }
 
 /// Whether the cameras of a pair are joined by others.
-fn joined_without(cameras: usize, pairs: &[SoundPair], used: &[bool], without: usize) -> bool {
+fn is_joined_without(cameras: usize, pairs: &[SoundPair], used: &[bool], without: usize) -> bool {
     let others = pairs.iter().enumerate().filter(|(i, _)| used[*i] && *i != without).map(|(_, pair)| pair);
     let groups = groups(cameras, others);
     let [a, b] = pairs[without].cameras;
