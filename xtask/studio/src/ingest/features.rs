@@ -141,14 +141,14 @@ impl Features {
         // Best match and distance, and that of the second best, for each point of both.
         let none = (usize::MAX, f32::INFINITY, f32::INFINITY);
         let (mut of_self, mut of_other) = (vec![none; self.points.len()], vec![none; other.points.len()]);
-        for i in 0..self.points.len() {
+        for (i, best_of_i) in of_self.iter_mut().enumerate() {
             let descriptor = self.descriptor(i);
-            for j in 0..other.points.len() {
+            for (j, best_of_j) in of_other.iter_mut().enumerate() {
                 if !may_match(i, j) {
                     continue;
                 }
                 let apart = distance(descriptor, other.descriptor(j));
-                for (best, number) in [(&mut of_self[i], j), (&mut of_other[j], i)] {
+                for (best, number) in [(&mut *best_of_i, j), (best_of_j, i)] {
                     if apart < best.1 {
                         *best = (number, apart, best.1);
                     } else if apart < best.2 {

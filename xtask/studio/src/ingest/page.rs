@@ -250,11 +250,11 @@ fn coverage(findings: &IngestFindings) -> String {
         let length = focus.map_or(0.3 * span, |focus| (focus[0] - position[0]).hypot(focus[1] - position[1]));
         let forward = flat(camera.forward);
         let [end_u, end_v] = place([position[0] + length * forward[0], position[1] + length * forward[1]]);
-        let _ = write!(
+        let _ = writeln!(
             marks,
             "<line x1=\"{u:.1}\" y1=\"{v:.1}\" x2=\"{end_u:.1}\" y2=\"{end_v:.1}\" stroke=\"#0072b2\" stroke-opacity=\"0.5\"/>\
              <circle cx=\"{u:.1}\" cy=\"{v:.1}\" r=\"5\" fill=\"#d55e00\"/>\
-             <text x=\"{:.1}\" y=\"{:.1}\" font-size=\"12\">{}</text>\n",
+             <text x=\"{:.1}\" y=\"{:.1}\" font-size=\"12\">{}</text>",
             u + 8.0,
             v - 6.0,
             escape(&camera.name)

@@ -26,6 +26,9 @@ const ALL_PAIRS_MAX: usize = 24;
 /// Samples on each side of a peak in the curve of a pair: 5 ms.
 const CURVE_SIDE: i64 = 80;
 
+/// Part of the lags, on each side of a peak, whose median it is compared with.
+const NEIGHBOURHOOD: i64 = 16;
+
 /// Largest number of samples over which a median is taken.
 const MEDIAN_OF: usize = 1 << 15;
 
@@ -80,8 +83,8 @@ impl Correlator {
         spectrum
     }
 
-    /// The highest peak of the correlation of two spectra within `range` samples of lag `around`; the median is over
-    /// all lags of up to `overlap` samples.
+    /// The highest peak of the correlation of two spectra within `range` samples of lag `around` and `overlap` of 0. The
+    /// median is that around the peak: recordings that overlap less have a lower correlation, so one over all lags is too low.
     pub(super) fn peak(
         &self,
         [a, b]: [&[Complex<f32>]; 2],
@@ -93,15 +96,16 @@ impl Correlator {
         self.back.process(&mut product, &mut correlation).expect("the planned lengths, real at both ends");
         let at = |lag: i64| correlation[lag.rem_euclid(self.len as i64) as usize].abs();
         let overlap = overlap.min(self.len / 2 - 1) as i64;
-        let step = (2 * overlap as usize / MEDIAN_OF).max(1);
-        let mut heights: Vec<f32> = (-overlap..=overlap).step_by(step).map(at).collect();
-        let middle = heights.len() / 2;
-        let (_, median, _) = heights.select_nth_unstable_by(middle, f32::total_cmp);
-        let median = median.max(f32::MIN_POSITIVE);
         let lags = (around - range).max(-overlap)..=(around + range).min(overlap);
         let Some(best) = lags.max_by(|a, b| at(*a).total_cmp(&at(*b))) else {
             return Peak { lag: around as f64, confidence: 0.0, curve: Vec::new() };
         };
+        let side = (overlap / NEIGHBOURHOOD).max(CURVE_SIDE);
+        let step = (2 * side as usize / MEDIAN_OF).max(1);
+        let mut heights: Vec<f32> = (best - side..=best + side).step_by(step).map(at).collect();
+        let middle = heights.len() / 2;
+        let (_, median, _) = heights.select_nth_unstable_by(middle, f32::total_cmp);
+        let median = median.max(f32::MIN_POSITIVE);
         let fine = |step: i64| {
             let x = step as f64 / FINE as f64;
             let tap = |n: i64| {
@@ -159,6 +163,7 @@ pub(super) fn whole(tracks: &[Track]) -> Result<Vec<SoundPair>, Fault> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::pair::CONFIDENCE_MIN;
     use super::*;
 
     #[test]
@@ -189,5 +194,26 @@ mod tests {
         assert!((peak.lag - 12.3).abs() < 0.05 && peak.confidence > 20.0, "{peak:?}");
         let near = correlator.peak([&a, &b], (100, 20), 4000);
         assert!((80.0..=120.0).contains(&near.lag) && near.confidence < 0.1 * peak.confidence, "{near:?}");
+    }
+
+    #[test]
+    fn noise_matches_no_noise() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut state = 5u64;
+        let mut random = || {
+            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            (state >> 40) as f32 / (1u64 << 24) as f32 - 0.5
+        };
+        for seconds in [1, 10, 60] {
+            let tracks: Vec<Track> = (0..6)
+                .map(|i| {
+                    let samples: Vec<f32> = (0..seconds * 16_000).map(|_| 2e4 * random()).collect();
+                    Track::of(folder.path().join(i.to_string()), &samples)
+                })
+                .collect();
+            let highest = whole(&tracks).unwrap().iter().map(|pair| pair.confidence).fold(0.0, f64::max);
+            println!("{seconds} s: {highest:.1}");
+            assert!((5.0..0.9 * CONFIDENCE_MIN).contains(&highest), "{highest}");
+        }
     }
 }
