@@ -13,10 +13,11 @@ use program::Fault;
 use xtask::workspace;
 
 /// The host tool's commands, and what each does.
-const STUDIO: [(&str, &str); 12] = [
+const STUDIO: [(&str, &str); 13] = [
     ("package", "Make a package from a fitted field, or from a capture"),
     ("join", "Join fields and clips, one after another, into the folder of a take"),
     ("trim", "Cut a part out of a take, without coding it anew"),
+    ("ingest", "Make a capture of a rig's videos and calibration"),
     ("fit", "Fit a field to the photographs of a capture"),
     ("depths", "Estimate depth maps with a network"),
     ("inspect", "Show the contents of a package, and validate it"),
@@ -36,6 +37,7 @@ The commands from package on are those of the host tool, aarc-studio, which is b
 Examples:
   cargo xtask demo
   cargo xtask package scene/ -o clip.aarc --budget 40000
+  cargo xtask ingest rig/ -o studio/
   cargo xtask fit studio/ -o field.ply
 
 xtask/README.md says more.";

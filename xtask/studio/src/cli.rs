@@ -33,6 +33,7 @@ Exit codes:
 
 Examples:
   aarc-studio package scene/ -o clip.aarc --budget 40000
+  aarc-studio ingest rig/ -o studio/
   aarc-studio fit studio/ -o field.ply
   aarc-studio inspect clip.aarc --json
   aarc-studio render clip.aarc --time 0.5 --size 640x480 --out reference.png
@@ -74,6 +75,7 @@ pub enum Command {
     Package(commands::package::Args),
     Join(commands::join::Args),
     Trim(commands::trim::Args),
+    Ingest(commands::ingest::Args),
     Fit(commands::fit::Args),
     Depths(commands::depths::Args),
     Inspect(commands::inspect::Args),
@@ -91,6 +93,7 @@ impl Command {
             Command::Package(args) => commands::package::run(args),
             Command::Join(args) => commands::join::run(args),
             Command::Trim(args) => commands::trim::run(args),
+            Command::Ingest(args) => commands::ingest::run(args),
             Command::Fit(args) => commands::fit::run(args),
             Command::Depths(args) => commands::depths::run(args),
             Command::Inspect(args) => commands::inspect::run(args),

@@ -11,6 +11,7 @@ pub mod export;
 mod ffmpeg;
 pub mod fit;
 pub mod import;
+pub mod ingest;
 pub mod input;
 mod left_out;
 pub mod lpips_weights;

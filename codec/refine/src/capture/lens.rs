@@ -103,6 +103,18 @@ impl Lens {
         Lens { model, end_squared }
     }
 
+    /// Its coefficients in the order of [`Lens::fisheye`] if the flag is set, and else in that of [`Lens::rational`].
+    pub fn coefficients(&self) -> (bool, Vec<f64>) {
+        match &self.model {
+            Model::Rational {
+                numerator: [_, k1, k2, k3],
+                denominator: [_, k4, k5, k6],
+                tangential: [p1, p2],
+            } => (false, vec![*k1, *k2, *p1, *p2, *k3, *k4, *k5, *k6]),
+            Model::Fisheye([_, k @ ..]) => (true, k.to_vec()),
+        }
+    }
+
     /// Whether the lens does not distort.
     pub fn is_none(&self) -> bool {
         *self == Lens::default()

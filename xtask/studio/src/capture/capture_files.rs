@@ -24,6 +24,10 @@ pub struct CaptureFiles {
     pub capture: Capture,
     /// Frames per second that the capture states; `None` if [`DEFAULT_FPS`] are assumed.
     pub stated_fps: Option<f64>,
+    /// Up direction of the world that the capture states, of length 1.
+    pub stated_up: Option<[f64; 3]>,
+    /// Metres per unit of length that the capture states.
+    pub metres_per_unit: Option<f64>,
     /// What a fit learns of its cameras if nothing else is named.
     pub learned: Learned,
     /// Numbers of the selected frames in the capture.
@@ -259,8 +263,7 @@ impl CaptureBuilder {
 
     /// Adds a camera and returns its index.
     pub(super) fn camera(&mut self, name: &str, camera: Camera, lens: Lens, held: bool) -> usize {
-        let (name, response) = (name.into(), Response::NEUTRAL);
-        self.cameras.push(CalibratedCamera { name, camera, lens, time_offset_s: 0.0, response, held });
+        self.cameras.push(CalibratedCamera { held, ..calibrated(name.into(), camera, lens) });
         self.videos.push(None);
         self.cameras.len() - 1
     }
@@ -326,6 +329,8 @@ impl CaptureBuilder {
         CaptureFiles {
             capture,
             stated_fps,
+            stated_up: None,
+            metres_per_unit: None,
             learned: Learned::default(),
             selected,
             start_s: 0.0,
@@ -345,6 +350,11 @@ fn opaque(picture: &image::RgbImage) -> Image {
         [r, g, b, 1.0]
     };
     Image { width: picture.width(), height: picture.height(), pixels: picture.pixels().map(pixel).collect() }
+}
+
+/// A camera in time with its frames that shows colours as they are.
+pub(super) fn calibrated(name: String, camera: Camera, lens: Lens) -> CalibratedCamera {
+    CalibratedCamera { name, camera, lens, time_offset_s: 0.0, response: Response::NEUTRAL, held: false }
 }
 
 /// A camera with these intrinsics and this rigid transform.

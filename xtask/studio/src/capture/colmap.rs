@@ -7,9 +7,9 @@ use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DQuat};
 use program::Fault;
-use refine::capture::Lens;
+use refine::capture::{CalibratedCamera, Lens};
 
-use super::capture_files::{CaptureBuilder, CaptureFiles, pinhole, rigid};
+use super::capture_files::{CaptureBuilder, CaptureFiles, calibrated, pinhole, rigid};
 use super::image_file::{bad, bad_layout, find_image_in, joined, read_text, size_of};
 use super::photo_paths::PhotoPath;
 use crate::messages::unreadable;
@@ -36,8 +36,23 @@ struct Pose {
     name: String,
 }
 
-pub(super) fn open(folder: &Path, model: &Path) -> anyhow::Result<CaptureFiles> {
-    let (cameras, poses) = match model.join("cameras.bin").is_file() {
+/// The cameras of a model, named as its images without their extensions.
+///
+/// # Errors
+/// [`Fault::Data`] that names the file.
+pub(super) fn cameras(model: &Path) -> Result<Vec<CalibratedCamera>, Fault> {
+    let (cameras, poses) = read_model(model)?;
+    let of = |pose: &Pose| {
+        let (size, k, lens) = cameras.get(&pose.camera).ok_or_else(|| no_camera(model, pose))?;
+        let name = Path::new(&pose.name).with_extension("").to_string_lossy().into_owned();
+        Ok(calibrated(name, pinhole(*size, *k, pose.transform()), *lens))
+    };
+    poses.iter().map(of).collect()
+}
+
+/// Reads the two files of a model.
+fn read_model(model: &Path) -> Result<(BTreeMap<u32, Intrinsics>, Vec<Pose>), Fault> {
+    Ok(match model.join("cameras.bin").is_file() {
         true => {
             let (cameras, images) = (model.join("cameras.bin"), model.join("images.bin"));
             (cameras_bin(&cameras)?, images_bin(&images)?)
@@ -46,7 +61,23 @@ pub(super) fn open(folder: &Path, model: &Path) -> anyhow::Result<CaptureFiles> 
             let (cameras, images) = (model.join("cameras.txt"), model.join("images.txt"));
             (cameras_txt(&cameras)?, images_txt(&images)?)
         }
-    };
+    })
+}
+
+fn no_camera(model: &Path, pose: &Pose) -> Fault {
+    bad_layout(model, format!("{}: the model has no camera {}", pose.name, pose.camera))
+}
+
+impl Pose {
+    fn transform(&self) -> [[f64; 4]; 4] {
+        let [w, x, y, z] = self.rotation;
+        let turn = DQuat::from_xyzw(x, y, z, w).normalize();
+        rigid(DMat3::from_quat(turn).transpose().to_cols_array_2d(), self.translation)
+    }
+}
+
+pub(super) fn open(folder: &Path, model: &Path) -> anyhow::Result<CaptureFiles> {
+    let (cameras, poses) = read_model(model)?;
     let has_masks = folder.join("masks").is_dir();
     let mut builder = CaptureBuilder::new(folder);
     for pose in poses {
@@ -56,18 +87,13 @@ pub(super) fn open(folder: &Path, model: &Path) -> anyhow::Result<CaptureFiles> 
             return Err(bad(&path, "this photograph is missing; put it there").into());
         }
         let Some((size, k, lens)) = cameras.get(&pose.camera) else {
-            return Err(
-                bad_layout(model, format!("{}: the model has no camera {}", pose.name, pose.camera)).into()
-            );
+            return Err(no_camera(model, &pose).into());
         };
-        let [w, x, y, z] = pose.rotation;
-        let turn = DQuat::from_xyzw(x, y, z, w).normalize();
-        let rotation = DMat3::from_quat(turn).transpose().to_cols_array_2d();
         // The photographs may be smaller than the model's images.
         let actual = size_of(&path)?;
         let scale = [f64::from(actual.0) / f64::from(size.0), f64::from(actual.1) / f64::from(size.1)];
         let k = [k[0] * scale[0], k[1] * scale[1], k[2] * scale[0], k[3] * scale[1]];
-        let camera = pinhole(actual, k, rigid(rotation, pose.translation));
+        let camera = pinhole(actual, k, pose.transform());
         let name = Path::new(&pose.name).with_extension("");
         let name = name.to_string_lossy();
         let mask = match has_masks {

@@ -5,13 +5,14 @@
 //! supports lists, numbers and matrices at the top level.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
+use codec::Camera;
 use glam::{DMat3, DVec3};
 use program::Fault;
-use refine::capture::{Lens, even_times_s};
+use refine::capture::{CalibratedCamera, Lens, even_times_s};
 
-use super::capture_files::{CaptureBuilder, CaptureFiles, pinhole, rigid};
+use super::capture_files::{CaptureBuilder, CaptureFiles, calibrated, pinhole, rigid};
 use super::image_file::{bad, bad_layout, find_image, find_image_in, joined, read_text, size_of};
 use super::photo_paths::PhotoPath;
 use crate::messages::unreadable;
@@ -24,19 +25,84 @@ const EXTRINSICS: &str = "extri.yml";
 /// Accepted names of the folder of masks.
 const MASKS: [&str; 2] = ["masks", "mask"];
 
-// Long: one camera read from start to end: intrinsics, lens, pose, photographs, masks.
-pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
-    let storage = |name: &str| {
-        let path = folder.join(name);
-        let text = read_text(&path)?;
-        Ok::<_, Fault>((parse(&text), path))
-    };
-    let (intrinsics, intrinsics_path) = storage(INTRINSICS)?;
-    let (extrinsics, extrinsics_path) = storage(EXTRINSICS)?;
-    let names = names(&intrinsics).ok_or_else(|| bad_layout(&intrinsics_path, "no list of names"))?;
-    if let Some((_, name)) = names.iter().enumerate().find(|(i, name)| names[..*i].contains(name)) {
-        return Err(bad_layout(&intrinsics_path, format!("camera {name} is listed twice")).into());
+/// The two files, read.
+struct CalibrationFiles {
+    intrinsics: Storage,
+    intrinsics_path: PathBuf,
+    extrinsics: Storage,
+    extrinsics_path: PathBuf,
+}
+
+impl CalibrationFiles {
+    fn read(folder: &Path) -> Result<CalibrationFiles, Fault> {
+        let [intrinsics_path, extrinsics_path] = [INTRINSICS, EXTRINSICS].map(|name| folder.join(name));
+        Ok(CalibrationFiles {
+            intrinsics: parse(&read_text(&intrinsics_path)?),
+            intrinsics_path,
+            extrinsics: parse(&read_text(&extrinsics_path)?),
+            extrinsics_path,
+        })
     }
+
+    /// Names of the cameras, each once.
+    fn names(&self) -> Result<Vec<String>, Fault> {
+        let path = &self.intrinsics_path;
+        let names = names(&self.intrinsics).ok_or_else(|| bad_layout(path, "no list of names"))?;
+        match names.iter().enumerate().find(|(i, name)| names[..*i].contains(name)) {
+            Some((_, name)) => Err(bad_layout(path, format!("camera {name} is listed twice"))),
+            None => Ok(names),
+        }
+    }
+
+    /// Size of a camera's pictures, if it is stated.
+    fn size(&self, name: &str) -> Option<(u32, u32)> {
+        let number = |key: &str| numbers(self.intrinsics.get(&format!("{key}_{name}"))?).first().copied();
+        Some((number("W")? as u32, number("H")? as u32))
+    }
+
+    /// A camera with pictures of this size, and its lens.
+    fn camera(&self, name: &str, size: (u32, u32)) -> Result<(Camera, Lens), Fault> {
+        let matrix = |map: &Storage, path: &Path, keys: &[&str], least: usize| {
+            let at = keys.iter().find_map(|key| map.get(&format!("{key}_{name}")));
+            let data = at.map(|value| numbers(value)).filter(|data| data.len() >= least);
+            data.ok_or_else(|| {
+                bad_layout(path, format!("{}_{name} is missing, malformed or too short", keys[0]))
+            })
+        };
+        let CalibrationFiles { intrinsics, intrinsics_path, extrinsics, extrinsics_path } = self;
+        let k = matrix(intrinsics, intrinsics_path, &["K"], 9)?;
+        let has_lens = ["D", "dist"].iter().any(|key| intrinsics.contains_key(&format!("{key}_{name}")));
+        let d = match has_lens {
+            true => matrix(intrinsics, intrinsics_path, &["D", "dist"], 1)?,
+            false => Vec::new(),
+        };
+        let lens = Lens::rational(&d)
+            .map_err(|problem| bad_layout(intrinsics_path, format!("{name}: {problem}")))?;
+        let t = matrix(extrinsics, extrinsics_path, &["T"], 3)?;
+        let rotation = match matrix(extrinsics, extrinsics_path, &["Rot"], 9) {
+            Ok(r) => [[r[0], r[1], r[2]], [r[3], r[4], r[5]], [r[6], r[7], r[8]]],
+            Err(_) => rodrigues(&matrix(extrinsics, extrinsics_path, &["R"], 3)?),
+        };
+        Ok((pinhole(size, [k[0], k[4], k[2], k[5]], rigid(rotation, [t[0], t[1], t[2]])), lens))
+    }
+}
+
+/// The cameras of the two files in `folder`; 0x0 pixels where no size is stated.
+///
+/// # Errors
+/// [`Fault::Data`] that names the file.
+pub(super) fn cameras(folder: &Path) -> Result<Vec<CalibratedCamera>, Fault> {
+    let files = CalibrationFiles::read(folder)?;
+    let of = |name: String| {
+        let (camera, lens) = files.camera(&name, files.size(&name).unwrap_or_default())?;
+        Ok(calibrated(name, camera, lens))
+    };
+    files.names()?.into_iter().map(of).collect()
+}
+
+pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
+    let files = CalibrationFiles::read(folder)?;
+    let names = files.names()?;
     let masks = MASKS.into_iter().find(|name| folder.join(name).is_dir());
 
     let mut builder = CaptureBuilder::new(folder);
@@ -47,33 +113,11 @@ pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
         let frames = frames(&images)?;
         let Some(first) = frames.first() else { continue };
         let first = find_image(&images.join(first)).expect("just listed");
-        let number =
-            |key: &str| intrinsics.get(&format!("{key}_{name}")).and_then(|v| numbers(v).first().copied());
-        let size = match (number("W"), number("H")) {
-            (Some(width), Some(height)) => (width as u32, height as u32),
-            _ => size_of(&first)?,
+        let size = match files.size(name) {
+            Some(size) => size,
+            None => size_of(&first)?,
         };
-        let matrix = |map: &Storage, path: &Path, keys: &[&str], least: usize| {
-            let at = keys.iter().find_map(|key| map.get(&format!("{key}_{name}")));
-            let data = at.map(|value| numbers(value)).filter(|data| data.len() >= least);
-            data.ok_or_else(|| {
-                bad_layout(path, format!("{}_{name} is missing, malformed or too short", keys[0]))
-            })
-        };
-        let k = matrix(&intrinsics, &intrinsics_path, &["K"], 9)?;
-        let has_lens = ["D", "dist"].iter().any(|key| intrinsics.contains_key(&format!("{key}_{name}")));
-        let d = match has_lens {
-            true => matrix(&intrinsics, &intrinsics_path, &["D", "dist"], 1)?,
-            false => Vec::new(),
-        };
-        let lens = Lens::rational(&d)
-            .map_err(|problem| bad_layout(&intrinsics_path, format!("{name}: {problem}")))?;
-        let t = matrix(&extrinsics, &extrinsics_path, &["T"], 3)?;
-        let rotation = match matrix(&extrinsics, &extrinsics_path, &["Rot"], 9) {
-            Ok(r) => [[r[0], r[1], r[2]], [r[3], r[4], r[5]], [r[6], r[7], r[8]]],
-            Err(_) => rodrigues(&matrix(&extrinsics, &extrinsics_path, &["R"], 3)?),
-        };
-        let camera = pinhole(size, [k[0], k[4], k[2], k[5]], rigid(rotation, [t[0], t[1], t[2]]));
+        let (camera, lens) = files.camera(name, size)?;
         let index = builder.camera(name, camera, lens, false);
         for frame in frames {
             let name = format!("{name}/{frame}");
@@ -131,9 +175,10 @@ fn frames(folder: &Path) -> Result<Vec<String>, Fault> {
 }
 
 /// Unparsed values by their names at the top level of a file.
-type Storage = BTreeMap<String, String>;
+pub(crate) type Storage = BTreeMap<String, String>;
 
-fn parse(text: &str) -> Storage {
+/// Reads the top level of a file of OpenCV's FileStorage.
+pub(crate) fn parse(text: &str) -> Storage {
     let mut storage = Storage::new();
     let mut key = None;
     for line in text.lines().filter(|line| !line.starts_with(['%', '#']) && line.trim() != "---") {
@@ -159,7 +204,7 @@ fn names(storage: &Storage) -> Option<Vec<String>> {
 }
 
 /// Parses a matrix or a number, row by row; empty if it is malformed.
-fn numbers(value: &str) -> Vec<f64> {
+pub(crate) fn numbers(value: &str) -> Vec<f64> {
     let list = match value.split_once("data:") {
         Some((_, data)) => data.trim().trim_start_matches('[').split(']').next().unwrap_or_default(),
         None => value,
@@ -174,7 +219,7 @@ fn numbers(value: &str) -> Vec<f64> {
 }
 
 /// The rotation matrix of a Rodrigues vector: direction of the axis, length of the angle.
-fn rodrigues(vector: &[f64]) -> [[f64; 3]; 3] {
+pub(crate) fn rodrigues(vector: &[f64]) -> [[f64; 3]; 3] {
     let vector = DVec3::new(vector[0], vector[1], vector[2]);
     DMat3::from_quat(glam::DQuat::from_scaled_axis(vector)).transpose().to_cols_array_2d()
 }

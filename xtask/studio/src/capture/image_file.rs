@@ -108,7 +108,7 @@ pub(super) fn check_size(path: &Path, size: (u32, u32), camera: &Camera) -> Resu
     ))
 }
 
-pub(super) fn bad(path: &Path, problem: impl std::fmt::Display) -> Fault {
+pub(crate) fn bad(path: &Path, problem: impl std::fmt::Display) -> Fault {
     Fault::Data(format!("{}: {problem}", path.display()))
 }
 
@@ -118,10 +118,10 @@ fn unusable(path: &Path, error: &image::ImageError) -> Fault {
 }
 
 /// The fault of a calibration or a depth map that is not as `xtask/CAPTURE.md` describes it.
-pub(super) fn bad_layout(path: &Path, problem: impl std::fmt::Display) -> Fault {
+pub(crate) fn bad_layout(path: &Path, problem: impl std::fmt::Display) -> Fault {
     bad(path, format!("{problem}; xtask/CAPTURE.md describes the layout"))
 }
 
-pub(super) fn read_text(path: &Path) -> Result<String, Fault> {
+pub(crate) fn read_text(path: &Path) -> Result<String, Fault> {
     std::fs::read_to_string(path).map_err(|error| unreadable(path, &error))
 }

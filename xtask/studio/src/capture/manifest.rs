@@ -24,6 +24,9 @@ const FRAMES_MAX: usize = 100_000;
 /// Frames per second.
 const FPS: RangeInclusive<f64> = 1e-3..=1e6;
 
+/// Metres per unit of length.
+const METRES_PER_UNIT: RangeInclusive<f64> = 1e-9..=1e9;
+
 /// Skew in pixels up to which it counts as rounding.
 const SKEW_MAX: f64 = 1e-6;
 
@@ -39,6 +42,8 @@ struct Manifest {
     masks: Option<String>,
     #[serde(default)]
     learn: Vec<CameraPart>,
+    up: Option<[f64; 3]>,
+    metres_per_unit: Option<f64>,
     cameras: Vec<ManifestCamera>,
 }
 
@@ -122,7 +127,18 @@ pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
         }
     }
     let learned = CameraPart::learned(&manifest.learn);
-    Ok(CaptureFiles { learned, ..builder.build(even_times_s(frames, fps), manifest.fps) })
+    Ok(CaptureFiles {
+        learned,
+        stated_up: manifest.up.map(unit),
+        metres_per_unit: manifest.metres_per_unit,
+        ..builder.build(even_times_s(frames, fps), manifest.fps)
+    })
+}
+
+/// The direction of a vector, with length 1.
+fn unit(vector: [f64; 3]) -> [f64; 3] {
+    let length = vector.iter().map(|x| x * x).sum::<f64>().sqrt();
+    vector.map(|x| x / length)
 }
 
 /// Opens the video of a camera.
@@ -144,9 +160,16 @@ fn open_video(path: &Path, entry: &ManifestCamera) -> Result<Video, Fault> {
 impl Manifest {
     /// Checks the values that no photograph depends on alone.
     fn check(&self) -> Result<(), String> {
-        let Manifest { fps, images, cameras, .. } = self;
+        let Manifest { fps, images, up, metres_per_unit, cameras, .. } = self;
         if let Some(fps) = fps.filter(|fps| !FPS.contains(fps)) {
             return Err(format!("fps {fps}: the range is {} to {}", FPS.start(), FPS.end()));
+        }
+        if let Some(metres) = metres_per_unit.filter(|metres| !METRES_PER_UNIT.contains(metres)) {
+            let (low, high) = (METRES_PER_UNIT.start(), METRES_PER_UNIT.end());
+            return Err(format!("metres_per_unit {metres}: the range is {low:e} to {high:e}"));
+        }
+        if let Some(up) = up.filter(|up| !unit(*up).iter().all(|x| x.is_finite())) {
+            return Err(format!("up {up:?} is no direction"));
         }
         let mut names = BTreeSet::new();
         for ManifestCamera { id, k, time_offset_s, video, start_s, .. } in cameras {

@@ -25,8 +25,10 @@ pub use capture_files::CaptureFiles;
 pub use corrections::{CameraCorrection, CameraCorrections};
 #[cfg(feature = "onnx")]
 pub use depth::pfm_file;
-use image_file::{bad, bad_layout};
+pub(crate) use easyvolcap::{Storage, numbers, parse as parse_storage, rodrigues};
+pub(crate) use image_file::{bad, bad_layout, read_text};
 pub use image_file::{find_image, read_picture};
+pub(crate) use video::Video;
 
 use crate::messages::unreadable;
 
@@ -75,5 +77,28 @@ impl CaptureFiles {
             }
             false => Ok(capture_files),
         }
+    }
+}
+
+/// The cameras of a calibration that this project reads as a part of a capture, without photographs. A camera whose size it
+/// does not state has 0x0 pixels. `None` if `path`, a file or a folder, is none.
+///
+/// # Errors
+/// [`Fault::Data`] that names the file and the problem.
+pub(crate) fn calibrated_cameras(
+    path: &Path,
+) -> Result<Option<(&'static str, Vec<CalibratedCamera>)>, Fault> {
+    let folder = if path.is_dir() { path } else { path.parent().unwrap_or(path) };
+    let is_named = |names: &[&str]| path.is_dir() || names.iter().any(|name| path.ends_with(name));
+    if folder.join(easyvolcap::INTRINSICS).is_file() && is_named(&[easyvolcap::INTRINSICS]) {
+        return easyvolcap::cameras(folder).map(|cameras| Some(("OpenCV YAML", cameras)));
+    }
+    if path.ends_with("transforms.json") || (path.is_dir() && path.join("transforms.json").is_file()) {
+        let file = if path.is_dir() { path.join("transforms.json") } else { path.to_owned() };
+        return transforms::cameras(&file).map(|cameras| Some(("nerfstudio", cameras)));
+    }
+    match colmap::model(folder).filter(|_| is_named(&["cameras.bin", "cameras.txt"])) {
+        Some(model) => colmap::cameras(&model).map(|cameras| Some(("COLMAP", cameras))),
+        None => Ok(None),
     }
 }

@@ -7,10 +7,11 @@
 use std::path::{Path, PathBuf};
 
 use glam::{DMat4, DVec4};
-use refine::capture::Lens;
+use program::Fault;
+use refine::capture::{CalibratedCamera, Lens};
 use serde::Deserialize;
 
-use super::capture_files::{CaptureBuilder, CaptureFiles, pinhole};
+use super::capture_files::{CaptureBuilder, CaptureFiles, calibrated, pinhole};
 use super::image_file::{bad, bad_layout, find_image_in, read_text, size_of};
 use super::photo_paths::PhotoPath;
 use crate::scene::DEFAULT_FPS;
@@ -67,6 +68,27 @@ pub(super) fn files(folder: &Path) -> Option<Vec<TransformsFile>> {
             Some([Some(train), existing("transforms_test.json", true)].into_iter().flatten().collect())
         }
     }
+}
+
+/// The cameras of a file, named as its pictures without their extensions.
+///
+/// # Errors
+/// [`Fault::Data`] that names the file.
+pub(super) fn cameras(path: &Path) -> Result<Vec<CalibratedCamera>, Fault> {
+    let transforms: Transforms =
+        serde_json::from_str(&read_text(path)?).map_err(|error| bad_layout(path, error))?;
+    let of = |frame: &Frame| {
+        let name = Path::new(&frame.file_path).with_extension("").to_string_lossy().into_owned();
+        let at = |problem: String| bad_layout(path, format!("{name}: {problem}"));
+        let side = |of: fn(&Intrinsics) -> Option<f64>| of(&frame.intrinsics).or(of(&transforms.intrinsics));
+        let (Some(w), Some(h)) = (side(|i| i.w), side(|i| i.h)) else {
+            return Err(at("w and h are missing, the size of its pictures".into()));
+        };
+        let (k, lens) = frame.intrinsics.resolve(&transforms.intrinsics, (w as u32, h as u32)).map_err(at)?;
+        let camera = pinhole((w as u32, h as u32), k, camera_from_world(frame.transform_matrix));
+        Ok(calibrated(name, camera, lens))
+    };
+    transforms.frames.iter().map(of).collect()
 }
 
 pub(super) fn open(folder: &Path, files: &[TransformsFile]) -> anyhow::Result<CaptureFiles> {

@@ -34,14 +34,14 @@ const HD_ROWS: u32 = 720;
 
 /// A video file and the times of its frames.
 #[derive(Debug)]
-pub(super) struct Video {
+pub(crate) struct Video {
     path: PathBuf,
     /// Width and height of its pictures, upright.
-    pub(super) size: (u32, u32),
+    pub(crate) size: (u32, u32),
     /// Presentation times in seconds since that of the first frame, strictly ascending.
-    pub(super) times_s: Vec<f64>,
+    pub(crate) times_s: Vec<f64>,
     /// Presentation time of the first frame, in seconds since the start of the file.
-    first_s: f64,
+    pub(crate) first_s: f64,
     /// Name in ffmpeg of the matrix by which its colours were made.
     matrix: &'static str,
     decoding: Mutex<Option<Decoding>>,
@@ -52,7 +52,7 @@ impl Video {
     ///
     /// # Errors
     /// [`Fault::Usage`] if there is no `ffprobe`, [`Fault::Data`] if the file has no video that it can read.
-    pub(super) fn open(path: &Path) -> Result<Video, Fault> {
+    pub(crate) fn open(path: &Path) -> Result<Video, Fault> {
         std::fs::metadata(path).map_err(|error| unreadable(path, &error))?;
         let entries = "stream=width,height,color_space:stream_side_data=rotation:packet=pts_time,flags:format=start_time";
         let arguments = ["-v", "error", "-select_streams", "V:0", "-show_entries", entries, "-of", "json"];
@@ -92,14 +92,14 @@ impl Video {
         })
     }
 
-    pub(super) fn path(&self) -> &Path {
+    pub(crate) fn path(&self) -> &Path {
         &self.path
     }
 
     /// The video's frame that is nearest to each frame of a capture with `frames` frames, `fps` in a second, and the
     /// seconds by which it is later; none where the nearest is half an interval away or nearer to another. The first
     /// frame of the video is at `start_s`.
-    pub(super) fn at_frames(&self, start_s: f64, frames: usize, fps: f64) -> Vec<Option<(u32, f64)>> {
+    pub(crate) fn at_frames(&self, start_s: f64, frames: usize, fps: f64) -> Vec<Option<(u32, f64)>> {
         let mut nearest: Vec<Option<(u32, f64)>> = vec![None; frames];
         for (number, time_s) in (0..).zip(&self.times_s) {
             let at = (start_s + time_s) * fps;
@@ -124,7 +124,7 @@ impl Video {
     ///
     /// # Panics
     /// If the video has no such frame.
-    pub(super) fn frame(&self, frame: usize) -> Result<RgbImage, Fault> {
+    pub(crate) fn frame(&self, frame: usize) -> Result<RgbImage, Fault> {
         assert!(frame < self.times_s.len(), "the video has {} frames", self.times_s.len());
         let mut decoding = self.decoding.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         let is_near = |decoding: &Decoding| (decoding.next..=decoding.next + SKIPPED_MAX).contains(&frame);

@@ -250,8 +250,8 @@ pub fn remove_checkpoint(out: &Path) -> Result<(), Fault> {
     }
 }
 
-/// Metadata of a clip of this capture: its duration and frame rate, the mean up direction of its cameras, and
-/// viewpoints at its first camera and a few others.
+/// Metadata of a clip of this capture: its duration and frame rate, its up direction or else the mean of its cameras', its
+/// scale, and viewpoints at its first camera and a few others.
 pub fn clip_info(capture_files: &CaptureFiles) -> ClipInfo {
     let cameras = &capture_files.capture.cameras;
     let duration_s = capture_files.capture.duration_s();
@@ -259,8 +259,13 @@ pub fn clip_info(capture_files: &CaptureFiles) -> ClipInfo {
     ClipInfo {
         duration_s: if duration_s > 0.0 { duration_s as f32 } else { DEFAULT_DURATION_S },
         fps: capture_files.fps() as f32,
-        up: up_of(cameras.iter().map(|camera| &camera.camera)).unwrap_or(DEFAULT_UP),
-        metres_per_unit: DEFAULT_METRES_PER_UNIT,
+        up: match capture_files.stated_up {
+            Some(up) => up.map(|x| x as f32),
+            None => up_of(cameras.iter().map(|camera| &camera.camera)).unwrap_or(DEFAULT_UP),
+        },
+        metres_per_unit: capture_files
+            .metres_per_unit
+            .map_or(DEFAULT_METRES_PER_UNIT, |metres| metres as f32),
         viewpoints: (0..views).map(|i| viewpoint(&cameras[i * cameras.len() / views])).collect(),
     }
 }

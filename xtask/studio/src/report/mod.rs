@@ -6,12 +6,12 @@ pub mod ablation;
 mod file;
 #[cfg(feature = "measure")]
 pub mod fitting;
-mod html;
+pub(crate) mod html;
 #[cfg(feature = "measure")]
 pub mod packaging;
 #[cfg(feature = "measure")]
 mod page;
-mod plot;
+pub(crate) mod plot;
 pub mod rd;
 #[cfg(feature = "measure")]
 pub mod stability;

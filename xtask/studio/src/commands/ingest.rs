@@ -1,0 +1,134 @@
+//! `aarc-studio ingest`: from the videos of a rig to a capture.
+
+use std::path::{Path, PathBuf};
+
+use clap::ValueEnum;
+
+use crate::ingest::{self, ExtractFormat, IngestOptions, Offsets, ResizePolicy, UpSource};
+
+/// Make a capture of a rig's videos and calibration, and a page that shows whether it is any good.
+///
+/// The capture refers to the videos. xtask/CAPTURE.md says which calibrations are read, and how starts are found.
+#[derive(clap::Args)]
+pub struct Args {
+    /// Folder of videos, one for each camera, with their calibration
+    rig: PathBuf,
+    /// Folder of the capture to make
+    #[arg(short, long, value_name = "DIR")]
+    out: PathBuf,
+    /// The calibration; by default the only one in the folder of videos
+    #[arg(long, value_name = "FILE")]
+    calibration: Option<PathBuf>,
+    /// When the videos start: a file with lines of a name and seconds, or none if they start together; by default their
+    /// timecodes or sound say it
+    #[arg(long, value_name = "FILE|none")]
+    offsets: Option<PathBuf>,
+    /// Frames per second of the capture; by default the commonest of the videos
+    #[arg(long, value_name = "N", value_parser = positive)]
+    fps: Option<f64>,
+    /// Which way is up in the calibration's world; by default as its layout says, or else the mean of the cameras
+    #[arg(long, value_name = "X,Y,Z|calibration|cameras", value_parser = up, allow_hyphen_values = true)]
+    up: Option<UpSource>,
+    /// Point of the calibration's world that becomes the origin
+    #[arg(long, value_name = "X,Y,Z", value_parser = origin, allow_hyphen_values = true)]
+    origin: Option<Origin>,
+    /// Metres per unit of the calibration's world: 0.001 for millimetres
+    #[arg(long, value_name = "M", value_parser = positive)]
+    metres_per_unit: Option<f64>,
+    /// What happened to videos of another size than their calibration: they are refused without it
+    #[arg(long, value_name = "HOW")]
+    resize: Option<Resize>,
+    /// Write the frames as pictures instead of references to the videos
+    #[arg(long, value_name = "FORMAT")]
+    extract: Option<Extract>,
+    /// Print what was found as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// What happened to videos. The variants' docs are help texts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Resize {
+    /// Pictures were scaled, each side by itself
+    Scale,
+    /// As much was cut off, or added, on both sides
+    Crop,
+}
+
+/// Format of pictures. The variants' docs are help texts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Extract {
+    /// With small losses
+    Jpeg,
+    /// Without loss
+    Png,
+}
+
+/// A point; clap would take an array for several values.
+#[derive(Clone, Copy, Debug)]
+struct Origin([f64; 3]);
+
+pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
+    let options = IngestOptions {
+        calibration: args.calibration.clone(),
+        offsets: match &args.offsets {
+            None => Offsets::Found,
+            Some(path) if path == Path::new("none") => Offsets::Together,
+            Some(path) => Offsets::File(path.clone()),
+        },
+        fps: args.fps,
+        up: args.up,
+        origin: args.origin.map(|Origin(origin)| origin),
+        metres_per_unit: args.metres_per_unit,
+        resize: args.resize.map(|resize| match resize {
+            Resize::Scale => ResizePolicy::Scale,
+            Resize::Crop => ResizePolicy::Crop,
+        }),
+        extract: args.extract.map(|extract| match extract {
+            Extract::Jpeg => ExtractFormat::Jpeg,
+            Extract::Png => ExtractFormat::Png,
+        }),
+    };
+    // JSON alone belongs on standard output.
+    let mut say = |line: &str| if args.json { eprintln!("{line}") } else { println!("{line}") };
+    let findings = ingest::ingest(&args.rig, &args.out, &options, &mut say)?;
+    match args.json {
+        true => println!("{}", serde_json::to_string_pretty(&findings)?),
+        false => println!(
+            "next        look at the page, then: fit {} -o field.ply, with masks in the manifest or with --depths",
+            args.out.display()
+        ),
+    }
+    Ok(())
+}
+
+/// Three finite numbers.
+fn vector(text: &str) -> Option<[f64; 3]> {
+    let numbers: Option<Vec<f64>> = text.split(',').map(|number| number.trim().parse().ok()).collect();
+    <[f64; 3]>::try_from(numbers?).ok().filter(|vector| vector.iter().all(|x| x.is_finite()))
+}
+
+fn up(text: &str) -> Result<UpSource, String> {
+    match text {
+        "calibration" => Ok(UpSource::Calibration),
+        "cameras" => Ok(UpSource::Cameras),
+        _ => {
+            let vector = vector(text).ok_or("a direction as 0,0,1, or calibration, or cameras")?;
+            let length = vector.iter().map(|x| x * x).sum::<f64>().sqrt();
+            let up = vector.map(|x| x / length);
+            up.iter()
+                .all(|x| x.is_finite())
+                .then_some(UpSource::Stated(up))
+                .ok_or_else(|| "it is no direction".into())
+        }
+    }
+}
+
+fn origin(text: &str) -> Result<Origin, String> {
+    vector(text).map(Origin).ok_or_else(|| "a point as 0,1.5,0".into())
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    let number = text.parse().ok().filter(|x: &f64| (1e-9..=1e6).contains(x));
+    number.ok_or_else(|| "a number above 0".into())
+}

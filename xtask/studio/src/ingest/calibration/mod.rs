@@ -1,0 +1,99 @@
+//! Reads the calibration of a rig: Pose2Sim's, Caliscope's and aniposelib's TOML, Qualisys, OpenCV YAML, COLMAP, nerfstudio.
+//!
+//! OpenCV counts pixel centres from 0, [`codec::Camera`] from 0.5: files in OpenCV's convention gain half a pixel.
+
+mod camera;
+mod opencv;
+mod qualisys;
+mod toml;
+
+use std::path::{Path, PathBuf};
+
+use program::Fault;
+
+use crate::capture::{bad, calibrated_cameras};
+use crate::messages::unreadable;
+pub(super) use camera::{Calibration, RigCamera};
+
+/// Reads the calibration at `stated`, or else the only one in `folder`.
+///
+/// # Errors
+/// [`Fault::Data`] if there is none or it is malformed; [`Fault::Usage`] if there are several.
+pub(super) fn read(folder: &Path, stated: Option<&Path>) -> Result<Calibration, Fault> {
+    if let Some(path) = stated {
+        std::fs::metadata(path).map_err(|error| unreadable(path, &error))?;
+        let known =
+            "Pose2Sim, Caliscope and aniposelib TOML, Qualisys .qca.txt, OpenCV YAML, COLMAP and nerfstudio";
+        return read_one(path)?
+            .ok_or_else(|| bad(path, format!("no calibration in a known layout: {known} are known")));
+    }
+    let mut entries = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(|error| unreadable(folder, &error))? {
+        entries.push(entry.map_err(|error| unreadable(folder, &error))?.path());
+    }
+    entries.sort();
+    let is_model = |path: &PathBuf| path.is_dir() && path.ends_with("sparse");
+    let mut found: Vec<PathBuf> = entries
+        .iter()
+        .filter(|path| is_calibration(path) || is_model(path))
+        .map(|path| if is_model(path) { folder.to_owned() } else { path.clone() })
+        .collect();
+    // One YAML file for each camera is one calibration.
+    if found.len() > 1 && found.iter().all(|path| opencv::is_camera(path)) {
+        return opencv::read_each(folder, &found);
+    }
+    let names = |found: &[PathBuf]| {
+        let name = |path: &PathBuf| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        found.iter().map(name).collect::<Vec<_>>().join(", ")
+    };
+    match found.len() {
+        0 => Err(bad(folder, "there is no calibration in it; put one there, or name it with --calibration")),
+        1 => {
+            let path = found.remove(0);
+            read_one(&path)?.ok_or_else(|| bad(&path, "no calibration in a known layout"))
+        }
+        count => Err(Fault::Usage(format!(
+            "{}: {count} calibrations, {}; name one of them with --calibration",
+            folder.display(),
+            names(&found)
+        ))),
+    }
+}
+
+/// Whether a file of a rig's folder looks like a calibration, by name and content.
+fn is_calibration(path: &Path) -> bool {
+    let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
+    if !path.is_file() {
+        return false;
+    }
+    let has = |text: &str| std::fs::read_to_string(path).is_ok_and(|content| content.contains(text));
+    match name.rsplit('.').next().unwrap_or_default() {
+        "toml" => has("matrix") && has("rotation"),
+        "txt" => name == "cameras.txt" || has("<calibration"),
+        "yml" | "yaml" => name == "intri.yml" || opencv::is_camera(path),
+        "json" => name == "transforms.json",
+        "bin" => name == "cameras.bin",
+        _ => false,
+    }
+}
+
+fn read_one(path: &Path) -> Result<Option<Calibration>, Fault> {
+    let extension = path.extension().and_then(|x| x.to_str()).unwrap_or_default().to_lowercase();
+    if path.is_file() && extension == "toml" {
+        return toml::read(path).map(Some);
+    }
+    if path.is_file() && extension == "txt" && !path.ends_with("cameras.txt") {
+        return qualisys::read(path).map(Some);
+    }
+    if opencv::is_camera(path) {
+        return opencv::read_each(path, &[path.to_owned()]).map(Some);
+    }
+    let Some((layout, cameras)) = calibrated_cameras(path)? else { return Ok(None) };
+    let of = |camera: refine::capture::CalibratedCamera| RigCamera {
+        name: camera.name,
+        camera: camera.camera,
+        lens: camera.lens,
+    };
+    let cameras = cameras.into_iter().map(of).collect();
+    Ok(Some(Calibration { path: path.to_owned(), layout, cameras, up: None, metres_per_unit: None }))
+}

@@ -1,0 +1,195 @@
+//! From the videos of a rig and its calibration to a capture.
+//!
+//! ```text
+//! videos:      finds and probes the files
+//! calibration: reads the cameras; matching finds the one of each video
+//! starts:      when each video begins: stated, by timecode, or by sound
+//! placement:   up, metres per unit, origin
+//! pictures:    a few frames of each video; features are their corners
+//! epipolar:    the calibration against the corners
+//! write:       capture.json, which refers to the videos
+//! page:        ingest.html, which shows whether all that is any good
+//! ```
+//!
+//! The steps run one after another, each from the results of those before. Those that cost time keep their results in the
+//! output's folder, where [`store`] says under which conditions they count. A step for mattes belongs between `epipolar` and
+//! `write`: it adds `masks` to the manifest.
+
+mod calibration;
+mod epipolar;
+mod features;
+mod findings;
+mod matching;
+mod options;
+mod page;
+mod pictures;
+mod placement;
+mod sound;
+mod starts;
+mod store;
+mod videos;
+mod write;
+
+use std::path::Path;
+
+use program::{Fault, output};
+use rayon::prelude::*;
+use refine::capture::Lens;
+use serde_json::json;
+
+use crate::capture::{CaptureFiles, bad};
+use crate::messages::{count, decimal};
+use calibration::RigCamera;
+use findings::CameraFindings;
+pub use findings::IngestFindings;
+pub use options::{ExtractFormat, IngestOptions, Offsets, ResizePolicy, UpSource};
+use store::{Store, identity};
+use videos::RigVideo;
+
+/// Folder of kept results in the output's.
+const STORE: &str = "ingest";
+
+/// File name of the page.
+pub const PAGE: &str = "ingest.html";
+
+/// Makes the capture `out` of the videos in `rig`; `say` gets a line for each step.
+///
+/// # Errors
+/// [`Fault::Usage`] if a program is missing or an option contradicts the rig; [`Fault::Data`] if a file is unusable.
+// Long: one step after another, each with its line.
+pub fn ingest(
+    rig: &Path,
+    out: &Path,
+    options: &IngestOptions,
+    say: &mut dyn FnMut(&str),
+) -> anyhow::Result<IngestFindings> {
+    if !rig.is_dir() {
+        std::fs::metadata(rig).map_err(|error| crate::messages::unreadable(rig, &error))?;
+        return Err(bad(rig, "a file; a rig is a folder of videos, so name that").into());
+    }
+    let paths = videos::find(rig)?;
+    output::check_folder(out)?;
+    output::make_folder(out)?;
+    let store = Store::open(out.join(STORE))?;
+    let mut warnings = Vec::new();
+
+    let probed =
+        paths.par_iter().map(|path| videos::probe(&store, path)).collect::<Result<Vec<_>, Fault>>()?;
+    let is_kept = probed.iter().all(|(_, is_kept)| *is_kept);
+    let videos: Vec<RigVideo> = probed.into_iter().map(|(video, _)| video).collect();
+    say(&line("videos", is_kept, &describe_videos(&videos)));
+
+    let calibration = calibration::read(rig, options.calibration.as_deref())?;
+    let mut cameras = matching::cameras_of(&videos, &calibration)?;
+    for (camera, video) in cameras.iter_mut().zip(&videos) {
+        camera.camera = matching::sized(video, &camera.camera, options.resize)?;
+        let check = camera.camera.check();
+        check.map_err(|problem| bad(&calibration.path, format!("camera {}: {problem}", camera.name)))?;
+    }
+    let layout = calibration.layout;
+    say(&line("cameras", false, &format!("{} by {layout}, {}", cameras.len(), calibration.path.display())));
+
+    let starts = starts::find(&store, &videos, &options.offsets, &mut warnings)?;
+    let fps = options.fps.unwrap_or_else(|| videos::commonest_fps(&videos));
+    let frames = write::frames(&videos, &starts, fps);
+    say(&line("starts", starts.is_kept, &findings::describe_starts(&starts, &videos)));
+    warnings.extend(findings::drift_warnings(&starts, &videos, fps, frames));
+
+    let placement = placement::place(&mut cameras, &calibration, options)?;
+    placement.notes.iter().for_each(|note| say(&format!("note: {note}")));
+
+    let instants_s = pictures::instants_s((frames - 1) as f64 / fps);
+    let decoded = videos
+        .par_iter()
+        .zip(&starts.starts_s)
+        .map(|(video, start_s)| pictures::decode(&store, video, *start_s, &instants_s))
+        .collect::<Result<Vec<_>, Fault>>()?;
+    let is_kept = decoded.iter().all(|(_, is_kept)| *is_kept);
+    let pictures: Vec<pictures::Pictures> = decoded.into_iter().map(|(pictures, _)| pictures).collect();
+    say(&line("pictures", is_kept, &format!("{} of each camera", pictures::FRAMES)));
+
+    let features: Vec<&[features::Features]> = pictures.iter().map(|pictures| &*pictures.features).collect();
+    let key = json!([key_of(&cameras), key_of_videos(&videos)?, starts.starts_s, frames, fps]);
+    let (epipolar, is_kept) = store.result("epipolar", &key, || Ok(epipolar::check(&cameras, &features)))?;
+    say(&line("calibration", is_kept, &findings::describe_epipolar(&epipolar)));
+    warnings.extend(findings::epipolar_warnings(&epipolar, &videos));
+    warnings.iter().for_each(|warning| say(&format!("warning: {warning}")));
+
+    let parts = write::CaptureParts {
+        videos: &videos,
+        cameras: &cameras,
+        starts: &starts,
+        placement: &placement,
+        fps,
+        frames,
+    };
+    write::write(&store, out, &parts, options.extract)?;
+    // What was written is what the other commands read.
+    CaptureFiles::open(out)?;
+    let findings = IngestFindings {
+        rig: rig.display().to_string(),
+        calibration: calibration.path.display().to_string(),
+        layout: layout.to_owned(),
+        fps,
+        frames,
+        cameras: videos
+            .iter()
+            .zip(&cameras)
+            .map(|(video, camera)| CameraFindings::new(video, camera))
+            .collect(),
+        starts,
+        placement,
+        epipolar,
+        warnings,
+    };
+    let page = page::page(&findings, &pictures, &instants_s)?;
+    output::write(&out.join(PAGE), page.as_bytes())?;
+    say(&line(
+        "capture",
+        false,
+        &format!(
+            "{}, {} a second, {} s: {}",
+            count(frames, "frame"),
+            decimal(fps, 3),
+            decimal((frames - 1) as f64 / fps, 2),
+            out.join(write::MANIFEST).display()
+        ),
+    ));
+    say(&line("page", false, &out.join(PAGE).display().to_string()));
+    Ok(findings)
+}
+
+/// A line of the terminal.
+fn line(step: &str, is_kept: bool, text: &str) -> String {
+    format!("{step:<12}{text}{}", if is_kept { " (kept from an earlier run)" } else { "" })
+}
+
+fn describe_videos(videos: &[RigVideo]) -> String {
+    let seconds: f64 = videos.iter().map(|video| video.probe.duration_s).sum();
+    let mut sizes: Vec<(u32, u32)> = videos.iter().map(|video| video.probe.size).collect();
+    sizes.sort_unstable();
+    sizes.dedup();
+    let sizes: Vec<String> = sizes.into_iter().map(|(w, h)| format!("{w}x{h}")).collect();
+    let of = |is: fn(&RigVideo) -> bool| videos.iter().filter(|video| is(video)).count();
+    format!(
+        "{} of {}, {:.1} s in all, {} with sound, {} at a variable rate",
+        videos.len(),
+        sizes.join(" and "),
+        seconds,
+        of(|video| video.probe.has_sound),
+        of(|video| video.probe.is_variable)
+    )
+}
+
+/// What the check depends on of cameras.
+fn key_of(cameras: &[RigCamera]) -> serde_json::Value {
+    let of = |RigCamera { camera, lens, .. }: &RigCamera| {
+        let lens: &Lens = lens;
+        json!([camera.width, camera.height, camera.k, camera.camera_from_world, lens.coefficients()])
+    };
+    cameras.iter().map(of).collect()
+}
+
+fn key_of_videos(videos: &[RigVideo]) -> Result<serde_json::Value, Fault> {
+    videos.iter().map(|video| identity(&video.path)).collect::<Result<Vec<_>, Fault>>().map(Into::into)
+}

@@ -1,0 +1,230 @@
+//! [`Starts`]: when the first frame of each video was taken: stated, by timecode, or by sound.
+
+use std::path::Path;
+
+use program::Fault;
+use rayon::prelude::*;
+use serde::Serialize;
+use serde_json::json;
+
+use super::options::Offsets;
+use super::sound::{self, SoundSync, Track};
+use super::store::{Store, identity};
+use super::videos::RigVideo;
+use crate::capture::{bad, read_text};
+use crate::messages::decimal;
+
+/// Seconds by which timecodes and sound may differ, besides two frames: the way of sound through 10 m.
+const SOUND_WAY_S: f64 = 0.029;
+
+/// Where starts come from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum StartSource {
+    /// All videos start together, as stated.
+    Together,
+    /// A file states them.
+    File,
+    /// The timecodes of the files.
+    Timecode,
+    /// Their sound.
+    Sound,
+}
+
+/// When videos start.
+#[derive(Clone, Debug, Serialize)]
+pub struct Starts {
+    /// Where they come from.
+    pub source: StartSource,
+    /// Second of the first frame of each video. The last camera to start does so at 0.
+    pub starts_s: Vec<f64>,
+    /// What the sound says, if it was compared.
+    pub sound: Option<SoundSync>,
+    /// Whether an earlier run compared it.
+    #[serde(skip)]
+    pub is_kept: bool,
+}
+
+/// Finds when `videos` start; warnings go to `warn`.
+///
+/// # Errors
+/// [`Fault::Data`] if nothing says so, or what does cannot be read or believed.
+pub(super) fn find(
+    store: &Store,
+    videos: &[RigVideo],
+    offsets: &Offsets,
+    warn: &mut Vec<String>,
+) -> Result<Starts, Fault> {
+    let known = |source, starts_s| Starts { source, starts_s, sound: None, is_kept: false };
+    let starts = match offsets {
+        Offsets::Together => known(StartSource::Together, vec![0.0; videos.len()]),
+        Offsets::File(path) => known(StartSource::File, stated(path, videos)?),
+        Offsets::Found if videos.len() == 1 => known(StartSource::Together, vec![0.0]),
+        Offsets::Found => found(store, videos, warn)?,
+    };
+    let last_s = starts.starts_s.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let starts_s: Vec<f64> = starts.starts_s.iter().map(|start_s| start_s - last_s).collect();
+    for (video, start_s) in videos.iter().zip(&starts_s) {
+        let end_s = start_s + video.probe.duration_s;
+        if end_s <= 0.0 {
+            return Err(bad(
+                &video.path,
+                format!(
+                    "it ends {:.3} s before the last camera starts; take it away, or correct --offsets",
+                    -end_s
+                ),
+            ));
+        }
+    }
+    Ok(Starts { starts_s, ..starts })
+}
+
+/// Starts by timecode where all videos have one, else by sound. Both are compared where there are both.
+fn found(store: &Store, videos: &[RigVideo], warn: &mut Vec<String>) -> Result<Starts, Fault> {
+    let has_sound = videos.iter().all(|video| video.probe.has_sound);
+    let timecodes: Option<Vec<f64>> = videos.iter().map(timecode_s).collect();
+    let Some(timecodes) = timecodes else {
+        if !has_sound {
+            let silent = videos.iter().filter(|video| !video.probe.has_sound);
+            let names: Vec<&str> = silent.map(|video| video.name.as_str()).collect();
+            return Err(Fault::Data(format!(
+                "no sound in {}, so nothing says when the videos start; state it with --offsets FILE, or that they start together \
+                 with --offsets none",
+                names.join(", ")
+            )));
+        }
+        return by_sound(store, videos);
+    };
+    let by_timecode =
+        Starts { source: StartSource::Timecode, starts_s: timecodes, sound: None, is_kept: false };
+    let Some(by_sound) = has_sound.then(|| by_sound(store, videos)) else { return Ok(by_timecode) };
+    // Sound of another event says nothing against timecodes.
+    let Ok(by_sound) = by_sound else {
+        warn.push(
+            "the videos have sound, but not of one event; only their timecodes say when they start".into(),
+        );
+        return Ok(by_timecode);
+    };
+    let apart = |i: usize, j: usize| {
+        let [a, b] = [&by_timecode.starts_s, &by_sound.starts_s].map(|starts_s| starts_s[i] - starts_s[j]);
+        (a - b).abs()
+    };
+    let slack_s =
+        SOUND_WAY_S + 2.0 / videos.iter().map(|video| video.probe.fps).fold(f64::INFINITY, f64::min);
+    let worst = (1..videos.len()).max_by(|a, b| apart(*a, 0).total_cmp(&apart(*b, 0))).unwrap_or(0);
+    match apart(worst, 0) <= slack_s {
+        true => Ok(Starts { sound: by_sound.sound, is_kept: by_sound.is_kept, ..by_timecode }),
+        false => {
+            warn.push(format!(
+                "timecodes and sound differ by {} s between {} and {}, so sound is believed; state starts with --offsets FILE if \
+                 it is wrong",
+                decimal(apart(worst, 0), 3),
+                videos[0].name,
+                videos[worst].name
+            ));
+            Ok(by_sound)
+        }
+    }
+}
+
+fn by_sound(store: &Store, videos: &[RigVideo]) -> Result<Starts, Fault> {
+    let tracks = videos
+        .par_iter()
+        .map(|video| Track::extract(store, &video.path).map(|(track, _)| track))
+        .collect::<Result<Vec<_>, Fault>>()?;
+    let key = videos.iter().map(|video| identity(&video.path)).collect::<Result<Vec<_>, Fault>>()?;
+    let name = |camera: usize| videos[camera].name.clone();
+    let (sound, is_kept) = store.result("sound", &json!(key), || sound::synchronise(&tracks, &name))?;
+    // Sound tells when files start; their first frame may be later.
+    let first_frame_s =
+        sound.starts_s.iter().zip(videos).map(|(start_s, video)| start_s + video.probe.first_s);
+    Ok(Starts { source: StartSource::Sound, starts_s: first_frame_s.collect(), sound: Some(sound), is_kept })
+}
+
+/// The second of the day at which a video starts by its timecode.
+fn timecode_s(video: &RigVideo) -> Option<f64> {
+    let text = video.probe.timecode.as_deref()?;
+    let is_drop = text.contains(';');
+    let parts: Vec<u64> =
+        text.split([':', ';', '.']).map(|part| part.parse().ok()).collect::<Option<Vec<_>>>()?;
+    let [hours, minutes, seconds, frames] = parts[..] else { return None };
+    let nominal = video.probe.fps.round() as u64;
+    let total_minutes = 60 * hours + minutes;
+    // SMPTE 12M: two numbers of 30 are left out each minute, except each tenth.
+    let dropped = if is_drop { (nominal / 15) * (total_minutes - total_minutes / 10) } else { 0 };
+    let count = (60 * total_minutes + seconds) * nominal + frames
+        - dropped.min(frames + 60 * total_minutes * nominal);
+    Some(count as f64 / video.probe.fps)
+}
+
+/// Reads lines of a name and seconds.
+fn stated(path: &Path, videos: &[RigVideo]) -> Result<Vec<f64>, Fault> {
+    let text = read_text(path)?;
+    let mut starts_s: Vec<Option<f64>> = vec![None; videos.len()];
+    for (number, line) in text.lines().enumerate() {
+        let at = |problem: String| bad(path, format!("line {}: {problem}", number + 1));
+        let line = line.split('#').next().unwrap_or_default().trim();
+        if line.is_empty() {
+            continue;
+        }
+        let parsed = line.rsplit_once(char::is_whitespace).and_then(|(name, seconds)| {
+            Some((name.trim(), seconds.parse::<f64>().ok().filter(|seconds| seconds.is_finite())?))
+        });
+        let Some((name, seconds)) = parsed else {
+            return Err(at(format!("\"{line}\" is no name and seconds; write them as: cam01 -0.25")));
+        };
+        let Some(video) = videos.iter().position(|video| video.name == name) else {
+            return Err(at(format!("there is no video {name}; name it as its file, without extension")));
+        };
+        if starts_s[video].replace(seconds).is_some() {
+            return Err(at(format!("{name} is listed twice; leave one line")));
+        }
+    }
+    let missing = starts_s.iter().position(Option::is_none);
+    match missing {
+        Some(video) => Err(bad(path, format!("no line for the video {}; add one", videos[video].name))),
+        None => Ok(starts_s.into_iter().flatten().collect()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::videos::tests::video;
+    use super::*;
+
+    #[test]
+    fn timecodes_count_real_seconds() {
+        let seconds = |fps: f64, text: &str| {
+            let mut video = video("a", fps);
+            video.probe.timecode = Some(text.into());
+            timecode_s(&video)
+        };
+        assert_eq!(seconds(25.0, "01:00:01:05"), Some(3601.2));
+        let drop = seconds(30000.0 / 1001.0, "01:00:00;00").unwrap();
+        assert!((drop - 3600.0).abs() < 0.01, "{drop}");
+        let full = seconds(30000.0 / 1001.0, "01:00:00:00").unwrap();
+        assert!((full - 3603.6).abs() < 1e-6, "{full}");
+        assert_eq!(seconds(25.0, "garbage"), None);
+    }
+
+    #[test]
+    fn a_file_states_each_video_once() {
+        let videos = [video("a", 25.0), video("b c", 25.0)];
+        let file = tempfile::NamedTempFile::new().unwrap();
+        let read = |text: &str| {
+            std::fs::write(file.path(), text).unwrap();
+            stated(file.path(), &videos).map_err(|fault| fault.to_string())
+        };
+        assert_eq!(read("# when\na 0.5\nb c\t-1e-1 # late\n\n"), Ok(vec![0.5, -0.1]));
+        for (text, problem) in [
+            ("a 1", "no line for the video b c"),
+            ("a", "is no name and seconds"),
+            ("a nan", "is no name and seconds"),
+            ("d 1", "there is no video d"),
+            ("a 1\na 2", "line 2: a is listed twice"),
+        ] {
+            let error = read(text).unwrap_err();
+            assert!(error.contains(problem), "{error}");
+        }
+    }
+}

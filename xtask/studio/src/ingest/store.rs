@@ -1,0 +1,110 @@
+//! [`Store`]: results of steps, kept in the output's folder so that another run can go on from them.
+//!
+//! A result is a JSON file with the key that it depends on. A result with another key, and one that cannot be read, is made
+//! again and replaced.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::UNIX_EPOCH;
+
+use program::{Fault, output};
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
+
+use crate::messages::unreadable;
+
+/// Version of all results: a change of what a step computes changes it.
+const VERSION: u32 = 4;
+
+/// A result in its file.
+#[derive(Deserialize)]
+struct Kept<T> {
+    key: String,
+    value: T,
+}
+
+/// The folder of results.
+#[derive(Debug)]
+pub(super) struct Store {
+    folder: PathBuf,
+}
+
+impl Store {
+    /// Makes the folder.
+    ///
+    /// # Errors
+    /// [`Fault::Usage`] if it cannot be made.
+    pub(super) fn open(folder: PathBuf) -> Result<Store, Fault> {
+        output::make_folder(&folder)?;
+        Ok(Store { folder })
+    }
+
+    /// Path of a file of this name.
+    pub(super) fn path(&self, name: &str) -> PathBuf {
+        self.folder.join(name)
+    }
+
+    /// The result of this name, and whether it was kept: that of an earlier run with the same key, or what `make` returns.
+    ///
+    /// # Errors
+    /// Those of `make`; [`Fault::Usage`] if the result cannot be written.
+    pub(super) fn result<T: Serialize + DeserializeOwned>(
+        &self,
+        name: &str,
+        key: &Value,
+        make: impl FnOnce() -> Result<T, Fault>,
+    ) -> Result<(T, bool), Fault> {
+        // As text: numbers that are read differ in their last bit.
+        let key = json!([VERSION, env!("CARGO_PKG_VERSION"), key]).to_string();
+        let path = self.path(&format!("{name}.json"));
+        let kept =
+            fs::read_to_string(&path).ok().and_then(|text| serde_json::from_str::<Kept<T>>(&text).ok());
+        if let Some(kept) = kept.filter(|kept| kept.key == key) {
+            return Ok((kept.value, true));
+        }
+        let text = json!({ "key": key, "value": make()? }).to_string();
+        // Every run goes on from the same numbers, those that are read.
+        let kept: Kept<T> = serde_json::from_str(&text)
+            .map_err(|error| Fault::Defect(format!("the result {name} cannot be read again: {error}")))?;
+        output::write(&path, text.as_bytes())?;
+        Ok((kept.value, false))
+    }
+}
+
+/// What tells one state of a file from another: its path, length and time.
+///
+/// # Errors
+/// [`Fault::Data`] if the file cannot be read.
+pub(super) fn identity(path: &Path) -> Result<Value, Fault> {
+    let metadata = fs::metadata(path).map_err(|error| unreadable(path, &error))?;
+    let modified = metadata.modified().ok().and_then(|time| time.duration_since(UNIX_EPOCH).ok());
+    let nanoseconds = modified.map_or(0, |time| time.as_nanos() as u64);
+    let path = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+    Ok(json!([path.to_string_lossy(), metadata.len(), nanoseconds]))
+}
+
+/// A name as a part of a file name.
+pub(super) fn file_name(name: &str) -> String {
+    name.chars().map(|c| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' }).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_result_is_kept_until_its_key_changes() {
+        let folder = tempfile::tempdir().unwrap();
+        let store = Store::open(folder.path().join("a/b")).unwrap();
+        let made = |key: u32, value: u32| store.result("x", &json!([key]), || Ok(value)).unwrap();
+        assert_eq!(
+            [made(1, 10), made(1, 11), made(2, 12), made(1, 13)],
+            [(10, false), (10, true), (12, false), (13, false)]
+        );
+        fs::write(store.path("x.json"), "{").unwrap();
+        assert_eq!(made(1, 14), (14, false));
+        let failed = store.result::<u32>("y", &json!(0), || Err(Fault::Data("no".into())));
+        assert!(failed.is_err() && !store.path("y.json").exists());
+    }
+}
