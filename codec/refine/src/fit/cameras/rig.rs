@@ -31,9 +31,9 @@ const TRANSLATION_RATE: f64 = 1e-4;
 
 /// Learning rate of the colours and of the logarithms of the exposures, and weight in the loss of half their squares: it
 /// decides where the photographs do not. Swept together: faster or freer ones take shading of the scene for differences
-/// of cameras that are alike.
+/// of cameras that are alike, others learn nothing.
 const COLOR_RATE: f64 = 2e-3;
-const COLOR_WEIGHT: f64 = 1e-2;
+const COLOR_WEIGHT: f64 = 1e-3;
 
 /// The same of the vignette, which a subject in the middle of the images shows least.
 const VIGNETTE_RATE: f64 = 2e-4;
