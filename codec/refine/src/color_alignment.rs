@@ -8,7 +8,7 @@ use crate::image::Image;
 /// Weight of the identity per pixel: it decides in pictures of one colour.
 const RIDGE: f64 = 1e-6;
 
-/// `picture` after the affine transform of its colours, over black, that is nearest to the subject of `photo` by least
+/// `picture` after the affine transform of its colours that is nearest to the subject of `photo` by least
 /// squares; without a subject, as it is.
 ///
 /// A held camera has a response that no fit has learned. The difference that is left is that of what the picture shows,
@@ -23,7 +23,7 @@ pub(crate) fn align_colors(picture: &Image, photo: &Photo) -> Image {
     let mut pixels = 0.0;
     for (i, (drawn, taken)) in picture.pixels.iter().zip(taken).enumerate() {
         if photo.is_subject(i) {
-            let drawn = DVec4::from_array(*drawn);
+            let drawn = affine(drawn);
             products += DMat4::from_cols(drawn * drawn.x, drawn * drawn.y, drawn * drawn.z, drawn * drawn.w);
             by_channel.iter_mut().zip(taken).for_each(|(sum, taken)| *sum += drawn * *taken);
             pixels += 1.0;
@@ -38,10 +38,15 @@ pub(crate) fn align_colors(picture: &Image, photo: &Photo) -> Image {
     let rows: [DVec4; 3] = std::array::from_fn(|c| inverse * (by_channel[c] + ridge * axes[c]));
     let mut aligned = picture.clone();
     for pixel in &mut aligned.pixels {
-        let drawn = DVec4::from_array(*pixel);
+        let drawn = affine(pixel);
         (0..3).for_each(|c| pixel[c] = rows[c].dot(drawn));
     }
     aligned
+}
+
+/// A colour, and 1 for what is added to it.
+fn affine([r, g, b, _]: &[f64; 4]) -> DVec4 {
+    DVec4::new(*r, *g, *b, 1.0)
 }
 
 #[cfg(test)]

@@ -44,7 +44,7 @@ impl ImageMetrics {
         let seen = |i: &usize| photo.seen[*i];
         let subject = |i: &usize| photo.is_subject(*i);
         let all = 0..taken.pixels.len();
-        let aligned = rounded(&align_colors(picture, photo));
+        let aligned = rounded(&align_colors(&saved, photo));
         ImageMetrics {
             psnr_fg: psnr(&saved, all.clone().filter(subject).collect()),
             psnr_fg_aligned: psnr(&aligned, all.clone().filter(subject).collect()),

@@ -144,12 +144,13 @@ pub fn parse_csv(text: &str, capture_files: &CaptureFiles) -> Result<Vec<Judged>
         photos.iter().map(|photo_id| (name(photo_id), *photo_id)).collect();
     let parse_line = |line: &str| {
         // From the end, as names may hold commas.
-        let mut cells = line.rsplitn(6, ',');
+        let mut cells = line.rsplitn(7, ',');
         let mut cell = || cells.next();
         let optional = |text: &str| if text.is_empty() { Some(None) } else { text.parse().ok().map(Some) };
         let lpips = optional(cell()?)?;
         let ssim = cell()?.parse().ok()?;
         let psnr_full = cell()?.parse().ok()?;
+        let psnr_fg_aligned = optional(cell()?)?;
         let psnr_fg = optional(cell()?)?;
         let split = cell()?;
         let split = Split::ALL.into_iter().find(|known| known.name() == split)?;
@@ -157,7 +158,7 @@ pub fn parse_csv(text: &str, capture_files: &CaptureFiles) -> Result<Vec<Judged>
         Some(Judged {
             photo_id,
             split,
-            measures: ImageMetrics { psnr_fg, psnr_fg_aligned: psnr_fg, psnr_full, ssim, lpips },
+            measures: ImageMetrics { psnr_fg, psnr_fg_aligned, psnr_full, ssim, lpips },
         })
     };
     let lines = (1..).zip(text.lines()).skip(1);
@@ -191,7 +192,7 @@ mod tests {
         assert_eq!((rows[0].psnr_fg, rows[0].psnr_fg_deviation), (Some(23.0), Some(3.0)));
         assert_eq!((rows[0].images, rows[0].without_subject, rows.len()), (3, 1, 1));
         assert!(
-            table(&rows).contains("| train | 3 | 23.00 ± 3.00 | 30.00 | 0.5000 | – |"),
+            table(&rows).contains("| train | 3 | 23.00 ± 3.00 | 23.00 | 30.00 | 0.5000 | – |"),
             "{}",
             table(&rows)
         );
@@ -200,8 +201,8 @@ mod tests {
     #[test]
     fn exact_pictures_and_empty_ones_have_no_deviation() {
         let text = |psnr: &[Option<f64>]| table(&means(&judged(psnr)));
-        assert!(text(&[Some(f64::INFINITY); 2]).contains("| 2 | inf | 30.00 |"));
-        assert!(text(&[None]).contains("| 1 | – | 30.00 |"));
+        assert!(text(&[Some(f64::INFINITY); 2]).contains("| 2 | inf | inf | 30.00 |"));
+        assert!(text(&[None]).contains("| 1 | – | – | 30.00 |"));
     }
 
     #[test]
