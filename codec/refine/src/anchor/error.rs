@@ -18,6 +18,8 @@ pub enum AnchorError {
     },
     /// A hull was asked for, but the photographs have no masks.
     NoMasks,
+    /// Photographs without masks are to be swept, but all are taken from one place.
+    OnePlace,
     /// All masks are empty.
     NoSubject,
     /// A hull was asked for, but only one camera sees the subject.
@@ -57,6 +59,9 @@ impl fmt::Display for AnchorError {
             }
             AnchorError::NoMasks => {
                 "the photographs have no masks, which a visual hull needs: give masks or depth maps"
+            }
+            AnchorError::OnePlace => {
+                "the photographs have no masks and are all taken from one place: give masks, depth maps or more cameras"
             }
             AnchorError::NoSubject => "no mask shows a subject: check the masks",
             AnchorError::OneView => {

@@ -6,7 +6,8 @@
 //!
 //! ```text
 //! photographs -> silhouette -> hull -> sweep -\
-//!                        given maps -> align --> ground -> mirror -> motion -> Parameters
+//!      photographs without masks -> open sweep --> ground -> mirror -> motion -> Parameters
+//!                        given maps -> align -/
 //! ```
 //!
 //! Frames are read one at a time, so memory holds the photographs of one frame only. When all have their Gaussians,
@@ -20,6 +21,7 @@ mod ground;
 mod hull;
 mod mirror;
 mod motion;
+mod open;
 mod pinhole;
 mod registration;
 mod scatter;

@@ -62,7 +62,8 @@ impl Default for AnchorSettings {
 pub enum DepthSource {
     /// Where rays enter the visual hull of the masks.
     Hull,
-    /// The hull's depths, refined by a plane sweep over the photographs.
+    /// The hull's depths, refined by a plane sweep over the photographs. Of photographs without masks, a plane sweep
+    /// through all the space in front of the cameras.
     HullAndSweep,
     /// The maps in [`AnchorView::depths`](super::AnchorView), after alignment.
     Given(Alignment),

@@ -8,7 +8,7 @@ use super::hull::Hull;
 use super::pinhole::{Pinhole, rig_radius};
 use super::silhouette::Silhouette;
 use super::{
-    Alignment, AnchorError, AnchorFrame, AnchorSettings, AnchorView, DepthMap, DepthSource, mirror, sweep,
+    Alignment, AnchorError, AnchorFrame, AnchorSettings, AnchorView, DepthMap, DepthSource, mirror, open, sweep,
 };
 use crate::fit::Photograph;
 use crate::median::median;
@@ -41,6 +41,7 @@ pub(super) fn surfaces<'a>(
     let pinholes = pinholes(frame);
     let hull = match settings.source {
         DepthSource::Given(Alignment::Metric | Alignment::Rig) => None,
+        DepthSource::HullAndSweep if !views.iter().any(|view| view.photograph.is_masked()) => None,
         DepthSource::Hull | DepthSource::HullAndSweep | DepthSource::Given(Alignment::Hull) => {
             let silhouettes =
                 pinholes.iter().zip(views).map(|(pinhole, view)| Silhouette::new(pinhole, &view.photograph));
@@ -62,9 +63,12 @@ pub(super) fn surfaces<'a>(
         .map(|i| hull_surface(&pinholes[i], &views[i].photograph, hull.as_ref(), step))
         .collect();
     match (settings.source, &hull) {
-        (DepthSource::HullAndSweep, Some(hull)) => {
+        (DepthSource::HullAndSweep, hull) => {
             let pairs: Vec<_> = pinholes.iter().zip(views.iter().map(|view| &view.photograph)).collect();
-            let swept = sweep::sweep(settings.sweep, hull, &pairs, &grounding);
+            let swept = match hull {
+                Some(hull) => sweep::sweep(settings.sweep, hull, &pairs, &grounding),
+                None => open::sweep(&pairs, &grounding).ok_or(AnchorError::OnePlace)?,
+            };
             let swept = swept.into_iter().zip(&grounding).filter(|(_, grounding)| **grounding);
             for (surface, (depths, _)) in surfaces.iter_mut().zip(swept) {
                 surface.depths = depths;

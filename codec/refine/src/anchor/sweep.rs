@@ -7,7 +7,7 @@
 //! occluded (Kang, Szeliski and Chai, 2001). The hull's depth stays if no depth scores well, or if
 //! neighbours see through the point.
 
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Mat3, Vec3};
 use rayon::prelude::*;
 
 use super::DepthMap;
@@ -31,7 +31,7 @@ impl Default for SweepSettings {
 }
 
 /// Number of neighbours that a view is compared with, and how many of them must agree.
-const NEIGHBORS: usize = 4;
+pub(super) const NEIGHBORS: usize = 4;
 const BEST: usize = 2;
 
 /// Cosines of the least and greatest angle between a view and its neighbours: closer views have no
@@ -57,14 +57,14 @@ const RANGE_VOXELS: f64 = 3.0;
 const RANGE_THICKNESS: f64 = 0.05;
 
 /// A photograph prepared for comparison.
-struct SweptView {
-    pinhole: Pinhole,
+pub(super) struct SweptView {
+    pub(super) pinhole: Pinhole,
     /// Brightness over black.
     luma: Vec<f32>,
-    subject: Vec<bool>,
+    pub(super) subject: Vec<bool>,
     spans: Vec<[f32; 2]>,
     /// Views to compare with, nearest first.
-    neighbors: Vec<usize>,
+    pub(super) neighbors: Vec<usize>,
 }
 
 /// Depth maps of the views flagged in `grounding`, empty maps for the others.
@@ -102,7 +102,7 @@ pub(super) fn sweep(
 }
 
 /// The views whose direction to `center` is closest to that of view `i`, closest first.
-fn nearest(views: &[(&Pinhole, &Photograph)], i: usize, center: DVec3) -> Vec<usize> {
+pub(super) fn nearest(views: &[(&Pinhole, &Photograph)], i: usize, center: DVec3) -> Vec<usize> {
     let towards = |i: usize| (center - views[i].0.position).normalize_or_zero();
     let cosine = |other: usize| towards(i).dot(towards(other));
     let mut others: Vec<usize> = (0..views.len())
@@ -114,7 +114,7 @@ fn nearest(views: &[(&Pinhole, &Photograph)], i: usize, center: DVec3) -> Vec<us
 }
 
 /// Prepares a photograph: shrinks it by a whole factor to about `size` pixels along the longer side.
-fn shrunk(pinhole: &Pinhole, photograph: &Photograph, size: u32) -> SweptView {
+pub(super) fn shrunk(pinhole: &Pinhole, photograph: &Photograph, size: u32) -> SweptView {
     let factor = ((pinhole.size[0].max(pinhole.size[1]) + size / 2) / size.max(1)).max(1);
     let factor = factor.min(pinhole.size[0]).min(pinhole.size[1]);
     let pinhole = pinhole.shrunk(factor);
@@ -207,48 +207,66 @@ fn brightness(view: &SweptView, at: Vec3) -> Option<f32> {
     Some(above + v * (below - above))
 }
 
+/// Where the pixels of a view are in another: at `depth * (matrix * pixel) + offset`.
+pub(super) struct Neighbor<'a> {
+    view: &'a SweptView,
+    matrix: Mat3,
+    offset: Vec3,
+}
+
+/// The neighbours of view `i`.
+pub(super) fn neighbors(all: &[SweptView], i: usize) -> Vec<Neighbor<'_>> {
+    let from = &all[i].pinhole;
+    let neighbor = |&other: &usize| {
+        let to = &all[other].pinhole;
+        let matrix = to.pixel_from_world * from.world_from_pixel;
+        let offset = to.pixel_from_world * from.position + to.offset;
+        Neighbor { view: &all[other], matrix: matrix.as_mat3(), offset: offset.as_vec3() }
+    };
+    all[i].neighbors.iter().map(neighbor).collect()
+}
+
+/// The score of each of `depths` at a pixel: the mean NCC over the best neighbours; `None` if the pixel cannot be compared.
+pub(super) fn scores(
+    view: &SweptView,
+    neighbors: &[Neighbor],
+    [x, y]: [usize; 2],
+    depths: impl ExactSizeIterator<Item = f32> + Clone,
+) -> Option<Vec<f32>> {
+    let patch = Patch::around(view, x as i32, y as i32)?;
+    let mut scores = vec![[f32::NEG_INFINITY; NEIGHBORS]; depths.len()];
+    for (slot, Neighbor { view, matrix, offset }) in neighbors.iter().enumerate() {
+        let rays: Vec<Vec3> = patch.pixels.iter().map(|(place, _)| *matrix * *place).collect();
+        for (depth, scores) in depths.clone().zip(&mut scores) {
+            scores[slot] = patch.likeness(view, &rays, *offset, depth).unwrap_or(f32::NEG_INFINITY);
+        }
+    }
+    let best = BEST.min(neighbors.len().max(1));
+    let score = |mut of: [f32; NEIGHBORS]| {
+        of.sort_by(|a, b| b.total_cmp(a));
+        of[..best].iter().sum::<f32>() / best as f32
+    };
+    Some(scores.into_iter().map(score).collect())
+}
+
 /// The depths of view `i` with the highest NCC, or the hull's depths where no NCC is high.
 fn matched(all: &[SweptView], i: usize, depths: usize, voxel: f64) -> Vec<f32> {
     let view = &all[i];
     let depths = depths.clamp(2, 256);
-    // Image of a pixel of this view in another: depth * (matrix * pixel) + offset.
-    let others: Vec<_> = view
-        .neighbors
-        .iter()
-        .map(|&other| {
-            let pinhole = &all[other].pinhole;
-            let matrix = pinhole.pixel_from_world * view.pinhole.world_from_pixel;
-            let offset = pinhole.pixel_from_world * view.pinhole.position + pinhole.offset;
-            (&all[other], matrix.as_mat3(), offset.as_vec3())
-        })
-        .collect();
+    let neighbors = neighbors(all, i);
     let width = view.pinhole.size[0] as usize;
     let mut swept: Vec<f32> = view.spans.iter().map(|[enter, _]| *enter).collect();
     swept.par_iter_mut().enumerate().filter(|(_, depth)| **depth > 0.0).for_each(|(pixel, depth)| {
         let (x, y) = (pixel % width, pixel / width);
-        let Some(patch) = Patch::around(view, x as i32, y as i32) else { return };
         let [enter, leave] = view.spans[pixel];
         let ray = view.pinhole.ray([x as u32, y as u32]).length();
         let behind = (RANGE_VOXELS * voxel / ray) as f32;
         let behind = behind.max(RANGE_THICKNESS as f32 * (leave - enter)).min(leave - enter);
         let step = behind / (depths - 1) as f32;
-        let mut scores = vec![[f32::NEG_INFINITY; NEIGHBORS]; depths];
-        for (slot, (other, matrix, offset)) in others.iter().enumerate() {
-            let rays: Vec<Vec3> = patch.pixels.iter().map(|(place, _)| *matrix * *place).collect();
-            for (k, scores) in scores.iter_mut().enumerate() {
-                let likeness = patch.likeness(other, &rays, *offset, enter + k as f32 * step);
-                scores[slot] = likeness.unwrap_or(f32::NEG_INFINITY);
-            }
+        let tried = (0..depths).map(|k| enter + k as f32 * step);
+        if let Some(scores) = scores(view, &neighbors, [x, y], tried) {
+            *depth = enter + step * peak(&scores);
         }
-        let best = BEST.min(others.len().max(1));
-        let scores: Vec<f32> = scores
-            .into_iter()
-            .map(|mut of| {
-                of.sort_by(|a, b| b.total_cmp(a));
-                of[..best].iter().sum::<f32>() / best as f32
-            })
-            .collect();
-        *depth = enter + step * peak(&scores);
     });
     swept
 }
@@ -261,6 +279,11 @@ fn peak(scores: &[f32]) -> f32 {
     if scores[k] < LEAST_SCORE || !gains {
         return 0.0;
     }
+    interpolated(scores, k)
+}
+
+/// Position of the peak at `k`, refined by the parabola through its neighbours.
+pub(super) fn interpolated(scores: &[f32], k: usize) -> f32 {
     let near = |k: Option<usize>| k.and_then(|k| scores.get(k)).copied().filter(|s| s.is_finite());
     let aside = match (near(k.checked_sub(1)), near(Some(k + 1))) {
         (Some(before), Some(after)) => {

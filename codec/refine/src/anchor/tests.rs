@@ -213,7 +213,7 @@ fn one_camera_needs_depths_in_units_of_the_capture() {
 }
 
 #[test]
-fn black_photographs_have_a_surface_and_unmasked_ones_have_none() {
+fn black_photographs_have_a_surface_and_unmasked_ones_have_no_hull() {
     let mut frame = frame(0, &ring(8, 3.0, 48));
     for pixel in frame.views.iter_mut().flat_map(|view| &mut view.photograph.pixels) {
         *pixel = [0, 0, 0, pixel[3]];
@@ -223,11 +223,15 @@ fn black_photographs_have_a_surface_and_unmasked_ones_have_none() {
     for pixel in frame.views.iter_mut().flat_map(|view| &mut view.photograph.pixels) {
         pixel[3] = 255;
     }
-    let fault = run(&settings(DepthSource::HullAndSweep), std::slice::from_ref(&frame)).err().unwrap();
+    let fault = run(&settings(DepthSource::Hull), std::slice::from_ref(&frame)).err().unwrap();
     assert_eq!(fault, AnchorError::NoMasks);
     assert!(fault.to_string().contains("no masks") && !fault.to_string().contains('\n'));
-    // Given depths need no masks.
-    assert!(run(&settings(DepthSource::Given(Alignment::Metric)), &[frame]).is_ok());
+    // Given depths need no masks, nor does a sweep of two cameras or more.
+    for source in [DepthSource::Given(Alignment::Metric), DepthSource::HullAndSweep] {
+        assert!(run(&settings(source), std::slice::from_ref(&frame)).is_ok());
+    }
+    frame.views.truncate(1);
+    assert_eq!(run(&settings(DepthSource::HullAndSweep), &[frame]).err(), Some(AnchorError::OnePlace));
 }
 
 #[test]
