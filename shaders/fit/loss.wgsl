@@ -1,5 +1,5 @@
 // Stage loss: 0.8 L1 + 0.2 (1 - SSIM), means over all pixels and three channels (the paper's Eq. 9 without
-// LPIPS), and its gradient with respect to the image.
+// LPIPS), and its gradient with respect to the image. L1 also compares alpha with the mask.
 //
 // The window of SSIM (Wang et al. 2004) is separable, with zeros beyond the edges. One thread per pixel:
 //
@@ -12,14 +12,14 @@
 @group(0) @binding(3) var<storage, read_write> totals: array<u32>;
 // Red, green, blue over black, and alpha.
 @group(0) @binding(14) var<storage, read> image: array<vec4<f32>>;
-// One byte each: red (lowest), green, blue, and 0 for an invalid pixel. Invalid pixels count as equal and
-// have no gradient.
+// One byte each: red (lowest), green, blue, and 0 for an invalid pixel, UNMASKED for one of a photograph without a mask,
+// one more outside of the subject, else the mask. Invalid pixels count as equal and have no gradient.
 @group(0) @binding(15) var<storage, read> photograph: array<u32>;
 // Blurred along rows, `[quantity][channel][pixel]`: first the MOMENTS, then the DERIVATIVES.
 @group(0) @binding(16) var<storage, read_write> blurred: array<f32>;
 // `[derivative][channel][pixel]`: with respect to the mean of the image, its mean square, the mean product.
 @group(0) @binding(17) var<storage, read_write> derivatives: array<f32>;
-// Per pixel, summed over the channels: absolute difference, similarity.
+// Per pixel, summed over the channels: absolute difference, with that of alpha; similarity.
 @group(0) @binding(18) var<storage, read_write> differences: array<vec2<f32>>;
 @group(0) @binding(19) var<storage, read_write> d_image: array<vec4<f32>>;
 
@@ -39,6 +39,16 @@ fn is_valid(pixel: u32) -> bool {
 fn target_color(pixel: u32) -> vec3<f32> {
     let bytes = photograph[pixel];
     return vec3<f32>(vec3<u32>(bytes & 0xffu, (bytes >> 8u) & 0xffu, (bytes >> 16u) & 0xffu)) / 255.0;
+}
+
+// Alpha of the image minus the mask, weighted; 0 without a mask.
+fn alpha_difference(pixel: u32) -> f32 {
+    let mask = photograph[pixel] >> 24u;
+    if mask <= UNMASKED {
+        return 0.0;
+    }
+    let opacity = select(f32(mask) / 255.0, 0.0, mask == UNMASKED + 1u);
+    return ALPHA_CHANNELS * (image[pixel].w - opacity);
 }
 
 // Colour of the image; that of the photograph for an invalid pixel.
@@ -132,7 +142,8 @@ fn compare(at: Invocation) {
         similarities += similarity_at(channel, pixel);
     }
     let difference = abs(image_color(pixel) - target_color(pixel));
-    differences[pixel] = vec2<f32>(difference.x + difference.y + difference.z, similarities);
+    let absolute = difference.x + difference.y + difference.z + abs(alpha_difference(pixel));
+    differences[pixel] = vec2<f32>(absolute, similarities);
 }
 
 @compute @workgroup_size(GROUP)
@@ -173,7 +184,8 @@ fn loss_backward(at: Invocation) {
     let by_structure = each * (by[0] + 2.0 * a * by[1] + b * by[2]);
     // sign(NaN) is undefined, but the other term is NaN then.
     let gradient = (1.0 - LAMBDA) * each * sign(a - b) - LAMBDA * by_structure;
-    d_image[pixel] += vec4<f32>(gradient, 0.0);
+    let by_alpha = (1.0 - LAMBDA) * each * ALPHA_CHANNELS * sign(alpha_difference(pixel));
+    d_image[pixel] += vec4<f32>(gradient, by_alpha);
 }
 
 // Leaves the sums over all pixels in the totals, as bits of floats.

@@ -26,6 +26,10 @@ pub const LENGTH_MIN: f32 = 1e-12;
 pub const ADAM: [f32; 3] = [0.9, 0.999, 1e-15];
 /// Weight of structural dissimilarity in the loss, against L1.
 pub const LAMBDA: f32 = 0.2;
+/// Weight of alpha in L1, against that of a channel of colour.
+pub const ALPHA_CHANNELS: f32 = 1.0;
+/// What a photograph without masks has in place of its mask.
+pub const UNMASKED: u32 = 1;
 
 /// Threads per group of most kernels.
 pub const GROUP: u32 = 64;
@@ -304,6 +308,7 @@ fn constants(columns: Columns) -> String {
         ("COLUMNS", COLUMNS as u32),
         ("SH_REST", layout::AdamUniforms::SH_REST),
         ("ROTATION_RATE_AT", layout::AdamUniforms::ROTATION_RATE),
+        ("UNMASKED", UNMASKED),
     ]
     .map(unsigned)
     .concat();
@@ -316,6 +321,7 @@ fn constants(columns: Columns) -> String {
         ("LENGTH_MIN", LENGTH_MIN),
         ("Q_MARGIN", Q_MARGIN),
         ("LAMBDA", LAMBDA),
+        ("ALPHA_CHANNELS", ALPHA_CHANNELS),
         ("BETA1", beta1),
         ("BETA2", beta2),
         ("LOG_BETA1", log(beta1)),

@@ -2,6 +2,10 @@
 //!
 //! `0.8 L1 + 0.2 (1 - SSIM) + 0.1 LPIPS`, each a mean over all pixels and three channels. Without weights
 //! for LPIPS its term is left out. The photograph is masked over black, as the image is rendered.
+//!
+//! Beyond the paper, L1 also compares the alpha of the image with the mask of a photograph that has one. Over black alone,
+//! dark parts of the subject could as well be transparent, and would show what is behind it in a headset. It also tells
+//! apart what is far and faint from what is near: stage-knight gains 0.5 dB at held frames.
 
 use std::ops::Range;
 
@@ -13,6 +17,10 @@ use crate::fit::views::Photograph;
 /// Weight of structural dissimilarity `1 - SSIM` against L1 (the paper's lambda).
 pub(in crate::fit) const LAMBDA: f64 = 0.2;
 
+/// Alpha counts in L1 as so many channels of colour do. Swept: 0.3, 1 and 3 gain 0.33, 0.53 and 0.53 dB over 0 at held
+/// frames of stage-knight over black, and 2.0, 2.7 and 2.8 dB of a rig's figure in front of its room.
+pub(in crate::fit) const ALPHA_CHANNELS: f64 = 1.0;
+
 /// Weight of LPIPS (the paper's gamma).
 const GAMMA: f64 = 0.1;
 
@@ -21,7 +29,7 @@ const GAMMA: f64 = 0.1;
 pub(in crate::fit) struct Loss<T> {
     /// The loss: 0 for equal images, non-finite for a non-finite image.
     pub(in crate::fit) value: f64,
-    /// Derivatives with respect to the colours of the image. Those with respect to alpha are 0.
+    /// Derivatives with respect to the colours and the alpha of the image.
     pub(in crate::fit) gradient: Vec<[T; 4]>,
 }
 
@@ -39,12 +47,14 @@ pub(in crate::fit) fn loss<T: Real>(
     let width = photograph.width as usize;
     let levels: [T; 256] = std::array::from_fn(|byte| T::from_f64(byte as f64 / 255.0));
     let pair = |i: usize| {
-        let target = photograph.pixels[i].map(|byte| levels[usize::from(byte)]);
+        let [r, g, b, _] = photograph.pixels[i];
+        let target = [r, g, b, photograph.opacity(i)].map(|byte| levels[usize::from(byte)]);
         [if photograph.is_valid(i) { image[i] } else { target }, target]
     };
+    let alpha_channels = if photograph.is_masked() { ALPHA_CHANNELS } else { 0.0 };
     let is_lit =
         |i: usize| photograph.pixels[i] != [0; 4] || photograph.is_valid(i) && image[i] != [T::zero(); 4];
-    let Loss { mut value, mut gradient } = photometric(pair, is_lit, image.len(), width);
+    let Loss { mut value, mut gradient } = photometric(pair, is_lit, image.len(), width, alpha_channels);
     if let Some(lpips) = lpips {
         let [image, target] = comparable(image, photograph);
         let term = perceptual(lpips, &image, &target, width);
@@ -93,6 +103,7 @@ fn photometric<T: Real>(
     is_lit: impl Fn(usize) -> bool,
     count: usize,
     width: usize,
+    alpha_channels: f64,
 ) -> Loss<T> {
     let mut gradient = vec![[T::zero(); 4]; count];
     let Some(area) = Area::lit(is_lit, count, width) else { return Loss { value: 0.0, gradient } };
@@ -106,7 +117,7 @@ fn photometric<T: Real>(
             target.push(b);
         }
     }
-    let lit = photometric_whole(&image, &target, area.x.len(), size as f64 / count as f64);
+    let lit = photometric_whole(&image, &target, area.x.len(), size as f64 / count as f64, alpha_channels);
     for (row, y) in lit.gradient.chunks(area.x.len()).zip(area.y) {
         gradient[y * width..][area.x.clone()].copy_from_slice(row);
     }
@@ -114,7 +125,13 @@ fn photometric<T: Real>(
 }
 
 /// The terms L1 and SSIM of images that are `part` of larger ones, which are equal elsewhere.
-fn photometric_whole<T: Real>(image: &[[T; 4]], target: &[[T; 4]], width: usize, part: f64) -> Loss<T> {
+fn photometric_whole<T: Real>(
+    image: &[[T; 4]],
+    target: &[[T; 4]],
+    width: usize,
+    part: f64,
+    alpha_channels: f64,
+) -> Loss<T> {
     let channels = (3 * image.len()) as f64 / part;
     let mut absolute = 0.0;
     let (similarity, by_similarity) = ssim_and_gradient(image, target, width);
@@ -128,6 +145,10 @@ fn photometric_whole<T: Real>(image: &[[T; 4]], target: &[[T; 4]], width: usize,
             let sign = if difference == T::zero() { difference } else { difference.signum() };
             pixel[c] = l1_slope * sign - ssim_slope * by_ssim[c];
         }
+        let difference = a[3] - b[3];
+        absolute += alpha_channels * difference.abs().to_double();
+        let sign = if difference == T::zero() { difference } else { difference.signum() };
+        pixel[3] = T::from_f64(alpha_channels) * l1_slope * sign;
         pixel
     };
     let gradient = image.iter().zip(target).zip(&by_similarity).map(pixel).collect();
@@ -220,6 +241,22 @@ mod tests {
     }
 
     #[test]
+    fn alpha_counts_where_there_is_a_mask() {
+        let mut photograph = photograph();
+        assert!(loss(&image(), &photograph, None).gradient.iter().all(|pixel| pixel[3] == 0.0));
+        let unmasked = loss(&image(), &photograph, None).value;
+        for (i, pixel) in photograph.pixels.iter_mut().enumerate() {
+            pixel[3] = [0, 1, 2, 3, 127, 255][i % 6];
+        }
+        check_gradient(&photograph, &[0, 1, 2, 3, 4, 5, 91, 167]);
+        let masks = [0.0, 0.0, 0.0, 3.0, 127.0, 255.0].map(|mask| mask / 255.0);
+        let by_alpha =
+            image().iter().enumerate().map(|(i, pixel)| (pixel[3] - masks[i % 6]).abs()).sum::<f64>();
+        let expected = unmasked + 0.8 * ALPHA_CHANNELS * by_alpha / (3 * image().len()) as f64;
+        assert!((loss(&image(), &photograph, None).value - expected).abs() < 1e-12);
+    }
+
+    #[test]
     fn invalid_pixels_have_no_loss_and_no_gradient() {
         let mut photograph = photograph();
         photograph.valid = (0..photograph.pixels.len()).map(|i| i % 14 < 9).collect();
@@ -263,12 +300,12 @@ mod tests {
         };
         let cropped = |image: &[[f64; 4]], target: &[[f64; 4]]| {
             let is_lit = |i: usize| image[i] != [0.0; 4] || target[i] != [0.0; 4];
-            photometric(|i| [image[i], target[i]], is_lit, image.len(), width)
+            photometric(|i| [image[i], target[i]], is_lit, image.len(), width, 0.5)
         };
         let areas = [Area { x: 14..20, y: 9..22 }, Area { x: 0..7, y: 25..30 }];
         for [drawn, taken] in [[&areas[0], &areas[0]], [&areas[0], &areas[1]], [&areas[1], &areas[1]]] {
             let (image, target) = (image_of(drawn, 0.0), image_of(taken, 0.4));
-            let whole = photometric_whole(&image, &target, width, 1.0);
+            let whole = photometric_whole(&image, &target, width, 1.0, 0.5);
             let cropped = cropped(&image, &target);
             assert!((whole.value - cropped.value).abs() < 1e-12, "{} {}", whole.value, cropped.value);
             for (i, (a, b)) in whole.gradient.iter().zip(&cropped.gradient).enumerate() {

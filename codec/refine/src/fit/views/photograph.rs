@@ -6,6 +6,9 @@ use crate::image::Image;
 /// Mask value, out of 255, above which a pixel belongs to the subject.
 const SUBJECT: u8 = 127;
 
+/// What a device has in place of the mask of a photograph without one.
+pub(in crate::fit) const UNMASKED: u8 = 1;
+
 /// A photograph with 8 bits per channel: a quarter of the memory of floats.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Photograph {
@@ -49,6 +52,29 @@ impl Photograph {
     /// Whether the mask excludes any pixel that the photograph covers.
     pub fn is_masked(&self) -> bool {
         (0..self.pixels.len()).any(|pixel| self.is_valid(pixel) && !self.is_subject(pixel))
+    }
+
+    /// The mask at a pixel as the loss compares it. Less than one percent is 0: a device's word for a pixel has no room for
+    /// all values beside those of invalid and unmasked pixels.
+    pub(in crate::fit) fn opacity(&self, pixel: usize) -> u8 {
+        let mask = self.pixels[pixel][3];
+        if mask > UNMASKED + 1 { mask } else { 0 }
+    }
+
+    /// Red, green, blue and a byte more of each pixel: 0 if it is invalid, [`UNMASKED`] if the photograph has no mask, one
+    /// more outside of the subject, else the mask.
+    #[cfg(feature = "gpu")]
+    pub(in crate::fit) fn words(&self) -> Vec<u32> {
+        let is_masked = self.is_masked();
+        let word = |(i, [r, g, b, _]): (usize, &[u8; 4])| {
+            let state = match (self.is_valid(i), is_masked) {
+                (false, _) => 0,
+                (true, false) => UNMASKED,
+                (true, true) => self.opacity(i).max(UNMASKED + 1),
+            };
+            u32::from_le_bytes([*r, *g, *b, state])
+        };
+        self.pixels.iter().enumerate().map(word).collect()
     }
 
     /// Whether the photograph covers the pixel at this index.

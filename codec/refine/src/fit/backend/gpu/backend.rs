@@ -162,7 +162,7 @@ impl Backend for Gpu {
             device.write(&loaded.buffers.fixed.response, 0, &[transfer::response(response)]);
         }
         loaded.resize(device, size)?;
-        device.write(&loaded.buffers.pixels.photograph, 0, &transfer::photograph(photograph));
+        device.write(&loaded.buffers.pixels.photograph, 0, &photograph.words());
         device.write(&loaded.buffers.fixed.adam_uniforms, 0, &[transfer::adam_uniforms(config)]);
         let mut perceptual = 0.0;
         let totals = loaded.run(device, view, config.detach_tau, |device, loaded| {
@@ -321,14 +321,17 @@ fn pixels(size: [u32; 2]) -> u64 {
 #[cfg(test)]
 mod tests {
     use crate::fit::backend::cpu;
-    use crate::fit::loss::LAMBDA;
+    use crate::fit::loss::{ALPHA_CHANNELS, LAMBDA};
     use crate::fit::optimizer::{BETA1, BETA2, EPSILON};
     use crate::fit::parameters::NORM_MIN;
+    use crate::fit::views::UNMASKED;
 
     #[test]
     fn shaders_have_the_constants_of_the_cpu() {
         assert_eq!(shaders::fit::ADAM, [BETA1, BETA2, EPSILON].map(|x| x as f32));
         assert_eq!(shaders::fit::LAMBDA, LAMBDA as f32);
+        assert_eq!(shaders::fit::ALPHA_CHANNELS, ALPHA_CHANNELS as f32);
+        assert_eq!(shaders::fit::UNMASKED, u32::from(UNMASKED));
         let raster = [shaders::ALPHA_MIN, shaders::ALPHA_MAX, shaders::fit::TRANSMITTANCE_MIN];
         assert_eq!(raster, [codec::ALPHA_MIN, cpu::ALPHA_MAX, cpu::TRANSMITTANCE_MIN].map(|x| x as f32));
         assert_eq!(shaders::fit::LENGTH_MIN, NORM_MIN as f32);

@@ -11,7 +11,7 @@ use crate::fit::cameras::CAMERA_NUMBERS as FIT_CAMERA_NUMBERS;
 use crate::fit::density::ScreenGradients;
 use crate::fit::optimizer::{LearningRates, Moments};
 use crate::fit::parameters::{Bounds, COLUMNS as FIT_COLUMNS, Carried, LOGIT_MAX, Parameters};
-use crate::fit::views::{FrameView, Photograph};
+use crate::fit::views::{FrameView};
 
 /// Bytes per number.
 const WORD: u64 = 4;
@@ -168,15 +168,6 @@ pub(super) fn adam_uniforms(config: &StepConfig) -> AdamUniforms {
         logit_max: LOGIT_MAX as f32,
         fragment_weight: config.fragment_weight as f32,
     }
-}
-
-/// A photograph with one byte each per pixel: red, green, blue, and 0 if the pixel is invalid.
-pub(super) fn photograph(photograph: &Photograph) -> Vec<u32> {
-    let pixels = photograph.pixels.iter().enumerate();
-    let packed = |(i, [r, g, b, _]): (usize, &[u8; 4])| {
-        u32::from_le_bytes([*r, *g, *b, if photograph.is_valid(i) { 255 } else { 0 }])
-    };
-    pixels.map(packed).collect()
 }
 
 // Both sides have the same columns and learn the same of a camera.
