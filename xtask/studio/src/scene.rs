@@ -51,6 +51,9 @@ const POINT_CLOUDS: [&str; 4] = ["input.ply", "points3D.ply", "points3d.ply", "s
 /// File name of a scene's background.
 const PLATE: &str = "plate.ply";
 
+/// End of the file name of a background that belongs to the field with the same name before it, as `fit` writes it.
+const PLATE_ENDING: &str = ".plate.ply";
+
 /// File name of a scene's overrides.
 const OVERRIDES: &str = "scene.json";
 
@@ -82,7 +85,9 @@ impl Scene {
     /// a field that cannot be imported, a plate that moves, a bad `scene.json`.
     pub fn load(path: &Path) -> anyhow::Result<Scene> {
         if !fs::metadata(path).map_err(|error| unreadable(path, &error))?.is_dir() {
-            return Ok(Scene::new(path, name_of_file(path), import(path)?, None, Overrides::default())?);
+            let plate = Some(plate_path(path)).filter(|plate| plate.is_file());
+            let plate = plate.as_deref().map(load_plate).transpose()?;
+            return Ok(Scene::new(path, name_of_file(path), import(path)?, plate, Overrides::default())?);
         }
         let names = list(path)?;
         if names.iter().any(|name| name == FIELD_FOLDER) {
@@ -125,8 +130,10 @@ impl Scene {
     /// The scene of a folder with entries `names`.
     fn in_folder(folder: &Path, field: &Path, names: &[String]) -> anyhow::Result<Scene> {
         let subject = import(field)?;
+        let fitted = plate_path(field);
         let plate = match names.iter().any(|name| name == PLATE) {
             true => Some(load_plate(&folder.join(PLATE))?),
+            false if fitted.is_file() => Some(load_plate(&fitted)?),
             false => None,
         };
         let (source, overrides) = if names.iter().any(|name| name == OVERRIDES) {
@@ -323,6 +330,13 @@ impl From<ViewpointEntry> for Viewpoint {
     }
 }
 
+/// Path of the background that belongs to a field file.
+pub fn plate_path(field: &Path) -> PathBuf {
+    let mut name = field.file_stem().unwrap_or_default().to_owned();
+    name.push(PLATE_ENDING);
+    field.with_file_name(name)
+}
+
 fn load_plate(path: &Path) -> anyhow::Result<Imported> {
     let plate = import(path)?;
     if plate.field.temporal.is_some() {
@@ -362,7 +376,7 @@ fn field_in<'a>(folder: &Path, names: &'a [String]) -> Result<&'a str, Fault> {
 }
 
 fn is_field_name(name: &str) -> bool {
-    if name == PLATE || POINT_CLOUDS.contains(&name) {
+    if name == PLATE || name.ends_with(PLATE_ENDING) || POINT_CLOUDS.contains(&name) {
         return false;
     }
     is_field_file(name)

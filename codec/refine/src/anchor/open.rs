@@ -145,12 +145,15 @@ fn filled(known: &[Option<f32>], width: usize, none: f32) -> Vec<f32> {
     let coarse = filled(&means, half, none);
     // Bilinear between the centres of the coarse pixels.
     let at = |x: usize, y: usize| {
-        let near = |k: usize, size: usize| if k % 2 == 0 { (k / 2).saturating_sub(1) } else { (k / 2 + 1).min(size - 1) };
+        let near = |k: usize, size: usize| {
+            if k % 2 == 0 { (k / 2).saturating_sub(1) } else { (k / 2 + 1).min(size - 1) }
+        };
         let (columns, rows) = ([x / 2, near(x, half)], [y / 2, near(y, height.div_ceil(2))]);
         let row = |y: usize| 0.75 * coarse[y * half + columns[0]] + 0.25 * coarse[y * half + columns[1]];
         0.75 * row(rows[0]) + 0.25 * row(rows[1])
     };
-    let of_pixel = |(pixel, value): (usize, &Option<f32>)| value.unwrap_or_else(|| at(pixel % width, pixel / width));
+    let of_pixel =
+        |(pixel, value): (usize, &Option<f32>)| value.unwrap_or_else(|| at(pixel % width, pixel / width));
     known.iter().enumerate().map(of_pixel).collect()
 }
 
@@ -170,9 +173,11 @@ mod tests {
                 let wall = |k: usize| (half[k] * ray[k].signum() - from[k]) / ray[k];
                 let depth = (0..3).map(wall).fold(f64::INFINITY, f64::min);
                 let at = from + depth * ray;
-                let wave = |k: f64| (7.0 * at.x + k).sin() + (9.0 * at.y - k).sin() + (8.0 * at.z + 2.0 * k).sin();
+                let wave =
+                    |k: f64| (7.0 * at.x + k).sin() + (9.0 * at.y - k).sin() + (8.0 * at.z + 2.0 * k).sin();
                 let has_texture = !is_bare || at.y < -1.0;
-                let value = if has_texture { 128.0 + 20.0 * (wave(0.0) + wave(1.0 + at.x * at.z)) } else { 128.0 };
+                let value =
+                    if has_texture { 128.0 + 20.0 * (wave(0.0) + wave(1.0 + at.x * at.z)) } else { 128.0 };
                 pixels.push([value as u8, value as u8, value as u8, 255]);
                 depths.push(depth);
             }

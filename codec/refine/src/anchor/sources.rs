@@ -8,7 +8,8 @@ use super::hull::Hull;
 use super::pinhole::{Pinhole, rig_radius};
 use super::silhouette::Silhouette;
 use super::{
-    Alignment, AnchorError, AnchorFrame, AnchorSettings, AnchorView, DepthMap, DepthSource, mirror, open, sweep,
+    Alignment, AnchorError, AnchorFrame, AnchorSettings, AnchorView, DepthMap, DepthSource, mirror, open,
+    sweep,
 };
 use crate::fit::Photograph;
 use crate::median::median;

@@ -12,8 +12,9 @@ use refine::capture::{CalibratedCamera, Capture, Lens, Photo, PhotoId, Response}
 use refine::fit::Learned;
 use refine::image::Image;
 
-use super::image_file::{apply_mask, bad, check_size, read, read_image};
+use super::image_file::{Mask, apply_mask, bad, check_size, multiply_alpha, read, read_image};
 use super::photo_paths::{PhotoPath, PhotoPaths};
+use super::plates::{Background, CameraPlate, matte, take_out};
 use super::video::Video;
 use crate::scene::DEFAULT_FPS;
 
@@ -44,6 +45,10 @@ pub struct CaptureFiles {
     pub(super) paths: PhotoPaths,
     /// The video of each camera that has one.
     pub(super) videos: Vec<Option<CameraVideo>>,
+    /// The plate of each camera.
+    pub(super) plates: Vec<CameraPlate>,
+    /// What photographs keep of the background.
+    pub(super) background: Background,
 }
 
 /// The video of a camera.
@@ -176,7 +181,7 @@ impl CaptureFiles {
     }
 
     /// Path of the mask of the photograph with this number, if it has one.
-    fn mask_path(&self, i: usize) -> Option<PathBuf> {
+    pub(super) fn mask_path(&self, i: usize) -> Option<PathBuf> {
         self.paths.mask(i).map(|mask| self.folder.join(mask))
     }
 
@@ -203,8 +208,9 @@ impl CaptureFiles {
         }))
     }
 
-    /// Reads a photograph, multiplies it with its mask, removes the lens distortion, and shrinks it to the
-    /// resolution of its camera.
+    /// Reads a photograph, multiplies it with its mask or matte, removes the lens distortion, and shrinks it to the
+    /// resolution of its camera. Where there is a plate, the background is not only made transparent but taken out; see also
+    /// [`CaptureFiles::keep_background`].
     ///
     /// # Errors
     /// [`Fault::Data`] that names the file.
@@ -212,28 +218,56 @@ impl CaptureFiles {
     /// # Panics
     /// If the capture has no such photograph.
     pub fn photo(&self, photo_id: PhotoId) -> Result<Photo, Fault> {
+        let mut image = self.taken(photo_id)?;
+        let plate = self.plate(photo_id.camera)?;
+        let mask = match self.mask_path(self.index(photo_id)) {
+            Some(path) => Some(self.mask(&path, photo_id.camera)?),
+            None => plate.filter(|_| self.background.is_matted).map(|plate| matte(plate, &image)),
+        };
+        if let Some(mask) = mask {
+            match (self.background.is_kept, plate) {
+                (true, _) => multiply_alpha(&mut image, &mask),
+                (false, Some(plate)) => {
+                    multiply_alpha(&mut image, &mask);
+                    take_out(&mut image, plate);
+                }
+                (false, None) => apply_mask(&mut image, &mask),
+            }
+        }
+        Ok(self.seen(photo_id.camera, image))
+    }
+
+    /// The picture of a photograph as it was taken, with lens distortion and background.
+    pub(super) fn taken(&self, photo_id: PhotoId) -> Result<Image, Fault> {
         let path = self.path(photo_id);
-        let CalibratedCamera { camera: target, lens, .. } = &self.capture.cameras[photo_id.camera];
-        let camera = &self.file_cameras[photo_id.camera];
-        let mut image = match self.video_picture(photo_id) {
+        let image = match self.video_picture(photo_id) {
             Some(picture) => opaque(&picture?),
             None => read_image(&path)?,
         };
-        check_size(&path, (image.width, image.height), camera)?;
-        if let Some(path) = self.mask_path(self.index(photo_id)) {
-            let mask = read(&path)?.into_luma16();
-            if mask.dimensions() != (camera.width, camera.height) {
-                let ((width, height), Camera { width: w, height: h, .. }) = (mask.dimensions(), camera);
-                return Err(bad(
-                    &path,
-                    format!("{width}x{height} pixels, but its photograph has {w}x{h}; scale it"),
-                ));
-            }
-            apply_mask(&mut image, &mask);
+        check_size(&path, (image.width, image.height), &self.file_cameras[photo_id.camera])?;
+        Ok(image)
+    }
+
+    /// Reads the mask of a photograph.
+    fn mask(&self, path: &Path, camera: usize) -> Result<Mask, Fault> {
+        let mask = read(path)?.into_luma16();
+        let Camera { width: w, height: h, .. } = self.file_cameras[camera];
+        let (width, height) = mask.dimensions();
+        if (width, height) != (w, h) {
+            return Err(bad(
+                path,
+                format!("{width}x{height} pixels, but its photograph has {w}x{h}; scale it"),
+            ));
         }
-        let photo = Photo::undistorted(image, camera, lens);
-        let is_whole = (target.width, target.height) == (camera.width, camera.height);
-        Ok(if is_whole { photo } else { photo.shrunk(target.width, target.height) })
+        Ok(mask)
+    }
+
+    /// What was taken by a camera, without lens distortion, at the resolution of the camera.
+    pub(super) fn seen(&self, camera: usize, taken: Image) -> Photo {
+        let CalibratedCamera { camera: target, lens, .. } = &self.capture.cameras[camera];
+        let photo = Photo::undistorted(taken, &self.file_cameras[camera], lens);
+        let is_whole = (target.width, target.height) == (photo.image.width, photo.image.height);
+        if is_whole { photo } else { photo.shrunk(target.width, target.height) }
     }
 }
 
@@ -245,6 +279,7 @@ pub(super) struct CaptureBuilder {
     photos: Vec<PhotoId>,
     paths: PhotoPaths,
     videos: Vec<Option<CameraVideo>>,
+    plates: Vec<CameraPlate>,
     /// Deviations in seconds of photographs that are not on time.
     deviations_s: BTreeMap<PhotoId, f64>,
 }
@@ -257,6 +292,7 @@ impl CaptureBuilder {
             photos: Vec::new(),
             paths: PhotoPaths::default(),
             videos: Vec::new(),
+            plates: Vec::new(),
             deviations_s: BTreeMap::new(),
         }
     }
@@ -265,6 +301,7 @@ impl CaptureBuilder {
     pub(super) fn camera(&mut self, name: &str, camera: Camera, lens: Lens, held: bool) -> usize {
         self.cameras.push(CalibratedCamera { held, ..calibrated(name.into(), camera, lens) });
         self.videos.push(None);
+        self.plates.push(CameraPlate::default());
         self.cameras.len() - 1
     }
 
@@ -289,6 +326,11 @@ impl CaptureBuilder {
         let frames = frames.iter().map(|at| at.map(|(frame, _)| frame)).collect();
         self.videos[camera] = Some(CameraVideo { video: Arc::new(video), frames });
         Ok(())
+    }
+
+    /// States the picture of a camera without the subject.
+    pub(super) fn plate(&mut self, camera: usize, plate: CameraPlate) {
+        self.plates[camera] = plate;
     }
 
     /// Sets the [time offset](CalibratedCamera::time_offset_s) of a camera.
@@ -325,7 +367,7 @@ impl CaptureBuilder {
         let time_offsets_s = offsets.filter(|(_, offset_s)| *offset_s != 0.0).collect();
         let selected = 0..frame_times_s.len();
         let capture = Capture { cameras: self.cameras, frame_times_s, photos, deviations_s };
-        let CaptureBuilder { folder, videos, .. } = self;
+        let CaptureBuilder { folder, videos, plates, .. } = self;
         CaptureFiles {
             capture,
             stated_fps,
@@ -339,6 +381,8 @@ impl CaptureBuilder {
             folder,
             paths,
             videos,
+            plates,
+            background: Background::default(),
         }
     }
 }

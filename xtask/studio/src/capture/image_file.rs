@@ -13,9 +13,17 @@ use crate::messages::unreadable;
 /// File extensions of photographs.
 const EXTENSIONS: [&str; 4] = ["png", "jpg", "jpeg", "webp"];
 
+/// A mask: 0 outside of the subject.
+pub(super) type Mask = ImageBuffer<Luma<u16>, Vec<u16>>;
+
+/// Multiplies the alpha of a photograph with its mask; colours stay.
+pub(super) fn multiply_alpha(image: &mut Image, mask: &Mask) {
+    image.pixels.iter_mut().zip(mask.pixels()).for_each(|(pixel, mask)| pixel[3] *= unit_value(mask.0[0]));
+}
+
 /// Multiplies a photograph with its mask. A photograph with a black background is premultiplied already, and its
 /// colours stay: a second product would darken the rim of the subject.
-pub(super) fn apply_mask(image: &mut Image, mask: &ImageBuffer<Luma<u16>, Vec<u16>>) {
+pub(super) fn apply_mask(image: &mut Image, mask: &Mask) {
     let mut outside = image.pixels.iter().zip(mask.pixels()).filter(|(_, mask)| mask.0[0] == 0).peekable();
     let is_premultiplied = outside.peek().is_some() && outside.all(|(pixel, _)| pixel[..3] == [0.0; 3]);
     for (pixel, mask) in image.pixels.iter_mut().zip(mask.pixels()) {

@@ -12,6 +12,7 @@ use super::camera_part::CameraPart;
 use super::capture_files::{CaptureBuilder, CaptureFiles, pinhole};
 use super::image_file::{bad, bad_layout, read_text};
 use super::photo_paths::PhotoPath;
+use super::plates;
 use super::video::Video;
 use crate::scene::DEFAULT_FPS;
 
@@ -40,6 +41,7 @@ struct Manifest {
     first_frame: usize,
     images: Option<String>,
     masks: Option<String>,
+    plates: Option<String>,
     #[serde(default)]
     learn: Vec<CameraPart>,
     up: Option<[f64; 3]>,
@@ -99,6 +101,10 @@ pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
         let camera = pinhole((entry.w, entry.h), [fx, fy, cx, cy], entry.w2c);
         let index = builder.camera(&entry.id, camera, lens, entry.held);
         builder.offset_s(index, entry.time_offset_s);
+        if let Some(pattern) = &manifest.plates {
+            let picture = expand(pattern, &entry.id, 0).map_err(bad_manifest)?;
+            builder.plate(index, plates::stated(&folder.join(picture))?);
+        }
         let named = |pattern: &String, frame: usize| {
             expand(pattern, &entry.id, manifest.first_frame + frame).map_err(bad_manifest)
         };
@@ -160,7 +166,12 @@ fn open_video(path: &Path, entry: &ManifestCamera) -> Result<Video, Fault> {
 impl Manifest {
     /// Checks the values that no photograph depends on alone.
     fn check(&self) -> Result<(), String> {
-        let Manifest { fps, images, up, metres_per_unit, cameras, .. } = self;
+        let Manifest { fps, images, plates, up, metres_per_unit, cameras, .. } = self;
+        if let Some(plates) =
+            plates.as_ref().filter(|plates| !plates.contains("{camera}") && cameras.len() > 1)
+        {
+            return Err(format!("plates \"{plates}\" has no {{camera}}: all would share one picture"));
+        }
         if let Some(fps) = fps.filter(|fps| !FPS.contains(fps)) {
             return Err(format!("fps {fps}: the range is {} to {}", FPS.start(), FPS.end()));
         }

@@ -11,6 +11,7 @@ mod image_file;
 mod manifest;
 mod part;
 mod photo_paths;
+mod plates;
 mod transforms;
 mod video;
 

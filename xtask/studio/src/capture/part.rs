@@ -43,6 +43,8 @@ impl CaptureFiles {
         self.file_cameras.retain(|_| *selected.next().expect("one for each camera"));
         let mut selected = is_selected.iter();
         self.videos.retain(|_| *selected.next().expect("one for each camera"));
+        let mut selected = is_selected.iter();
+        self.plates.retain(|_| *selected.next().expect("one for each camera"));
         let mut numbers = 0..;
         let numbers: Vec<Option<usize>> =
             is_selected.iter().map(|selected| if *selected { numbers.next() } else { None }).collect();

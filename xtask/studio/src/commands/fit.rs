@@ -14,6 +14,7 @@ use crate::fit::{
 use crate::input::{Input, is_take, not_one_field};
 use crate::messages::count;
 use crate::progress::counting;
+use crate::scene::plate_path;
 use crate::segments::FieldFolder;
 use crate::takes::{List, ListedTake, Shard};
 use anyhow::{Context, bail};
@@ -32,6 +33,7 @@ use super::capture::{
     FrameSelection, HeldFrames, LpipsOption, describe, load_training_views, note_assumed_fps,
 };
 use super::fit_folder::{fit_folder, report_finished, report_folder};
+use super::fit_plate::{PlateWhen, check_subject, fit_plate};
 use super::fit_source::FitSource;
 use super::takes::{self, TakeCommand, TakeOptions, part_seconds};
 
@@ -137,6 +139,10 @@ pub(super) struct FitOptions {
     /// .cameras.json is written beside the field, where `eval` and `package --refine` find it
     #[arg(long, value_enum, value_name = "PART[,PART..]|none", value_delimiter = ',')]
     learn: Vec<Learn>,
+    /// Whether a plate is fitted: a static field of what is behind the subject, a file .plate.ply beside the field, where
+    /// all commands find it. Photographs without masks get mattes for it
+    #[arg(long, value_enum, value_name = "WHEN", default_value_t = PlateWhen::Auto)]
+    pub(super) plate: PlateWhen,
     /// Seconds between checkpoints
     #[arg(long, value_name = "S", default_value_t = fit::CHECKPOINT_EVERY.as_secs_f64(),
           value_parser = positive)]
@@ -230,16 +236,16 @@ pub(super) fn fragment_weight(text: &str) -> Result<f64, String> {
     weight.ok_or_else(|| "a number from 0 to 1".into())
 }
 
-/// Fits a capture with the defaults of `fit`.
-pub(super) fn by_default(
-    capture_files: &CaptureFiles,
-    views: &TrainingViews,
-    plan: &FitPlan,
-    out: &Path,
-) -> anyhow::Result<()> {
-    let runtime =
-        FitRuntime { backend: &mut Cpu::default(), lpips: None, checkpoint_every: fit::CHECKPOINT_EVERY };
-    fit_and_write(out, plan, capture_files, views, runtime).map(drop)
+/// Fits a capture with the defaults of `fit`; its plates are found if the plan has one.
+pub(super) fn by_default(capture_files: &CaptureFiles, plan: &FitPlan, out: &Path) -> anyhow::Result<()> {
+    fn runtime(backend: &mut Cpu) -> FitRuntime<'_> {
+        FitRuntime { backend, lpips: None, checkpoint_every: fit::CHECKPOINT_EVERY }
+    }
+    let (mut capture_files, mut backend) = (capture_files.clone(), Cpu::default());
+    fit_plate(plan, &mut capture_files, runtime(&mut backend), out)?;
+    let views = load_training_views(&capture_files, plan.holdout)?;
+    check_subject(plan, &views)?;
+    fit_and_write(out, plan, &capture_files, &views, runtime(&mut backend)).map(drop)
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
@@ -414,9 +420,13 @@ fn fit_capture(args: &Args, out: &Path) -> anyhow::Result<FitResult> {
     let splits = describe(&capture_files, holdout)?;
     let lpips = args.options.lpips.load()?;
     let plan = plan(args, args.options.plan(&capture_files, holdout)?)?;
+    let plan = FitPlan { has_plate: plate_when(args).find(&mut capture_files)?, ..plan };
     fit::check_checkpoint(&plan, out)?;
-    let views = load_training_views(&capture_files, holdout)?;
     let mut backend = args.options.open_backend()?;
+    let runtime = args.options.runtime(&mut *backend, lpips.as_ref());
+    let plate = fit_plate(&plan, &mut capture_files, runtime, out)?;
+    let views = load_training_views(&capture_files, holdout)?;
+    check_subject(&plan, &views)?;
     let runtime = args.options.runtime(&mut *backend, lpips.as_ref());
     note_assumed_fps(&capture_files, "--fps states another number");
     let fitted = fit_and_write(out, &plan, &capture_files, &views, runtime)?;
@@ -425,7 +435,17 @@ fn fit_capture(args: &Args, out: &Path) -> anyhow::Result<FitResult> {
     let field = fitted.fit.to_field();
     let scene = RenderScene::from(&field);
     let fragments_per_lit_pixel = fragments_per_lit_pixel(&scene, &capture_files, counted);
-    Ok(FitResult { plan, fitted, splits, fragments_per_lit_pixel })
+    let plate = plate.map(|plate| plate.fit.len());
+    Ok(FitResult { plan, fitted, splits, fragments_per_lit_pixel, plate })
+}
+
+/// Whether a fit with these options makes a plate: other starts than an anchor at surfaces are of the whole scene.
+fn plate_when(args: &Args) -> PlateWhen {
+    let is_whole = args.depths.is_some() || args.from.is_some() || matches!(args.anchor, Anchor::None);
+    match args.options.plate {
+        PlateWhen::Auto if is_whole => PlateWhen::Off,
+        when => when,
+    }
 }
 
 /// Corrects the cameras by the file that `--learned` names.
@@ -457,6 +477,8 @@ pub(super) struct FitResult {
     pub(super) splits: String,
     /// What the field costs a player; `None` if it shows nothing, or was not counted.
     pub(super) fragments_per_lit_pixel: Option<f64>,
+    /// Number of Gaussians of the plate, if one was fitted.
+    pub(super) plate: Option<usize>,
 }
 
 /// Default length of a part of a field folder in seconds.
@@ -576,7 +598,7 @@ fn slide(args: &Args, out: &Path) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn show(bar: &ProgressBar, progress: &FitProgress) {
+pub(super) fn show(bar: &ProgressBar, progress: &FitProgress) {
     bar.set_position(progress.step);
     let held = progress.held_psnr_db.map_or(String::new(), |psnr| format!(", held {psnr:.2} dB"));
     bar.set_message(format!("loss {:.4}{held}, {} Gaussians", progress.loss, progress.gaussians));
@@ -588,7 +610,7 @@ impl FitResult {
     }
 
     pub(super) fn to_json(&self, out: &Path) -> anyhow::Result<Value> {
-        let FitResult { plan, fitted, splits, fragments_per_lit_pixel } = self;
+        let FitResult { plan, fitted, splits, fragments_per_lit_pixel, plate } = self;
         let last = self.last()?;
         Ok(json!({
             "out": out, "steps": plan.steps, "fragment_weight": plan.fragment_weight, "resumed_at": fitted.resumed_at,
@@ -596,7 +618,7 @@ impl FitResult {
             "loss": last.loss, "held_psnr_db": last.held_psnr_db, "seconds": last.seconds,
             "ms_per_step": fitted.ms_per_step, "non_finite": fitted.fit.non_finite(), "splits": splits,
             "fragments_per_lit_pixel": fragments_per_lit_pixel,
-            "lpips": plan.lpips, "backend": fitted.backend,
+            "plate_gaussians": plate, "lpips": plan.lpips, "backend": fitted.backend,
             "peak_device_bytes": fitted.peak_device_bytes,
         }))
     }
@@ -607,7 +629,7 @@ fn report(args: &Args, result: &FitResult, out: &Path, start: Instant) -> anyhow
         println!("{:#}", result.to_json(out)?);
         return Ok(());
     }
-    let FitResult { plan, fitted, splits, fragments_per_lit_pixel } = result;
+    let FitResult { plan, fitted, splits, fragments_per_lit_pixel, plate } = result;
     let (last, ms_per_step) = (result.last()?, fitted.ms_per_step);
     println!("{splits}");
     match &plan.lpips {
@@ -615,6 +637,9 @@ fn report(args: &Args, result: &FitResult, out: &Path, start: Instant) -> anyhow
         None => println!("loss             0.8 L1 + 0.2 D-SSIM; its LPIPS part takes --lpips-weights"),
     }
     println!("Gaussians        {} at the start, {} at the end", fitted.fit.initial_count(), fitted.fit.len());
+    if let Some(gaussians) = plate {
+        println!("plate            {gaussians} Gaussians, {}", plate_path(out).display());
+    }
     if let Some(fragments) = fragments_per_lit_pixel {
         println!("fragments        {fragments:.1} per lit pixel, in pictures 512 pixels wide");
     }

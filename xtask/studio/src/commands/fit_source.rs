@@ -21,6 +21,8 @@ pub(crate) struct FitSource<'a> {
     /// Number of captured frames of its clip, if known.
     frames: Option<usize>,
     is_static: bool,
+    /// Whether it draws the background, too.
+    pub(super) has_plate: bool,
 }
 
 impl<'a> FitSource<'a> {
@@ -36,6 +38,7 @@ impl<'a> FitSource<'a> {
             record: input.fit_record(),
             frames: input.frames(),
             is_static: input.is_static(),
+            has_plate: input.has_plate(),
         }
     }
 
@@ -48,13 +51,21 @@ impl<'a> FitSource<'a> {
             record: subject.hints.fit.clone(),
             frames: scene.frames(),
             is_static: subject.field.temporal.is_none(),
+            has_plate: scene.plate.is_some(),
         }
     }
 
     /// A folder of pictures.
     pub(crate) fn of_pictures(path: &'a Path) -> FitSource<'a> {
         let record = FitRecord::default();
-        FitSource { path, kind: "a folder of pictures", record, frames: None, is_static: false }
+        FitSource {
+            path,
+            kind: "a folder of pictures",
+            record,
+            frames: None,
+            is_static: false,
+            has_plate: false,
+        }
     }
 
     /// Checks that the clip has as many frames as the capture: otherwise windows and trajectories would stand for

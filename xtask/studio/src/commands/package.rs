@@ -25,8 +25,9 @@ use refine::fit::FRAGMENT_WEIGHT;
 use refine::prune::Ranking;
 use serde_json::{Value, json};
 
-use super::capture::{FrameSelection, HeldFrames, load_training_views, note_assumed_fps};
+use super::capture::{FrameSelection, HeldFrames, note_assumed_fps};
 use super::fit::fragment_weight;
+use super::fit_plate::PlateWhen;
 use super::takes::{self, TakeCommand, TakeOptions, part_seconds};
 
 /// Maximum loss in dB of a prefix of a package against a package of its size.
@@ -424,6 +425,8 @@ struct Captured {
     capture_files: CaptureFiles,
     /// Whether the scene has no field, so that one is fitted first.
     is_scene: bool,
+    /// Whether this fit makes a plate.
+    has_plate: bool,
 }
 
 impl Captured {
@@ -451,22 +454,30 @@ impl Captured {
             }
             (None, _) => args.scene(),
         };
-        let capture_files = args.selection.open(folder)?;
+        let mut capture_files = args.selection.open(folder)?;
+        let has_plate = is_scene && PlateWhen::Auto.find(&mut capture_files)?;
+        let captured = Captured { folder: folder.to_owned(), capture_files, is_scene, has_plate };
         // With a list, records decide what is resumed and what is replaced.
         if is_scene && args.many.list.is_none() {
             let field = field_path(args);
             if field.exists() {
                 bail!(already_exists(&field));
             }
-            fit::check_checkpoint(&FitPlan::default_for(&capture_files, args.holdout_of_fit())?, &field)?;
+            fit::check_checkpoint(&captured.plan(args)?, &field)?;
         }
-        Ok(Some(Captured { folder: folder.to_owned(), capture_files, is_scene }))
+        Ok(Some(captured))
+    }
+
+    /// The plan of the fit of a capture.
+    fn plan(&self, args: &Args) -> Result<FitPlan, Fault> {
+        let plan = FitPlan::default_for(&self.capture_files, args.holdout_of_fit())?;
+        Ok(FitPlan { has_plate: self.has_plate, ..plan })
     }
 
     /// Fits a field to the capture, to a file beside the package; with a list, unless that is done.
     fn fit(&self, args: &Args) -> anyhow::Result<PathBuf> {
         let out = field_path(args);
-        let plan = FitPlan::default_for(&self.capture_files, args.holdout_of_fit())?;
+        let plan = self.plan(args)?;
         if args.many.list.is_none() {
             self.fit_to(&out, &plan)?;
             return Ok(out);
@@ -486,9 +497,8 @@ impl Captured {
     }
 
     fn fit_to(&self, out: &Path, plan: &FitPlan) -> anyhow::Result<()> {
-        let views = load_training_views(&self.capture_files, plan.holdout)?;
         note_assumed_fps(&self.capture_files, "duration_s and fps in scene.json state others");
-        super::fit::by_default(&self.capture_files, &views, plan, out)
+        super::fit::by_default(&self.capture_files, plan, out)
     }
 
     /// The photographs for the refinement of `scene`.

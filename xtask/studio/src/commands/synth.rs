@@ -82,6 +82,9 @@ struct RigArgs {
     /// Write the figure's masks, too: masks/CAMERA/FRAME.png for each frame of the videos
     #[arg(long)]
     masks: bool,
+    /// Write a picture of the empty room by each camera, too: plates/CAMERA.png
+    #[arg(long)]
+    plates: bool,
     /// Let the figure cast a shadow on the floor, so that the background is not static
     #[arg(long)]
     shadow: bool,
@@ -146,6 +149,7 @@ impl RigArgs {
             crf: self.crf,
             shadow: self.shadow,
             masks: self.masks,
+            plates: self.plates,
             perturbations: rig::Perturbations {
                 starts_s: args.starts.unwrap_or(base.starts_s),
                 offsets: is_on(args.offsets, base.offsets),

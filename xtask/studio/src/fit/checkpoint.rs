@@ -12,7 +12,7 @@ use super::plan::FitPlan;
 use super::stored::{Magic, Unstored, store, stored};
 
 /// First bytes of a checkpoint; the last one is the version of its contents.
-const MAGIC: Magic = *b"aarcfit\x07";
+const MAGIC: Magic = *b"aarcfit\x08";
 
 /// A fit and its plan.
 #[derive(Serialize, Deserialize)]

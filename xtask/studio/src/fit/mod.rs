@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! CaptureFiles -> TrainingViews -> anchor | field -> Fit -> field
+//!              -> plates        -> anchor         -> Fit -> plate behind it
 //! ```
 //!
 //! Beside the field it writes a table of its progress, a picture and, until it is done, a checkpoint from
@@ -11,6 +12,7 @@ mod cameras;
 mod checkpoint;
 pub mod log;
 mod plan;
+mod plate;
 mod refinement;
 mod slide;
 mod start;
@@ -33,6 +35,7 @@ pub use cameras::{cameras_path, learned_cameras};
 use checkpoint::{Checkpoint, Tally};
 use log::LogEntry;
 pub use plan::{DepthScale, FitPlan, FitStart, SH_DEGREE, crc, file_crc};
+pub use plate::fit_plate;
 pub use refinement::{Refinement, RefinementReport};
 pub use slide::{Assembled, Segments, SlidField, SlidePlan, SlideProgress, WorkFolder, slide, slide_cost};
 use training_views::mean_psnr;
@@ -234,6 +237,11 @@ fn preview(run: &mut Run, views: &TrainingViews, pictures: &[RenderedImage<f32>]
 /// [`Fault::Data`] if it is damaged, [`Fault::Usage`] if it has another plan.
 pub fn check_checkpoint(plan: &FitPlan, out: &Path) -> Result<(), Fault> {
     Checkpoint::load(&checkpoint::path_for(out), plan).map(drop)
+}
+
+/// Whether there is a checkpoint of the field `out`.
+pub fn has_checkpoint(out: &Path) -> bool {
+    checkpoint::path_for(out).is_file()
 }
 
 /// Removes the checkpoint of the finished field at `out`, if there is one.

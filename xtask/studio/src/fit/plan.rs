@@ -48,6 +48,8 @@ pub struct FitPlan {
     pub seed: u64,
     /// What is learned of the cameras.
     pub learned: Learned,
+    /// Whether photographs without masks get mattes, and a plate is fitted to what they show behind the subject.
+    pub has_plate: bool,
     /// Held-out frames.
     pub holdout: Holdout,
     /// Network and checksum of the LPIPS weights; `None` if the loss has no LPIPS term.
@@ -112,6 +114,7 @@ impl FitPlan {
             sh_degree: SH_DEGREE,
             seed: 0,
             learned: capture_files.learned,
+            has_plate: false,
             holdout,
             lpips: None,
             capture: fingerprint(capture_files),
@@ -145,13 +148,13 @@ impl FitPlan {
 }
 
 /// Default number of steps for a number of training frames; the paper takes 96,000 for 17.
-fn default_steps(frames: usize) -> u64 {
+pub(super) fn default_steps(frames: usize) -> u64 {
     (5_600 * frames as u64).min(96_000)
 }
 
 /// Default number of Gaussians for a number of training frames. The paper takes 200,000 for 17 frames of
 /// 512x375 pixels; smaller photographs need fewer in proportion to their pixels.
-fn default_gaussians(frames: usize, capture_files: &CaptureFiles) -> usize {
+pub(super) fn default_gaussians(frames: usize, capture_files: &CaptureFiles) -> usize {
     let pixels = |camera: &CalibratedCamera| f64::from(camera.camera.width) * f64::from(camera.camera.height);
     let largest = capture_files.capture.cameras.iter().map(pixels).fold(0.0, f64::max);
     let fraction = (largest / (512.0 * 375.0)).min(1.0);

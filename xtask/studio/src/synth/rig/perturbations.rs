@@ -94,6 +94,7 @@ mod tests {
             crf: 12,
             shadow: false,
             masks: false,
+            plates: false,
             perturbations,
         }
     }

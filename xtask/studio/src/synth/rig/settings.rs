@@ -26,6 +26,8 @@ pub struct RigSettings {
     pub shadow: bool,
     /// Whether masks are written.
     pub masks: bool,
+    /// Whether pictures of the empty room are written.
+    pub plates: bool,
     /// What differs from a synchronous rig of equal cameras.
     pub perturbations: Perturbations,
 }
@@ -166,6 +168,7 @@ mod tests {
             crf: 12,
             shadow: false,
             masks: false,
+            plates: false,
             perturbations: Perturbations::ALL,
         };
         settings.check().unwrap();

@@ -125,6 +125,16 @@ impl RigView<'_> {
         RigPicture { colors: self.sensor.expose(&colors, frame), mask }
     }
 
+    /// The picture that the camera takes of the empty room before its first frame, 3 bytes a pixel.
+    pub fn plate(&self) -> Vec<u8> {
+        let color = |pixel: &BackgroundPixel| {
+            [0, 1, 2].map(|c| f64::from(pixel.ambient[c]) + f64::from(pixel.sun[c]))
+        };
+        let colors: Vec<[f64; 3]> = self.background.iter().map(color).collect();
+        // Noise of its own.
+        self.sensor.expose(&colors, self.rig.errors[self.camera].frames)
+    }
+
     /// Whether a ray meets the floor where the figure shades it.
     fn is_in_shadow(&self, parts: &[stage::FigurePart], direction: DVec3) -> bool {
         let hit = room::hit(self.rays.origin, direction);

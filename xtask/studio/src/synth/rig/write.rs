@@ -77,6 +77,11 @@ fn write_camera(
         target.write(&format!("masks/{id}"), |path| fs::create_dir_all(path))?;
     }
     let view = rig.view(camera);
+    if settings.plates {
+        target.write("plates", |path| fs::create_dir_all(path))?;
+        let name = format!("plates/{id}.png");
+        target.write(&name, |path| save(path, view.plate(), settings.size))?;
+    }
     let batch = BATCH_PER_THREAD * rayon::current_num_threads();
     for first in (0..errors.frames).step_by(batch) {
         let frames = first..errors.frames.min(first + batch);
@@ -99,6 +104,12 @@ fn write_camera(
         target.write(&video, |path| turn_clockwise(path, width))?;
     }
     target.write(&format!("{id}.wav"), |path| fs::remove_file(path)).map(drop)
+}
+
+/// Writes a picture, 3 bytes a pixel, as PNG.
+fn save(path: &Path, colors: Vec<u8>, [width, height]: [u32; 2]) -> io::Result<()> {
+    let picture = image::RgbImage::from_raw(width, height, colors).expect("three bytes for each pixel");
+    picture.save(path).map_err(io::Error::other)
 }
 
 /// Writes the sound of a camera as long as its video.

@@ -248,7 +248,8 @@ impl Bench<'_> {
         let fitted = fit_and_write(field, plan, &self.capture_files, views, runtime)?;
         let splits = self.ablation.photographs.clone();
         // Fragments are counted with the other measures, in the views that the page shows.
-        let result = FitResult { plan: plan.clone(), fitted, splits, fragments_per_lit_pixel: None };
+        let result =
+            FitResult { plan: plan.clone(), fitted, splits, fragments_per_lit_pixel: None, plate: None };
         let report = result.to_json(field)?;
         Record::complete(field, FIT, &key, report.clone())?;
         Ok(report)

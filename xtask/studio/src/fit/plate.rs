@@ -1,0 +1,65 @@
+//! [`fit_plate`]: the static field of what is behind the subject, fitted to the plates of the cameras.
+//!
+//! Plates show one instant that lasts, so this is a fit to a capture of one frame, which needs no masks.
+
+use std::path::Path;
+
+use program::Fault;
+use refine::anchor::Mirror;
+use refine::capture::{Holdout, PhotoId};
+use refine::fit::{Learned, Photograph, Timeline, TrainingView};
+
+use super::plan::{FitPlan, FitStart, default_gaussians, default_steps};
+use super::training_views::{TrainingViews, responses};
+use super::{FitProgress, FitRuntime, Fitted, fit};
+use crate::capture::CaptureFiles;
+use crate::scene::plate_path;
+
+/// A plate gets as many steps and Gaussians as a subject in so many frames: a room is larger than who is in it, and does
+/// not move.
+const FRAMES: usize = 4;
+
+/// Fits a static field to the plates of the cameras that are not held out. `out` is the path of the field that belongs in
+/// front of it. The plate gets no more steps and Gaussians than `plan` has. What it learns of the cameras' colours is what
+/// the other fit starts from.
+///
+/// # Errors
+/// Those of [`fit`]; [`Fault::Data`] if a plate cannot be read.
+pub fn fit_plate(
+    plan: &FitPlan,
+    capture_files: &CaptureFiles,
+    runtime: FitRuntime,
+    out: &Path,
+    on_progress: &mut dyn FnMut(&FitProgress),
+) -> anyhow::Result<Fitted> {
+    let gaussians = default_gaussians(FRAMES, capture_files).min(plan.gaussians);
+    let plan = FitPlan {
+        steps: default_steps(FRAMES).min(plan.steps),
+        start: FitStart::Sweep,
+        mirror: Mirror::Off,
+        gaussians,
+        floor: gaussians.min(plan.floor),
+        // Plates have no times, and tell colours best.
+        learned: Learned { colors: plan.learned.colors, ..Learned::default() },
+        holdout: Holdout::None,
+        ..plan.clone()
+    };
+    let views = views(capture_files)?;
+    fit(&plan, capture_files, &views, runtime, &plate_path(out), on_progress)
+}
+
+/// The plates as photographs of one frame.
+fn views(capture_files: &CaptureFiles) -> Result<TrainingViews, Fault> {
+    let (mut train, mut held) = (Vec::new(), Vec::new());
+    for (i, camera) in capture_files.capture.cameras.iter().enumerate() {
+        let Some(photo) = capture_files.plate_photo(i)? else { continue };
+        let photograph = Photograph::from(&photo);
+        let view = TrainingView { camera_id: i, camera: camera.camera.clone(), time: 0.0, photograph };
+        match camera.held {
+            true => held.push(view),
+            false => train.push((PhotoId { frame: 0, camera: i }, view)),
+        }
+    }
+    let responses = responses(&capture_files.capture);
+    Ok(TrainingViews { train, held, timeline: Timeline::even(1), responses })
+}
