@@ -44,6 +44,8 @@ pub struct CaptureFiles {
     pub(super) paths: PhotoPaths,
     /// The video of each camera that has one.
     pub(super) videos: Vec<Option<CameraVideo>>,
+    /// Paths of clean plates in the folder, by the name of the camera, selected or not.
+    pub(super) plates: BTreeMap<String, String>,
 }
 
 /// The video of a camera.
@@ -180,6 +182,29 @@ impl CaptureFiles {
         self.paths.mask(i).map(|mask| self.folder.join(mask))
     }
 
+    /// Path of the clean plate of a camera, if it has one.
+    ///
+    /// # Panics
+    /// If the capture has no such camera.
+    pub fn plate_path(&self, camera: usize) -> Option<PathBuf> {
+        self.plates.get(&self.capture.cameras[camera].name).map(|plate| self.folder.join(plate))
+    }
+
+    /// Reads the clean plate of a camera: what it shows without the subject, in the size of its photographs on disk, with
+    /// lens distortion; `None` if it has no plate.
+    ///
+    /// # Errors
+    /// [`Fault::Data`] that names the file.
+    ///
+    /// # Panics
+    /// If the capture has no such camera.
+    pub fn plate(&self, camera: usize) -> Result<Option<image::RgbImage>, Fault> {
+        let Some(path) = self.plate_path(camera) else { return Ok(None) };
+        let plate = read(&path)?.into_rgb8();
+        check_size(&path, plate.dimensions(), &self.file_cameras[camera])?;
+        Ok(Some(plate))
+    }
+
     /// Reads a photograph as it is on disk, with lens distortion and background; transparent pixels are
     /// blended with black.
     ///
@@ -245,6 +270,7 @@ pub(super) struct CaptureBuilder {
     photos: Vec<PhotoId>,
     paths: PhotoPaths,
     videos: Vec<Option<CameraVideo>>,
+    plates: BTreeMap<String, String>,
     /// Deviations in seconds of photographs that are not on time.
     deviations_s: BTreeMap<PhotoId, f64>,
 }
@@ -257,6 +283,7 @@ impl CaptureBuilder {
             photos: Vec::new(),
             paths: PhotoPaths::default(),
             videos: Vec::new(),
+            plates: BTreeMap::new(),
             deviations_s: BTreeMap::new(),
         }
     }
@@ -296,6 +323,11 @@ impl CaptureBuilder {
         self.cameras[camera].time_offset_s = time_offset_s;
     }
 
+    /// Sets the path of the plate of a camera in the folder.
+    pub(super) fn plate(&mut self, camera: usize, path: String) {
+        self.plates.insert(self.cameras[camera].name.clone(), path);
+    }
+
     /// Adds a photograph; each camera has at most one of a frame.
     pub(super) fn photo(&mut self, camera: usize, frame: usize, path: PhotoPath) {
         self.photos.push(PhotoId { frame, camera });
@@ -325,7 +357,7 @@ impl CaptureBuilder {
         let time_offsets_s = offsets.filter(|(_, offset_s)| *offset_s != 0.0).collect();
         let selected = 0..frame_times_s.len();
         let capture = Capture { cameras: self.cameras, frame_times_s, photos, deviations_s };
-        let CaptureBuilder { folder, videos, .. } = self;
+        let CaptureBuilder { folder, videos, plates, .. } = self;
         CaptureFiles {
             capture,
             stated_fps,
@@ -339,6 +371,7 @@ impl CaptureBuilder {
             folder,
             paths,
             videos,
+            plates,
         }
     }
 }

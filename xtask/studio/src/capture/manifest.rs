@@ -40,6 +40,7 @@ struct Manifest {
     first_frame: usize,
     images: Option<String>,
     masks: Option<String>,
+    plates: Option<String>,
     #[serde(default)]
     learn: Vec<CameraPart>,
     up: Option<[f64; 3]>,
@@ -99,6 +100,15 @@ pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
         let camera = pinhole((entry.w, entry.h), [fx, fy, cx, cy], entry.w2c);
         let index = builder.camera(&entry.id, camera, lens, entry.held);
         builder.offset_s(index, entry.time_offset_s);
+        if let Some(pattern) = &manifest.plates {
+            let plate = expand(pattern, &entry.id, 0).map_err(bad_manifest)?;
+            let file = folder.join(&plate);
+            if !file.is_file() {
+                let missing = "this plate is missing; put it there, or remove plates from capture.json";
+                return Err(bad(&file, missing).into());
+            }
+            builder.plate(index, plate);
+        }
         let named = |pattern: &String, frame: usize| {
             expand(pattern, &entry.id, manifest.first_frame + frame).map_err(bad_manifest)
         };
@@ -160,7 +170,7 @@ fn open_video(path: &Path, entry: &ManifestCamera) -> Result<Video, Fault> {
 impl Manifest {
     /// Checks the values that no photograph depends on alone.
     fn check(&self) -> Result<(), String> {
-        let Manifest { fps, images, up, metres_per_unit, cameras, .. } = self;
+        let Manifest { fps, images, plates, up, metres_per_unit, cameras, .. } = self;
         if let Some(fps) = fps.filter(|fps| !FPS.contains(fps)) {
             return Err(format!("fps {fps}: the range is {} to {}", FPS.start(), FPS.end()));
         }
@@ -170,6 +180,14 @@ impl Manifest {
         }
         if let Some(up) = up.filter(|up| !unit(*up).iter().all(|x| x.is_finite())) {
             return Err(format!("up {up:?} is no direction"));
+        }
+        if let Some(plates) = plates {
+            if plates.contains("{frame") {
+                return Err(format!("plates \"{plates}\" has a {{frame}}, but a camera has one plate"));
+            }
+            if cameras.len() > 1 && !plates.contains("{camera}") {
+                return Err(format!("plates \"{plates}\" has no {{camera}}: all would share one plate"));
+            }
         }
         let mut names = BTreeSet::new();
         for ManifestCamera { id, k, time_offset_s, video, start_s, .. } in cameras {
