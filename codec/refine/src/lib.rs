@@ -3,6 +3,7 @@
 //! | module | from | to |
 //! |---|---|---|
 //! | [`capture`] | calibrated cameras and photographs | the splits to fit to and to evaluate by |
+//! | [`matte`] | pictures of a static camera | its clean plate, and the alpha of the subject |
 //! | [`mod@anchor`] | photographs of each frame | [`fit::Parameters`] on the subject's surface |
 //! | [`fit`] | parameters and training views | a [`codec::Field`] |
 //! | [`prune`] | a field and a budget | the rows to retain, and their colours |
@@ -69,6 +70,7 @@ mod color_alignment;
 pub mod fit;
 pub mod image;
 mod in_order;
+pub mod matte;
 mod median;
 pub mod metrics;
 pub mod prune;

@@ -184,6 +184,9 @@ fn a_manifest_with_faults_is_refused() {
     });
     refused("has no {frame}", &|m| m["images"] = "images/{camera}/000000.png".into());
     refused("has no {camera}", &|m| m["images"] = "images/00/{frame:06}.png".into());
+    refused("plates \"plates/00.png\" has no {camera}", &|m| m["plates"] = "plates/00.png".into());
+    refused("has a {frame}, but a camera has one plate", &|m| m["plates"] = "{camera}/{frame:06}.png".into());
+    refused("00.png: this plate is missing", &|m| m["plates"] = "plates/{camera}.png".into());
     refused("no camera has a photograph", &|m| m["cameras"] = json!([]));
     refused("image size 4000000000x3", &|m| {
         m["cameras"][0]["w"] = 4_000_000_000u32.into();
@@ -199,6 +202,28 @@ fn a_manifest_with_faults_is_refused() {
         m["cameras"][2]["lens"] = "fisheye".into();
         m["cameras"][2]["D"] = json!([0, 0, 0, 0, 0.1]);
     });
+}
+
+#[test]
+fn a_camera_has_its_plate() {
+    let studio = Studio::new();
+    assert_eq!(studio.capture_files().plate_photo(1).unwrap(), None);
+    studio.manifest(|m| m["plates"] = "images/{camera}/000002.png".into());
+    let mut capture_files = studio.capture_files();
+    let expected = |camera: usize| image::open(studio.file("images", camera, 2)).unwrap().into_rgb8();
+    let found = |capture_files: &CaptureFiles, camera: usize| {
+        let photo = capture_files.plate_photo(camera).unwrap().unwrap();
+        assert!(photo.image.pixels.iter().all(|pixel| pixel[3] == 1.0));
+        image::RgbImage::from_raw(photo.image.width, photo.image.height, photo.image.to_rgb8()).unwrap()
+    };
+    assert_eq!(found(&capture_files, 1), expected(1));
+    let names = ["00", "02"].map(str::to_owned);
+    capture_files.keep_cameras(&names).unwrap();
+    assert_eq!(found(&capture_files, 1), expected(2), "those of other cameras are left out");
+    image::RgbImage::new(7, 24).save(studio.file("images", 2, 2)).unwrap();
+    let again = studio.capture_files();
+    let error = again.plate_photo(2).unwrap_err();
+    assert!(error.to_string().contains("000002.png: 7x24 pixels, but its camera has 24x24"), "{error}");
 }
 
 #[test]

@@ -28,6 +28,7 @@ fn settings(perturbations: Perturbations) -> RigSettings {
         crf: 12,
         shadow: false,
         masks: false,
+        plates: false,
         perturbations,
     }
 }

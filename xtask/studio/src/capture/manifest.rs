@@ -167,10 +167,13 @@ impl Manifest {
     /// Checks the values that no photograph depends on alone.
     fn check(&self) -> Result<(), String> {
         let Manifest { fps, images, plates, up, metres_per_unit, cameras, .. } = self;
-        if let Some(plates) =
-            plates.as_ref().filter(|plates| !plates.contains("{camera}") && cameras.len() > 1)
-        {
-            return Err(format!("plates \"{plates}\" has no {{camera}}: all would share one picture"));
+        if let Some(plates) = plates {
+            if plates.contains("{frame") {
+                return Err(format!("plates \"{plates}\" has a {{frame}}, but a camera has one plate"));
+            }
+            if cameras.len() > 1 && !plates.contains("{camera}") {
+                return Err(format!("plates \"{plates}\" has no {{camera}}: all would share one plate"));
+            }
         }
         if let Some(fps) = fps.filter(|fps| !FPS.contains(fps)) {
             return Err(format!("fps {fps}: the range is {} to {}", FPS.start(), FPS.end()));

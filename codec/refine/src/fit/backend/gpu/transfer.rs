@@ -11,7 +11,7 @@ use crate::fit::cameras::CAMERA_NUMBERS as FIT_CAMERA_NUMBERS;
 use crate::fit::density::ScreenGradients;
 use crate::fit::optimizer::{LearningRates, Moments};
 use crate::fit::parameters::{Bounds, COLUMNS as FIT_COLUMNS, Carried, LOGIT_MAX, Parameters};
-use crate::fit::views::{FrameView};
+use crate::fit::views::FrameView;
 
 /// Bytes per number.
 const WORD: u64 = 4;

@@ -1,0 +1,143 @@
+//! [`Plate`]: what a still camera shows without the subject.
+
+use rayon::prelude::*;
+
+use super::gain::gains;
+
+/// Standard deviations of noise per median absolute deviation, of a normal distribution.
+const DEVIATIONS: f32 = 1.4826;
+
+/// Smallest noise in levels: rounding alone makes 0.3, and the median of a few small integers is often 0.
+const SPREAD_MIN: f32 = 1.5;
+
+/// Largest noise in units of the median over the picture: where the subject is in almost half of the pictures, deviations are
+/// those from it. IoU 0.969 without, 0.971 with 2.
+const SPREAD_MAX: f32 = 2.0;
+
+/// Noise in levels that is assumed where one picture tells nothing: that of a camera indoors, after compression.
+const SPREAD_ASSUMED: f32 = 4.0;
+
+/// Colours that a still camera shows without the subject, and how much they vary.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plate {
+    pub(super) width: usize,
+    /// Colours, row by row from the top left.
+    pub(super) colors: Vec<[u8; 3]>,
+    /// Standard deviation of each pixel's channels, in levels.
+    pub(super) spread: Vec<f32>,
+}
+
+impl Plate {
+    /// The median over time of `pictures`, which have `width` columns and show the same view at times spread over the
+    /// clip, after exposures are made equal; the spread is the median absolute deviation from it. The median of an even
+    /// number is the darker of the two in the middle. Where the subject is in more than half of the pictures, it is part
+    /// of the plate. One picture is the plate itself, with an assumed spread.
+    ///
+    /// # Panics
+    /// If there is no picture, or sizes differ or are no whole rows.
+    pub fn of(pictures: &[impl AsRef<[[u8; 3]]>], width: usize) -> Plate {
+        let pictures: Vec<&[[u8; 3]]> = pictures.iter().map(AsRef::as_ref).collect();
+        let len = pictures[0].len();
+        assert!(pictures.iter().all(|picture| picture.len() == len), "pictures of one size");
+        assert!(len.is_multiple_of(width.max(1)), "whole rows");
+        if let [picture] = *pictures {
+            return Plate { width, colors: picture.to_vec(), spread: vec![SPREAD_ASSUMED; len] };
+        }
+        let tables = tables(&pictures);
+        let mut colors = vec![[0; 3]; len];
+        let mut spread = vec![0.0; len];
+        let rows = colors.par_chunks_mut(width.max(1)).zip(spread.par_chunks_mut(width.max(1)));
+        rows.enumerate().for_each(|(y, (colors, spread))| {
+            let mut levels = vec![0.0; pictures.len()];
+            for (x, (color, spread)) in colors.iter_mut().zip(spread).enumerate() {
+                let mut deviations = [0.0; 3];
+                for c in 0..3 {
+                    for ((level, picture), table) in levels.iter_mut().zip(&pictures).zip(&tables) {
+                        *level = table[c][usize::from(picture[y * width + x][c])];
+                    }
+                    let middle = median(&mut levels);
+                    color[c] = middle.round() as u8;
+                    levels.iter_mut().for_each(|level| *level = (*level - middle).abs());
+                    deviations[c] = median(&mut levels);
+                }
+                *spread = (DEVIATIONS * deviations.iter().sum::<f32>() / 3.0).max(SPREAD_MIN);
+            }
+        });
+        let most = if len == 0 { 0.0 } else { SPREAD_MAX * median(&mut spread.clone()) };
+        spread.iter_mut().for_each(|spread| *spread = spread.min(most));
+        Plate { width, colors, spread }
+    }
+
+    /// Number of columns.
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// The colours, row by row from the top left.
+    pub fn colors(&self) -> &[[u8; 3]] {
+        &self.colors
+    }
+
+    /// Factors by which `picture` is brighter than the plate, in red, green and blue: the median over the picture, so the
+    /// subject hardly counts.
+    ///
+    /// # Panics
+    /// If the size differs.
+    pub fn gains(&self, picture: &[[u8; 3]]) -> [f64; 3] {
+        assert_eq!(picture.len(), self.colors.len(), "a picture of the plate's size");
+        gains(picture, &self.colors)
+    }
+}
+
+/// Levels of the channels of each picture at the median exposure of all.
+fn tables(pictures: &[&[[u8; 3]]]) -> Vec<[Vec<f32>; 3]> {
+    let first = pictures[0];
+    let gains: Vec<[f64; 3]> = pictures.par_iter().map(|picture| gains(picture, first)).collect();
+    let middle: [f32; 3] =
+        std::array::from_fn(|c| median(&mut gains.iter().map(|gain| gain[c] as f32).collect::<Vec<_>>()));
+    let table = |gain: f64, middle: f32| {
+        let factor = middle / gain as f32;
+        (0..256).map(|level| (level as f32 * factor).min(255.0)).collect()
+    };
+    gains.into_iter().map(|gain| std::array::from_fn(|c| table(gain[c], middle[c]))).collect()
+}
+
+/// Median of numbers, the lower of two.
+fn median(values: &mut [f32]) -> f32 {
+    let half = (values.len() - 1) / 2;
+    *values.select_nth_unstable_by(half, f32::total_cmp).1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_there_most_of_the_time_is_the_plate() {
+        let shown = |time: usize| -> Vec<[u8; 3]> {
+            (0..64).map(|i| if i / 8 == time { [250, 10, 10] } else { [i as u8 + 60, 90, 120] }).collect()
+        };
+        let pictures: Vec<Vec<[u8; 3]>> = (0..5).map(shown).collect();
+        let plate = Plate::of(&pictures, 8);
+        assert!(plate.colors.iter().enumerate().all(|(i, color)| *color == [i as u8 + 60, 90, 120]));
+        assert!(plate.spread.iter().all(|spread| *spread == SPREAD_MIN));
+    }
+
+    #[test]
+    fn spread_is_that_of_noise_and_not_of_exposure() {
+        let mut random = fastrand::Rng::with_seed(3);
+        let mut shown = |gain: f64| -> Vec<[u8; 3]> {
+            // The sum of 12 uniform numbers has a standard deviation of 1.
+            let mut noise = || (0..12).map(|_| random.f64()).sum::<f64>() - 6.0;
+            (0..2500)
+                .map(|i| [0; 3].map(|_| (gain * (60.0 + (i % 120) as f64) + 3.0 * noise()) as u8))
+                .collect()
+        };
+        let pictures: Vec<Vec<[u8; 3]>> = (0..33).map(|i| shown(1.0 + 0.05 * f64::from(i % 3 - 1))).collect();
+        let plate = Plate::of(&pictures, 50);
+        let mean = plate.spread.iter().sum::<f32>() / 2500.0;
+        assert!((2.6..3.3).contains(&mean), "{mean}");
+        let alone = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+        assert_eq!(alone.install(|| Plate::of(&pictures, 50)), plate);
+    }
+}
