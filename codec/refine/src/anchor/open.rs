@@ -1,16 +1,17 @@
 //! Plane sweep through all the space in front of the cameras, for photographs without masks.
 //!
 //! Each pixel tries depths from near the camera to far behind the point that the cameras look at, evenly in inverse
-//! depth, and takes the one at which neighbouring photographs agree best. Depths that a neighbour confirms stay. Other
-//! pixels, such as those of bare walls, get the mean inverse depth of those around them, from a pyramid that is filled
-//! from coarse to fine (pull-push: Gortler et al., 1996).
+//! depth and for several normals (Gallup et al., 2007), and takes the one at which neighbouring photographs agree best.
+//! Depths stay that a neighbour confirms and others around support. Other pixels, such as those of bare walls, get the
+//! inverse depth of the farthest around them, from a pyramid that is filled from coarse to fine (pull-push: Gortler et al.,
+//! 1996).
 
 use glam::DVec3;
 use rayon::prelude::*;
 
 use super::DepthMap;
 use super::pinhole::{Pinhole, nearest_to_axes};
-use super::sweep::{SweptView, interpolated, nearest, neighbors, scores, shrunk};
+use super::sweep::{NEIGHBORS_MAX, Patch, SweptView, interpolated, nearest, neighbors, scores, shrunk};
 use crate::fit::Photograph;
 use crate::median::median;
 
@@ -26,11 +27,26 @@ const FARTHEST: f64 = 20.0;
 /// Cameras without a common point are taken to look at one so many times as far away as they are apart.
 const FAR_FROM_RIG: f64 = 3.0;
 
+/// Every so many columns and rows, a pixel is matched.
+const STRIDE: u32 = 2;
+
+/// Cosine of the widest angle between a view and its neighbours, as seen from what all look at.
+const WIDEST: f64 = 0.0;
+
+/// Number of normals of upright surfaces that are tried, and cosine between a normal and a ray above which a surface is
+/// seen too flatly.
+const AROUND: u32 = 8;
+const FLATTEST: f64 = -0.3;
+
 /// Least NCC of a match.
 const LEAST_SCORE: f32 = 0.8;
 
 /// A neighbour confirms a depth if its own differs by at most so many steps.
 const CONFIRMING: f64 = 2.0;
+
+/// Number of pixels around one that support its depth, if theirs differ by at most so many steps.
+const SUPPORTING: usize = 2;
+const ALIKE: f64 = 8.0;
 
 /// Depth maps of the views flagged in `grounding`, empty maps for the others; `None` if all cameras are at one place.
 pub(super) fn sweep(views: &[(&Pinhole, &Photograph)], grounding: &[bool]) -> Option<Vec<DepthMap>> {
@@ -40,16 +56,17 @@ pub(super) fn sweep(views: &[(&Pinhole, &Photograph)], grounding: &[bool]) -> Op
     let mut all: Vec<SweptView> =
         views.par_iter().map(|(pinhole, photograph)| shrunk(pinhole, photograph, SIZE)).collect();
     for (i, view) in all.iter_mut().enumerate() {
-        view.neighbors = nearest(views, i, center);
+        view.neighbors = nearest(views, i, center, WIDEST, NEIGHBORS_MAX);
     }
-    let matched: Vec<Vec<Option<f32>>> = (0..all.len()).map(|i| matched(&all, i, &steps)).collect();
+    let normals = normals(&pinholes);
+    let matched: Vec<Vec<Option<f32>>> = (0..all.len()).map(|i| matched(&all, i, &normals, &steps)).collect();
     let map = |i: usize| {
         if !grounding[i] {
             return DepthMap { width: 0, height: 0, depths: Vec::new() };
         }
         let [width, height] = all[i].pinhole.size;
-        let confirmed = confirmed(&all, &matched, i, &steps);
-        let filled = filled(&confirmed, width as usize, steps.at(distance) as f32);
+        let known = supported(&confirmed(&all, &matched, i, &steps), width as usize);
+        let filled = filled(&known, width as usize, steps.at(distance) as f32);
         let depths = filled.into_iter().map(|step| steps.depth(f64::from(step)) as f32).collect();
         DepthMap { width, height, depths }
     };
@@ -93,16 +110,38 @@ impl Steps {
     }
 }
 
+/// Normals of surfaces that are tried: up, down and around.
+fn normals(pinholes: &[Pinhole]) -> Vec<DVec3> {
+    let up = pinholes.iter().map(|pinhole| pinhole.up).sum::<DVec3>().normalize_or(DVec3::Y);
+    let (side, front) = up.any_orthonormal_pair();
+    let around = (0..AROUND).map(|i| {
+        let (sin, cos) = (std::f64::consts::TAU * f64::from(i) / f64::from(AROUND)).sin_cos();
+        sin * side + cos * front
+    });
+    [up, -up].into_iter().chain(around).collect()
+}
+
 /// The step at which each pixel of view `i` matches; `None` where no NCC is high.
-fn matched(all: &[SweptView], i: usize, steps: &Steps) -> Vec<Option<f32>> {
+fn matched(all: &[SweptView], i: usize, normals: &[DVec3], steps: &Steps) -> Vec<Option<f32>> {
     let view = &all[i];
     let depths: Vec<f32> = (0..DEPTHS).map(|k| steps.depth(k as f64) as f32).collect();
     let neighbors = neighbors(all, i);
-    let [width, height] = view.pinhole.size.map(|n| n as usize);
-    let of_pixel = |pixel: usize| {
-        let scores = scores(view, &neighbors, [pixel % width, pixel / width], depths.iter().copied())?;
-        let best = (0..DEPTHS).max_by(|a, b| scores[*a].total_cmp(&scores[*b]))?;
-        (scores[best] >= LEAST_SCORE).then(|| interpolated(&scores, best))
+    let [width, height] = view.pinhole.size;
+    let of_pixel = |pixel: u32| {
+        let at = [pixel % width, pixel / width];
+        if at.iter().any(|at| !at.is_multiple_of(STRIDE)) {
+            return None;
+        }
+        let patch = Patch::around(view, at[0] as i32, at[1] as i32)?;
+        let ray = view.pinhole.ray(at).normalize();
+        let of_normal = |normal: &DVec3| {
+            let patch = (normal.dot(ray) < FLATTEST).then(|| patch.tilted(view, at, *normal))??;
+            let scores = scores(&patch, &neighbors, depths.iter().copied());
+            let best = (0..DEPTHS).max_by(|a, b| scores[*a].total_cmp(&scores[*b]))?;
+            Some((scores[best], interpolated(&scores, best)))
+        };
+        let best = normals.iter().filter_map(of_normal).max_by(|(a, _), (b, _)| a.total_cmp(b));
+        best.filter(|(score, _)| *score >= LEAST_SCORE).map(|(_, step)| step)
     };
     (0..width * height).into_par_iter().map(of_pixel).collect()
 }
@@ -119,7 +158,9 @@ fn confirmed(all: &[SweptView], matched: &[Vec<Option<f32>>], i: usize, steps: &
         for &other in &view.neighbors {
             let pinhole = &all[other].pinhole;
             let Some((place, depth)) = pinhole.project(point) else { continue };
-            let Some(own) = pinhole.pixel(place).and_then(|at| matched[other][at]) else { continue };
+            // The pixel that was matched and holds or is next to this one.
+            let nearest = place.map(|at| f64::from(STRIDE) * (at / f64::from(STRIDE)).floor());
+            let Some(own) = pinhole.pixel(nearest).and_then(|at| matched[other][at]) else { continue };
             let behind = f64::from(own) - steps.at(depth);
             votes += if behind.abs() <= CONFIRMING { 1 } else { -i32::from(behind > 0.0) };
         }
@@ -128,21 +169,40 @@ fn confirmed(all: &[SweptView], matched: &[Vec<Option<f32>>], i: usize, steps: &
     (0..matched[i].len()).into_par_iter().map(of_pixel).collect()
 }
 
-/// The known values, and elsewhere the mean of those around, of a picture `width` pixels wide; `none` if nothing is
-/// known.
+/// The steps that others around them support: at least [`SUPPORTING`] of the eight next pixels that were matched. Chance
+/// matches of bare surfaces stand alone, and would spread.
+fn supported(steps: &[Option<f32>], width: usize) -> Vec<Option<f32>> {
+    let (stride, height) = (STRIDE as usize, steps.len() / width.max(1));
+    let of_pixel = |pixel: usize| {
+        let step = steps[pixel]?;
+        let near =
+            |at: usize, size: usize| (at.saturating_sub(stride)..size.min(at + stride + 1)).step_by(stride);
+        let around =
+            near(pixel / width, height).flat_map(|y| near(pixel % width, width).map(move |x| y * width + x));
+        let is_alike =
+            |other: &usize| steps[*other].is_some_and(|other| f64::from((other - step).abs()) <= ALIKE);
+        (around.filter(is_alike).count() > SUPPORTING).then_some(step)
+    };
+    (0..steps.len()).map(of_pixel).collect()
+}
+
+/// The known steps, and elsewhere what is between the farthest around, of a picture `width` pixels wide; `none` if nothing
+/// is known. What is bare is rather a wall than what stands before it.
 fn filled(known: &[Option<f32>], width: usize, none: f32) -> Vec<f32> {
     let height = known.len() / width.max(1);
     if known.iter().all(Option::is_some) || width * height <= 1 {
         return known.iter().map(|value| value.unwrap_or(none)).collect();
     }
     let half = width.div_ceil(2);
-    let mut sums = vec![(0.0, 0); half * height.div_ceil(2)];
-    for (pixel, value) in known.iter().enumerate().filter_map(|(pixel, value)| Some((pixel, (*value)?))) {
-        let sum = &mut sums[pixel / width / 2 * half + pixel % width / 2];
-        *sum = (sum.0 + value, sum.1 + 1);
+    let mut farthest = vec![None; half * height.div_ceil(2)];
+    for (pixel, value) in known.iter().enumerate() {
+        let cell = &mut farthest[pixel / width / 2 * half + pixel % width / 2];
+        *cell = match (*cell, *value) {
+            (Some(a), Some(b)) => Some(f32::max(a, b)),
+            (a, b) => a.or(b),
+        };
     }
-    let means: Vec<_> = sums.into_iter().map(|(sum, n)| (n > 0).then(|| sum / n as f32)).collect();
-    let coarse = filled(&means, half, none);
+    let coarse = filled(&farthest, half, none);
     // Bilinear between the centres of the coarse pixels.
     let at = |x: usize, y: usize| {
         let near = |k: usize, size: usize| {

@@ -31,8 +31,11 @@ impl Default for SweepSettings {
 }
 
 /// Number of neighbours that a view is compared with, and how many of them must agree.
-pub(super) const NEIGHBORS: usize = 4;
+const NEIGHBORS: usize = 4;
 const BEST: usize = 2;
+
+/// Most neighbours that a view is compared with by anyone.
+pub(super) const NEIGHBORS_MAX: usize = 6;
 
 /// Cosines of the least and greatest angle between a view and its neighbours: closer views have no
 /// parallax, wider ones see another side.
@@ -40,6 +43,9 @@ const ANGLES: [f64; 2] = [0.9998, 0.5];
 
 /// Half-size of a patch: it has `2 PATCH_HALF + 1` pixels a side.
 const PATCH_HALF: i32 = 2;
+
+/// Depths of a tilted patch, in those of its middle.
+const TILTS: std::ops::Range<f64> = 0.7..1.4;
 
 /// Least number of pixels of a patch that must show the subject.
 const LEAST_PIXELS: usize = 13;
@@ -75,7 +81,8 @@ pub(super) fn sweep(
     grounding: &[bool],
 ) -> Vec<DepthMap> {
     let center = hull.centroid();
-    let neighbors: Vec<Vec<usize>> = (0..views.len()).map(|i| nearest(views, i, center)).collect();
+    let neighbors: Vec<Vec<usize>> =
+        (0..views.len()).map(|i| nearest(views, i, center, ANGLES[1], NEIGHBORS)).collect();
     // The check of a view needs the depths of its neighbours, too.
     let needed =
         |i: usize| grounding[i] || (0..views.len()).any(|j| grounding[j] && neighbors[j].contains(&i));
@@ -101,15 +108,22 @@ pub(super) fn sweep(
     (0..all.len()).map(checked).collect()
 }
 
-/// The views whose direction to `center` is closest to that of view `i`, closest first.
-pub(super) fn nearest(views: &[(&Pinhole, &Photograph)], i: usize, center: DVec3) -> Vec<usize> {
+/// At most `count` views whose direction to `center` is closest to that of view `i`, closest first, if the cosine of the
+/// angle is more than `widest`.
+pub(super) fn nearest(
+    views: &[(&Pinhole, &Photograph)],
+    i: usize,
+    center: DVec3,
+    widest: f64,
+    count: usize,
+) -> Vec<usize> {
     let towards = |i: usize| (center - views[i].0.position).normalize_or_zero();
     let cosine = |other: usize| towards(i).dot(towards(other));
     let mut others: Vec<usize> = (0..views.len())
-        .filter(|other| *other != i && cosine(*other) < ANGLES[0] && cosine(*other) > ANGLES[1])
+        .filter(|other| *other != i && cosine(*other) < ANGLES[0] && cosine(*other) > widest)
         .collect();
     others.sort_by(|a, b| cosine(*b).total_cmp(&cosine(*a)));
-    others.truncate(NEIGHBORS);
+    others.truncate(count);
     others
 }
 
@@ -138,14 +152,14 @@ pub(super) fn shrunk(pinhole: &Pinhole, photograph: &Photograph, size: u32) -> S
 }
 
 /// The normalised brightness of a patch: zero mean, unit norm.
-struct Patch {
+pub(super) struct Patch {
     /// Homogeneous image coordinates and brightness of each pixel.
     pixels: Vec<(Vec3, f32)>,
 }
 
 impl Patch {
     /// The patch around a pixel; `None` if it has too few pixels or too little contrast.
-    fn around(view: &SweptView, x: i32, y: i32) -> Option<Patch> {
+    pub(super) fn around(view: &SweptView, x: i32, y: i32) -> Option<Patch> {
         let [width, height] = view.pinhole.size.map(|n| n as i32);
         let mut pixels = Vec::with_capacity((2 * PATCH_HALF as usize + 1).pow(2));
         for v in (y - PATCH_HALF).max(0)..(y + PATCH_HALF + 1).min(height) {
@@ -169,6 +183,17 @@ impl Patch {
             *luma = (*luma - mean) / norm;
         }
         Some(Patch { pixels })
+    }
+
+    /// The patch on a plane with this normal instead of one across the axis of `view`: its pixels are farther or nearer
+    /// than the middle one, at `middle`, in the same proportion at all depths. `None` if the plane is seen too flatly.
+    pub(super) fn tilted(&self, view: &SweptView, middle: [u32; 2], normal: DVec3) -> Option<Patch> {
+        let towards = normal.dot(view.pinhole.ray(middle));
+        let tilted = |(place, luma): &(Vec3, f32)| {
+            let factor = towards / normal.dot(view.pinhole.world_from_pixel * place.as_dvec3());
+            TILTS.contains(&factor).then(|| (factor as f32 * *place, *luma))
+        };
+        self.pixels.iter().map(tilted).collect::<Option<Vec<_>>>().map(|pixels| Patch { pixels })
     }
 
     /// NCC, -1 to 1, of the patch with its projection into `other` if it is at `depth`; `None` if the
@@ -226,15 +251,13 @@ pub(super) fn neighbors(all: &[SweptView], i: usize) -> Vec<Neighbor<'_>> {
     all[i].neighbors.iter().map(neighbor).collect()
 }
 
-/// The score of each of `depths` at a pixel: the mean NCC over the best neighbours; `None` if the pixel cannot be compared.
+/// The score of a patch at each of `depths`: the mean NCC over the best neighbours.
 pub(super) fn scores(
-    view: &SweptView,
+    patch: &Patch,
     neighbors: &[Neighbor],
-    [x, y]: [usize; 2],
     depths: impl ExactSizeIterator<Item = f32> + Clone,
-) -> Option<Vec<f32>> {
-    let patch = Patch::around(view, x as i32, y as i32)?;
-    let mut scores = vec![[f32::NEG_INFINITY; NEIGHBORS]; depths.len()];
+) -> Vec<f32> {
+    let mut scores = vec![[f32::NEG_INFINITY; NEIGHBORS_MAX]; depths.len()];
     for (slot, Neighbor { view, matrix, offset }) in neighbors.iter().enumerate() {
         let rays: Vec<Vec3> = patch.pixels.iter().map(|(place, _)| *matrix * *place).collect();
         for (depth, scores) in depths.clone().zip(&mut scores) {
@@ -242,11 +265,11 @@ pub(super) fn scores(
         }
     }
     let best = BEST.min(neighbors.len().max(1));
-    let score = |mut of: [f32; NEIGHBORS]| {
+    let score = |mut of: [f32; NEIGHBORS_MAX]| {
         of.sort_by(|a, b| b.total_cmp(a));
         of[..best].iter().sum::<f32>() / best as f32
     };
-    Some(scores.into_iter().map(score).collect())
+    scores.into_iter().map(score).collect()
 }
 
 /// The depths of view `i` with the highest NCC, or the hull's depths where no NCC is high.
@@ -264,8 +287,8 @@ fn matched(all: &[SweptView], i: usize, depths: usize, voxel: f64) -> Vec<f32> {
         let behind = behind.max(RANGE_THICKNESS as f32 * (leave - enter)).min(leave - enter);
         let step = behind / (depths - 1) as f32;
         let tried = (0..depths).map(|k| enter + k as f32 * step);
-        if let Some(scores) = scores(view, &neighbors, [x, y], tried) {
-            *depth = enter + step * peak(&scores);
+        if let Some(patch) = Patch::around(view, x as i32, y as i32) {
+            *depth = enter + step * peak(&scores(&patch, &neighbors, tried));
         }
     });
     swept
