@@ -100,13 +100,7 @@ pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
         let camera = pinhole((entry.w, entry.h), [fx, fy, cx, cy], entry.w2c);
         let index = builder.camera(&entry.id, camera, lens, entry.held);
         builder.offset_s(index, entry.time_offset_s);
-        if let Some(pattern) = &manifest.plates {
-            let plate = expand(pattern, &entry.id, 0).map_err(bad_manifest)?;
-            let file = folder.join(&plate);
-            if !file.is_file() {
-                let missing = "this plate is missing; put it there, or remove plates from capture.json";
-                return Err(bad(&file, missing).into());
-            }
+        if let Some(plate) = plate_of(&manifest, entry, folder, &path)? {
             builder.plate(index, plate);
         }
         let named = |pattern: &String, frame: usize| {
@@ -143,6 +137,20 @@ pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
         metres_per_unit: manifest.metres_per_unit,
         ..builder.build(even_times_s(frames, fps), manifest.fps)
     })
+}
+
+/// Path in `folder` of the plate of a camera; the manifest is at `path`.
+fn plate_of(
+    manifest: &Manifest,
+    entry: &ManifestCamera,
+    folder: &Path,
+    path: &Path,
+) -> Result<Option<String>, Fault> {
+    let Some(pattern) = &manifest.plates else { return Ok(None) };
+    let plate = expand(pattern, &entry.id, 0).map_err(|problem| bad_layout(path, problem))?;
+    let file = folder.join(&plate);
+    let missing = "this plate is missing; put it there, or remove plates from capture.json";
+    if file.is_file() { Ok(Some(plate)) } else { Err(bad(&file, missing)) }
 }
 
 /// The direction of a vector, with length 1.

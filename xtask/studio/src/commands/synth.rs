@@ -79,7 +79,8 @@ struct RigArgs {
     /// Quality of the videos, x264's constant rate factor: 0 loses nothing, 51 is worst
     #[arg(long, value_name = "N", default_value_t = 12)]
     crf: u8,
-    /// Write the figure's masks, too: masks/CAMERA/FRAME.png for each frame of the videos
+    /// Write the figure's masks, too, masks/CAMERA/FRAME.png for each frame of the videos, and plates without it,
+    /// plates/CAMERA.png
     #[arg(long)]
     masks: bool,
     /// Let the figure cast a shadow on the floor, so that the background is not static

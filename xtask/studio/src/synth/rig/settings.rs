@@ -24,7 +24,7 @@ pub struct RigSettings {
     pub crf: u8,
     /// Whether the figure casts a shadow on the floor, so that the background is not static.
     pub shadow: bool,
-    /// Whether masks are written.
+    /// Whether masks and plates are written.
     pub masks: bool,
     /// What differs from a synchronous rig of equal cameras.
     pub perturbations: Perturbations,

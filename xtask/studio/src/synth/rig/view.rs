@@ -125,6 +125,15 @@ impl RigView<'_> {
         RigPicture { colors: self.sensor.expose(&colors, frame), mask }
     }
 
+    /// Red, green and blue of the picture that the camera would take of the empty room, with noise of its own.
+    pub fn plate(&self) -> Vec<u8> {
+        let light = |pixel: &BackgroundPixel| {
+            std::array::from_fn(|c| f64::from(pixel.ambient[c]) + f64::from(pixel.sun[c]))
+        };
+        let colors: Vec<[f64; 3]> = self.background.iter().map(light).collect();
+        self.sensor.expose(&colors, usize::MAX)
+    }
+
     /// Whether a ray meets the floor where the figure shades it.
     fn is_in_shadow(&self, parts: &[stage::FigurePart], direction: DVec3) -> bool {
         let hit = room::hit(self.rays.origin, direction);

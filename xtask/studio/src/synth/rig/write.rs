@@ -5,7 +5,7 @@ use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use program::Fault;
-use program::output::OutputFolder;
+use program::output::{self, OutputFolder};
 use rayon::prelude::*;
 
 use super::calibration::calibration;
@@ -57,7 +57,7 @@ impl Target<'_> {
     }
 }
 
-/// Writes the video of a camera and, if asked, its masks.
+/// Writes the video of a camera and, if asked, its masks and its plate.
 fn write_camera(
     target: &Target<'_>,
     rig: &Rig,
@@ -77,6 +77,10 @@ fn write_camera(
         target.write(&format!("masks/{id}"), |path| fs::create_dir_all(path))?;
     }
     let view = rig.view(camera);
+    if settings.masks {
+        target.write("plates", |path| fs::create_dir_all(path))?;
+        output::write_png(&target.temporary.join(format!("plates/{id}.png")), &view.plate(), (width, height))?;
+    }
     let batch = BATCH_PER_THREAD * rayon::current_num_threads();
     for first in (0..errors.frames).step_by(batch) {
         let frames = first..errors.frames.min(first + batch);
