@@ -37,7 +37,7 @@ const ENDS: [f32; 2] = [0.1, 0.9];
 
 impl Plate {
     /// Alpha of each pixel of `picture`, from 0 where it shows the plate, in any exposure and shadow, to 255 where it does
-    /// not. Linear in the number of pixels, on one thread, with about 60 bytes of memory for each.
+    /// not. Linear in the number of pixels, on one thread, with at most 110 bytes of memory for each.
     ///
     /// A subject that is part of the plate is not found, and where the plate shows it and the picture does not, its
     /// place is. In other light altogether, beyond [`GAIN_MAX`], all of the picture is subject.

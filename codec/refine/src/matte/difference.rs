@@ -20,8 +20,8 @@ const SURE: f32 = 7.0;
 /// Radius of means in pixels; IoU 0.973 with 0, 0.977 with 1.
 const MEAN_RADIUS: usize = 1;
 
-/// Factors of shadows, and of what the gain leaves in the open. Rooms have light from everywhere, so most shadows are above 0.7;
-/// 0.5 is that of one lamp. IoU 0.980 with 0.6, 0.979 with 0.5, less below.
+/// Factors of shadows, and of what the gain leaves in the open. Rooms have light from everywhere, so most shadows are above 0.7.
+/// IoU is 0.984 with 0.55, and 0.982 with 0.5, where a grey helmet before a wall twice as bright is taken for a shadow.
 const SHADES: [f32; 2] = [0.55, 1.05];
 
 /// How much further a single pixel may go, because of noise.

@@ -25,7 +25,7 @@ use crate::capture::{Video, bad};
 pub(super) const MASKS: &str = "masks/{camera}/{frame:06}.png";
 pub(super) const PLATES: &str = "plates/{camera}.png";
 
-/// Cameras that are worked on at a time: each holds its plate and the planes of one matte, 60 bytes for a pixel.
+/// Cameras that are worked on at a time: each holds its plate and the planes of one matte, up to 110 bytes for a pixel.
 const CAMERAS_MAX: usize = 8;
 
 /// Frames of a camera at which the exposure of a plate is compared, and which the page shows.

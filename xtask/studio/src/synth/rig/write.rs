@@ -79,7 +79,11 @@ fn write_camera(
     let view = rig.view(camera);
     if settings.masks {
         target.write("plates", |path| fs::create_dir_all(path))?;
-        output::write_png(&target.temporary.join(format!("plates/{id}.png")), &view.plate(), (width, height))?;
+        output::write_png(
+            &target.temporary.join(format!("plates/{id}.png")),
+            &view.plate(),
+            (width, height),
+        )?;
     }
     let batch = BATCH_PER_THREAD * rayon::current_num_threads();
     for first in (0..errors.frames).step_by(batch) {
