@@ -48,8 +48,11 @@ fn room(video: &str, top: u32) -> Option<Vec<[u8; 3]>> {
     Some(output.stdout.as_chunks().0.to_vec())
 }
 
-/// The knight in the frames of a camera: colours times alpha, and alpha.
-fn knight(camera: &str) -> Option<Vec<Vec<([u8; 3], u8)>>> {
+/// Colours times alpha, and alpha, of the pixels of a picture.
+type Layer = Vec<([u8; 3], u8)>;
+
+/// The knight in the frames of a camera.
+fn knight(camera: &str) -> Option<Vec<Layer>> {
     let folder = data("stage-knight")?;
     let of = |frame: usize| {
         let read = |kind: &str| image::open(folder.join(format!("{kind}/{camera}/{frame:06}.png"))).unwrap();
@@ -167,13 +170,13 @@ fn mattes_of_a_walking_knight_are_right() {
                 mean(&errors),
                 mean(&milliseconds)
             );
-            assert!(mean(&ious) > 0.96 && least > 0.92, "{video}, {kind}: {ious:?}");
+            assert!(mean(&ious) > 0.96 && least > 0.9, "{video}, {kind}: {ious:?}");
             assert!(mean(&errors) < 0.2, "{errors:?}");
             all.extend(ious);
         }
     }
     println!("IoU of all {:.4}", mean(&all));
-    assert!(mean(&all) > 0.975);
+    assert!(mean(&all) > 0.978);
 }
 
 #[test]

@@ -28,7 +28,6 @@ fn settings(perturbations: Perturbations) -> RigSettings {
         crf: 12,
         shadow: false,
         masks: false,
-        plates: false,
         perturbations,
     }
 }

@@ -36,6 +36,11 @@ pub(super) fn box_mean(values: &[f32], width: usize, radius: usize) -> Vec<f32> 
     means
 }
 
+/// Radius in pixels, at least 1, in a picture with this number of them, of a part of the square root of that number.
+pub(super) fn radius_of(pixels: usize, part: f64) -> usize {
+    ((part * (pixels as f64).sqrt()).round() as usize).max(1)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

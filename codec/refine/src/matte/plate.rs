@@ -10,9 +10,12 @@ const DEVIATIONS: f32 = 1.4826;
 /// Smallest noise in levels: rounding alone makes 0.3, and the median of a few small integers is often 0.
 const SPREAD_MIN: f32 = 1.5;
 
-/// Largest noise in units of the median over the picture: where the subject is in almost half of the pictures, deviations are
-/// those from it. IoU 0.969 without, 0.971 with 2.
+/// Spread, in units of the median over the picture, beyond which a pixel shows more than the plate and its noise, and so has the
+/// mode of its colours for their median; and the spread that it gets.
 const SPREAD_MAX: f32 = 2.0;
+
+/// Luma, in standard deviations of noise, that belongs to one mode: two on each side.
+const MODE_WIDTH: f32 = 4.0;
 
 /// Noise in levels that is assumed where one picture tells nothing: that of a camera indoors, after compression.
 const SPREAD_ASSUMED: f32 = 4.0;
@@ -30,8 +33,9 @@ pub struct Plate {
 impl Plate {
     /// The median over time of `pictures`, which have `width` columns and show the same view at times spread over the
     /// clip, after exposures are made equal; the spread is the median absolute deviation from it. The median of an even
-    /// number is the darker of the two in the middle. Where the subject is in more than half of the pictures, it is part
-    /// of the plate. One picture is the plate itself, with an assumed spread.
+    /// number is the darker of the two in the middle. Where pictures differ by more than noise, their mode takes its place, so
+    /// that a subject that keeps its place, but moves, does not become part of the plate; it does where it is of one colour for
+    /// longer than the background. One picture is the plate itself, with an assumed spread.
     ///
     /// # Panics
     /// If there is no picture, or sizes differ or are no whole rows.
@@ -44,28 +48,42 @@ impl Plate {
             return Plate { width, colors: picture.to_vec(), spread: vec![SPREAD_ASSUMED; len] };
         }
         let tables = tables(&pictures);
-        let mut colors = vec![[0; 3]; len];
-        let mut spread = vec![0.0; len];
-        let rows = colors.par_chunks_mut(width.max(1)).zip(spread.par_chunks_mut(width.max(1)));
-        rows.enumerate().for_each(|(y, (colors, spread))| {
-            let mut levels = vec![0.0; pictures.len()];
-            for (x, (color, spread)) in colors.iter_mut().zip(spread).enumerate() {
-                let mut deviations = [0.0; 3];
-                for c in 0..3 {
-                    for ((level, picture), table) in levels.iter_mut().zip(&pictures).zip(&tables) {
-                        *level = table[c][usize::from(picture[y * width + x][c])];
-                    }
-                    let middle = median(&mut levels);
-                    color[c] = middle.round() as u8;
-                    levels.iter_mut().for_each(|level| *level = (*level - middle).abs());
-                    deviations[c] = median(&mut levels);
-                }
-                *spread = (DEVIATIONS * deviations.iter().sum::<f32>() / 3.0).max(SPREAD_MIN);
+        let mut plate = Plate { width, colors: vec![[0; 3]; len], spread: vec![0.0; len] };
+        plate.each_pixel(|i, color, spread| {
+            let mut deviations = 0.0;
+            for (c, color) in color.iter_mut().enumerate() {
+                let levels = pictures.iter().zip(&tables);
+                let mut samples: Vec<f32> =
+                    levels.map(|(picture, table)| table[c][usize::from(picture[i][c])]).collect();
+                let middle = median(&mut samples);
+                *color = middle.round() as u8;
+                samples.iter_mut().for_each(|level| *level = (*level - middle).abs());
+                deviations += median(&mut samples) / 3.0;
+            }
+            *spread = (DEVIATIONS * deviations).max(SPREAD_MIN);
+        });
+        let noise = if len == 0 { SPREAD_MIN } else { median(&mut plate.spread.clone()) };
+        plate.each_pixel(|i, color, spread| {
+            if *spread > SPREAD_MAX * noise {
+                let sample = |(picture, table): (&&[[u8; 3]], &[Vec<f32>; 3])| {
+                    std::array::from_fn(|c| table[c][usize::from(picture[i][c])])
+                };
+                *color = mode(pictures.iter().zip(&tables).map(sample).collect(), MODE_WIDTH * noise);
+                *spread = SPREAD_MAX * noise;
             }
         });
-        let most = if len == 0 { 0.0 } else { SPREAD_MAX * median(&mut spread.clone()) };
-        spread.iter_mut().for_each(|spread| *spread = spread.min(most));
-        Plate { width, colors, spread }
+        plate
+    }
+
+    /// Calls `with` for the number, colour and spread of each pixel, rows in parallel.
+    fn each_pixel(&mut self, with: impl Fn(usize, &mut [u8; 3], &mut f32) + Sync) {
+        let width = self.width.max(1);
+        let rows = self.colors.par_chunks_mut(width).zip(self.spread.par_chunks_mut(width)).enumerate();
+        rows.for_each(|(y, (colors, spread))| {
+            for (x, (color, spread)) in colors.iter_mut().zip(spread).enumerate() {
+                with(y * width + x, color, spread);
+            }
+        });
     }
 
     /// Number of columns.
@@ -102,6 +120,26 @@ fn tables(pictures: &[&[[u8; 3]]]) -> Vec<[Vec<f32>; 3]> {
     gains.into_iter().map(|gain| std::array::from_fn(|c| table(gain[c], middle[c]))).collect()
 }
 
+/// The commonest of colours: the median of those in the range of luma of this width that has most of them; the darker of two.
+fn mode(mut samples: Vec<[f32; 3]>, width: f32) -> [u8; 3] {
+    let luma = |[r, g, b]: &[f32; 3]| 0.25 * r + 0.5 * g + 0.25 * b;
+    samples.sort_by(|a, b| luma(a).total_cmp(&luma(b)));
+    let mut most = 0..0;
+    let mut first = 0;
+    for last in 0..samples.len() {
+        while luma(&samples[last]) - luma(&samples[first]) > width {
+            first += 1;
+        }
+        if last + 1 - first > most.len() {
+            most = first..last + 1;
+        }
+    }
+    std::array::from_fn(|c| {
+        let mut levels: Vec<f32> = samples[most.clone()].iter().map(|sample| sample[c]).collect();
+        median(&mut levels).round() as u8
+    })
+}
+
 /// Median of numbers, the lower of two.
 fn median(values: &mut [f32]) -> f32 {
     let half = (values.len() - 1) / 2;
@@ -121,6 +159,17 @@ mod tests {
         let plate = Plate::of(&pictures, 8);
         assert!(plate.colors.iter().enumerate().all(|(i, color)| *color == [i as u8 + 60, 90, 120]));
         assert!(plate.spread.iter().all(|spread| *spread == SPREAD_MIN));
+    }
+
+    #[test]
+    fn what_moves_on_the_spot_is_not_the_plate() {
+        // For two thirds of the time, with another colour each time.
+        let shown = |time: usize| -> Vec<[u8; 3]> {
+            let subject = [(time * 31 % 200) as u8, (time * 57 % 230) as u8, 80];
+            (0..400).map(|i| if i < 40 && time % 3 > 0 { subject } else { [70, 90, 120] }).collect()
+        };
+        let plate = Plate::of(&(0..33).map(shown).collect::<Vec<_>>(), 20);
+        assert!(plate.colors.iter().all(|color| *color == [70, 90, 120]));
     }
 
     #[test]

@@ -94,7 +94,7 @@ fn unit_value(channel: u16) -> f64 {
     f64::from(channel) / f64::from(u16::MAX)
 }
 
-pub(super) fn read(path: &Path) -> Result<DynamicImage, Fault> {
+pub(crate) fn read(path: &Path) -> Result<DynamicImage, Fault> {
     let reader = ImageReader::open(path).map_err(|error| unreadable(path, &error))?;
     let reader = reader.with_guessed_format().map_err(|error| unreadable(path, &error))?;
     reader.decode().map_err(|error| unusable(path, &error))

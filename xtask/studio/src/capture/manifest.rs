@@ -12,7 +12,7 @@ use super::camera_part::CameraPart;
 use super::capture_files::{CaptureBuilder, CaptureFiles, pinhole};
 use super::image_file::{bad, bad_layout, read_text};
 use super::photo_paths::PhotoPath;
-use super::plates;
+use super::plates::CameraPlate;
 use super::video::Video;
 use crate::scene::DEFAULT_FPS;
 
@@ -101,9 +101,8 @@ pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
         let camera = pinhole((entry.w, entry.h), [fx, fy, cx, cy], entry.w2c);
         let index = builder.camera(&entry.id, camera, lens, entry.held);
         builder.offset_s(index, entry.time_offset_s);
-        if let Some(pattern) = &manifest.plates {
-            let picture = expand(pattern, &entry.id, 0).map_err(bad_manifest)?;
-            builder.plate(index, plates::stated(&folder.join(picture))?);
+        if let Some(plate) = plate_of(&manifest, entry, folder, &path)? {
+            builder.plate(index, plate);
         }
         let named = |pattern: &String, frame: usize| {
             expand(pattern, &entry.id, manifest.first_frame + frame).map_err(bad_manifest)
@@ -141,6 +140,18 @@ pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
     })
 }
 
+/// The plate of a camera, a file in `folder`; the manifest is at `path`.
+fn plate_of(
+    manifest: &Manifest,
+    entry: &ManifestCamera,
+    folder: &Path,
+    path: &Path,
+) -> Result<Option<CameraPlate>, Fault> {
+    let Some(pattern) = &manifest.plates else { return Ok(None) };
+    let plate = expand(pattern, &entry.id, 0).map_err(|problem| bad_layout(path, problem))?;
+    CameraPlate::stated(folder.join(plate)).map(Some)
+}
+
 /// The direction of a vector, with length 1.
 fn unit(vector: [f64; 3]) -> [f64; 3] {
     let length = vector.iter().map(|x| x * x).sum::<f64>().sqrt();
@@ -167,14 +178,6 @@ impl Manifest {
     /// Checks the values that no photograph depends on alone.
     fn check(&self) -> Result<(), String> {
         let Manifest { fps, images, plates, up, metres_per_unit, cameras, .. } = self;
-        if let Some(plates) = plates {
-            if plates.contains("{frame") {
-                return Err(format!("plates \"{plates}\" has a {{frame}}, but a camera has one plate"));
-            }
-            if cameras.len() > 1 && !plates.contains("{camera}") {
-                return Err(format!("plates \"{plates}\" has no {{camera}}: all would share one plate"));
-            }
-        }
         if let Some(fps) = fps.filter(|fps| !FPS.contains(fps)) {
             return Err(format!("fps {fps}: the range is {} to {}", FPS.start(), FPS.end()));
         }
@@ -184,6 +187,14 @@ impl Manifest {
         }
         if let Some(up) = up.filter(|up| !unit(*up).iter().all(|x| x.is_finite())) {
             return Err(format!("up {up:?} is no direction"));
+        }
+        if let Some(plates) = plates {
+            if plates.contains("{frame") {
+                return Err(format!("plates \"{plates}\" has a {{frame}}, but a camera has one plate"));
+            }
+            if cameras.len() > 1 && !plates.contains("{camera}") {
+                return Err(format!("plates \"{plates}\" has no {{camera}}: all would share one plate"));
+            }
         }
         let mut names = BTreeSet::new();
         for ManifestCamera { id, k, time_offset_s, video, start_s, .. } in cameras {

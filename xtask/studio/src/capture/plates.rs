@@ -4,7 +4,7 @@
 //! medians of photographs. With plates, photographs without masks get mattes, and the background is taken out of pixels that
 //! show it through the rim of the subject.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};
 
 use image::Luma;
@@ -21,13 +21,30 @@ use super::image_file::{Mask, bad, check_size, read, read_image};
 const PICTURES_MAX: usize = 33;
 const PICTURES_MIN: usize = 8;
 
+/// Bytes that more than the fewest may have.
+const BYTES_MAX: usize = 210 << 20;
+
 /// The plate of a camera.
 #[derive(Clone, Debug, Default)]
 pub(super) struct CameraPlate {
     /// The picture that the capture states.
-    pub(super) stated: Option<PathBuf>,
+    stated: Option<PathBuf>,
     /// Known from its first use on; `None` if the camera has none.
     known: Arc<OnceLock<Option<Plate>>>,
+}
+
+impl CameraPlate {
+    /// The picture at `path`, which must be a file.
+    ///
+    /// # Errors
+    /// [`Fault::Data`] that names it.
+    pub(super) fn stated(path: PathBuf) -> Result<CameraPlate, Fault> {
+        let missing = "this plate is missing; put it there, or remove plates from capture.json";
+        match path.is_file() {
+            true => Ok(CameraPlate { stated: Some(path), ..CameraPlate::default() }),
+            false => Err(bad(&path, missing)),
+        }
+    }
 }
 
 /// What photographs keep of the background.
@@ -139,7 +156,8 @@ impl CaptureFiles {
                 from.len()
             )));
         }
-        let count = from.len().min(PICTURES_MAX);
+        let bytes = 3 * self.pixels_max();
+        let count = (BYTES_MAX / bytes).clamp(PICTURES_MIN, PICTURES_MAX).min(from.len());
         let spread = (0..count).map(|i| from[i * (from.len() - 1) / (count - 1)]);
         let pictures = spread.map(|photo_id| Ok(colors_of(&self.taken(photo_id)?)));
         let pictures: Vec<Vec<[u8; 3]>> = pictures.collect::<Result<_, Fault>>()?;
@@ -170,16 +188,5 @@ pub(super) fn take_out(image: &mut Image, plate: &Plate) {
             let seen_through = (1.0 - alpha) * gain * f64::from(behind[c]) / 255.0;
             pixel[c] = (pixel[c] - seen_through).clamp(0.0, alpha);
         }
-    }
-}
-
-/// The path of a stated plate, which must be a file.
-///
-/// # Errors
-/// [`Fault::Data`] that names it.
-pub(super) fn stated(path: &Path) -> Result<CameraPlate, Fault> {
-    match path.is_file() {
-        true => Ok(CameraPlate { stated: Some(path.to_owned()), ..CameraPlate::default() }),
-        false => Err(bad(path, "this plate is missing; put it there, or remove plates from capture.json")),
     }
 }

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 
-use crate::ingest::{self, ExtractFormat, IngestOptions, Offsets, ResizePolicy, UpSource};
+use crate::ingest::{self, ExtractFormat, IngestOptions, MattePolicy, Offsets, ResizePolicy, UpSource};
 
 /// Make a capture of a rig's videos and calibration, and a page that shows whether it is any good.
 ///
@@ -41,6 +41,12 @@ pub struct Args {
     /// Write the frames as pictures instead of references to the videos
     #[arg(long, value_name = "FORMAT")]
     extract: Option<Extract>,
+    /// Folder of pictures or videos without the subject, named as the videos; by default the median of each video serves
+    #[arg(long, value_name = "DIR")]
+    plates: Option<PathBuf>,
+    /// Whether masks of the subject are made, by the difference from the plates
+    #[arg(long, value_name = "on|off", default_value = "on")]
+    mattes: Mattes,
     /// Print what was found as JSON
     #[arg(long)]
     json: bool,
@@ -62,6 +68,13 @@ enum Extract {
     Jpeg,
     /// Without loss
     Png,
+}
+
+/// Whether masks are made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Mattes {
+    On,
+    Off,
 }
 
 /// A point; clap would take an array for several values.
@@ -88,6 +101,11 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
             Extract::Jpeg => ExtractFormat::Jpeg,
             Extract::Png => ExtractFormat::Png,
         }),
+        plates: args.plates.clone(),
+        mattes: match args.mattes {
+            Mattes::On => MattePolicy::On,
+            Mattes::Off => MattePolicy::Off,
+        },
     };
     // JSON alone belongs on standard output.
     let mut say = |line: &str| if args.json { eprintln!("{line}") } else { println!("{line}") };
@@ -95,8 +113,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     match args.json {
         true => println!("{}", serde_json::to_string_pretty(&findings)?),
         false => println!(
-            "next        look at the page, then: fit {} -o field.ply, with masks in the manifest or with --depths",
-            args.out.display()
+            "next        look at the page, then: fit {} -o field.ply{}",
+            args.out.display(),
+            if args.mattes == Mattes::On { "" } else { ", with masks in the manifest or with --depths" }
         ),
     }
     Ok(())

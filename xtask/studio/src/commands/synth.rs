@@ -79,12 +79,10 @@ struct RigArgs {
     /// Quality of the videos, x264's constant rate factor: 0 loses nothing, 51 is worst
     #[arg(long, value_name = "N", default_value_t = 12)]
     crf: u8,
-    /// Write the figure's masks, too: masks/CAMERA/FRAME.png for each frame of the videos
+    /// Write the figure's masks, too, masks/CAMERA/FRAME.png for each frame of the videos, and plates without it,
+    /// plates/CAMERA.png
     #[arg(long)]
     masks: bool,
-    /// Write a picture of the empty room by each camera, too: plates/CAMERA.png
-    #[arg(long)]
-    plates: bool,
     /// Let the figure cast a shadow on the floor, so that the background is not static
     #[arg(long)]
     shadow: bool,
@@ -149,7 +147,6 @@ impl RigArgs {
             crf: self.crf,
             shadow: self.shadow,
             masks: self.masks,
-            plates: self.plates,
             perturbations: rig::Perturbations {
                 starts_s: args.starts.unwrap_or(base.starts_s),
                 offsets: is_on(args.offsets, base.offsets),

@@ -4,7 +4,9 @@ use serde::Serialize;
 
 use super::calibration::RigCamera;
 use super::epipolar::{EpipolarCheck, MOVED_PX};
+use super::mattes::CameraMattes;
 use super::placement::Placement;
+use super::plates::{PICTURES_MAX, PlateSource};
 use super::sound::{CONFIDENCE_MIN, DRIFT_MAX_PPM};
 use super::starts::{StartSource, Starts};
 use super::videos::{Probe, RigVideo};
@@ -15,6 +17,12 @@ const EPIPOLAR_MAX_PX: f64 = 3.0;
 
 /// Part of a frame by which drift may move a camera before it deserves a warning.
 const DRIFT_FRAMES: f64 = 0.1;
+
+/// Mean shares of the subject below and above which mattes deserve a warning.
+const SHARES: [f64; 2] = [0.001, 0.4];
+
+/// Difference between a plate's exposure and that of its video that deserves a warning: that of half a third of a stop.
+const GAIN_NOTED: f64 = 0.12;
 
 /// What the steps found.
 #[derive(Clone, Debug, Serialize)]
@@ -37,6 +45,8 @@ pub struct IngestFindings {
     pub placement: Placement,
     /// The calibration against pictures.
     pub epipolar: EpipolarCheck,
+    /// The mattes of each camera, in their order.
+    pub mattes: Vec<CameraMattes>,
     /// What should be looked at, in sentences.
     pub warnings: Vec<String>,
 }
@@ -187,6 +197,59 @@ pub(super) fn epipolar_warnings(check: &EpipolarCheck, videos: &[RigVideo]) -> V
                 "{}: its picture moves by {} px from the start, so the camera moved; calibrate it anew, or take it away",
                 video.name,
                 decimal(worst, 1)
+            ));
+        }
+    }
+    warnings
+}
+
+/// A share as percent.
+pub(super) fn percent(share: f64) -> String {
+    decimal(100.0 * share, 1)
+}
+
+/// What plates are made of, and how much of the pictures is subject.
+pub(super) fn describe_mattes(mattes: &[CameraMattes]) -> String {
+    let is_median = mattes.iter().all(|camera| camera.source == PlateSource::Median);
+    let plates = match is_median {
+        true => format!("plates are medians of up to {PICTURES_MAX} frames of each video"),
+        false => "plates are of pictures without the subject".to_owned(),
+    };
+    let shares: Vec<f64> = mattes.iter().filter_map(CameraMattes::mean_share).collect();
+    let least = shares.iter().copied().fold(f64::INFINITY, f64::min);
+    let most = shares.iter().copied().fold(0.0, f64::max);
+    match shares.is_empty() {
+        true => format!("none, as asked; {plates}"),
+        false => {
+            format!("the subject covers {} to {} % of the pictures; {plates}", percent(least), percent(most))
+        }
+    }
+}
+
+/// Sentences about mattes that find next to nothing or too much, and about plates of another exposure.
+pub(super) fn matte_warnings(mattes: &[CameraMattes], videos: &[RigVideo]) -> Vec<String> {
+    let mut warnings = Vec::new();
+    for (camera, RigVideo { name, .. }) in mattes.iter().zip(videos) {
+        let [r, g, b] = camera.gains;
+        if [r, g, b].iter().any(|gain| gain.ln().abs() > GAIN_NOTED) {
+            warnings.push(format!(
+                "{name}: its pictures are {r:.2}, {g:.2} and {b:.2} times as bright as its plate in red, green and blue; mattes make up \
+                 for that, but a plate of the same exposure is better"
+            ));
+        }
+        let Some(share) = camera.mean_share() else { continue };
+        let [least, most] = SHARES;
+        if share < least {
+            warnings.push(format!(
+                "{name}: the subject covers {} % of its pictures; if it is there, it hardly moves and became part of the plate: record \
+                 plates without it, and name them with --plates",
+                decimal(100.0 * share, 2)
+            ));
+        } else if share > most {
+            warnings.push(format!(
+                "{name}: the subject covers {} % of its pictures; look whether the camera or the background moves, or the light changes, \
+                 or use --mattes off",
+                percent(share)
             ));
         }
     }

@@ -52,37 +52,36 @@ fn file_name(path: &Path) -> String {
 }
 
 fn camera_of(video: &RigVideo, calibration: &Calibration) -> Result<usize, Fault> {
+    let names: Vec<&str> = calibration.cameras.iter().map(|camera| camera.name.as_str()).collect();
+    match named(&video.name, &names)[..] {
+        [camera] => Ok(camera),
+        [a, b, ..] => Err(bad(
+            &video.path,
+            format!("its name fits the cameras {} and {}; rename it to that of one", names[a], names[b]),
+        )),
+        [] => Err(bad(
+            &video.path,
+            format!(
+                "{} has no camera of that name; rename it to one of {}, or take it away",
+                calibration.path.display(),
+                names[..names.len().min(12)].join(", ")
+            ),
+        )),
+    }
+}
+
+/// Numbers of the names that match `name` in the surest way in which any does.
+pub(super) fn named(name: &str, names: &[&str]) -> Vec<usize> {
     // From the surest way to the least.
     let ways: [fn(&str, &str) -> bool; 3] = [
         |a, b| a == b,
         |a, b| plain(a) == plain(b) && !plain(a).is_empty(),
         |a, b| is_part(&plain(a), &plain(b)) || is_part(&plain(b), &plain(a)),
     ];
-    for way in ways {
-        let cameras = calibration.cameras.iter().enumerate();
-        let found: Vec<usize> =
-            cameras.filter(|(_, camera)| way(&video.name, &camera.name)).map(|(c, _)| c).collect();
-        match found[..] {
-            [] => continue,
-            [camera] => return Ok(camera),
-            [a, b, ..] => {
-                let [a, b] = [a, b].map(|c| &calibration.cameras[c].name);
-                return Err(bad(
-                    &video.path,
-                    format!("its name fits the cameras {a} and {b}; rename it to that of one"),
-                ));
-            }
-        }
-    }
-    let names: Vec<&str> = calibration.cameras.iter().map(|camera| camera.name.as_str()).take(12).collect();
-    Err(bad(
-        &video.path,
-        format!(
-            "{} has no camera of that name; rename it to one of {}, or take it away",
-            calibration.path.display(),
-            names.join(", ")
-        ),
-    ))
+    let found = |way: fn(&str, &str) -> bool| -> Vec<usize> {
+        (0..names.len()).filter(|i| way(name, names[*i])).collect()
+    };
+    ways.into_iter().map(found).find(|found| !found.is_empty()).unwrap_or_default()
 }
 
 /// A name without punctuation, in lower case.

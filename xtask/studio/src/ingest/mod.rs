@@ -7,23 +7,26 @@
 //! placement:   up, metres per unit, origin
 //! pictures:    a few frames of each video; features are their corners
 //! epipolar:    the calibration against the corners
+//! plates:      what each camera shows without the subject; mattes: which part of each frame is the subject
 //! write:       capture.json, which refers to the videos
 //! page:        ingest.html, which shows whether all that is any good
 //! ```
 //!
 //! The steps run one after another, each from the results of those before. Those that cost time keep their results in the
-//! output's folder, where [`store`] says under which conditions they count. A step for mattes belongs between `epipolar` and
-//! `write`: it adds `masks` to the manifest.
+//! output's folder, where [`store`] says under which conditions they count.
 
 mod calibration;
 mod epipolar;
 mod features;
 mod findings;
 mod matching;
+mod matte_sheet;
+mod mattes;
 mod options;
 mod page;
 mod pictures;
 mod placement;
+mod plates;
 mod sound;
 mod starts;
 mod store;
@@ -42,7 +45,8 @@ use crate::messages::{count, decimal};
 use calibration::RigCamera;
 use findings::CameraFindings;
 pub use findings::IngestFindings;
-pub use options::{ExtractFormat, IngestOptions, Offsets, ResizePolicy, UpSource};
+use mattes::MatteSettings;
+pub use options::{ExtractFormat, IngestOptions, MattePolicy, Offsets, ResizePolicy, UpSource};
 use store::{Store, identity};
 use videos::RigVideo;
 
@@ -113,6 +117,11 @@ pub fn ingest(
     let (epipolar, is_kept) = store.result("epipolar", &key, || Ok(epipolar::check(&cameras, &features)))?;
     say(&line("calibration", is_kept, &findings::describe_epipolar(&epipolar)));
     warnings.extend(findings::epipolar_warnings(&epipolar, &videos));
+
+    let settings = MatteSettings { plates: options.plates.as_deref(), policy: options.mattes, frames, fps };
+    let (mattes, is_kept) = mattes::make(&store, out, &videos, &starts.starts_s, settings)?;
+    say(&line("mattes", is_kept, &findings::describe_mattes(&mattes)));
+    warnings.extend(findings::matte_warnings(&mattes, &videos));
     warnings.iter().for_each(|warning| say(&format!("warning: {warning}")));
 
     let parts = write::CaptureParts {
@@ -122,6 +131,7 @@ pub fn ingest(
         placement: &placement,
         fps,
         frames,
+        has_masks: options.mattes == MattePolicy::On,
     };
     write::write(&store, out, &parts, options.extract)?;
     // What was written is what the other commands read.
@@ -140,9 +150,10 @@ pub fn ingest(
         starts,
         placement,
         epipolar,
+        mattes: mattes.iter().map(mattes::CameraMattes::without_pictures).collect(),
         warnings,
     };
-    let page = page::page(&findings, &pictures, &instants_s)?;
+    let page = page::page(&findings, &pictures, &instants_s, &mattes)?;
     output::write(&out.join(PAGE), page.as_bytes())?;
     say(&line(
         "capture",

@@ -21,6 +21,21 @@ pub struct IngestOptions {
     pub resize: Option<ResizePolicy>,
     /// Whether pictures are written instead of references to the videos.
     pub extract: Option<ExtractFormat>,
+    /// A folder of pictures or videos without the subject, one for each camera; by default plates are the medians of
+    /// the videos.
+    pub plates: Option<PathBuf>,
+    /// Whether mattes are made.
+    pub mattes: MattePolicy,
+}
+
+/// Whether mattes are made.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum MattePolicy {
+    /// By difference from plates.
+    #[default]
+    On,
+    /// Plates only.
+    Off,
 }
 
 /// What says when videos start.

@@ -5,6 +5,8 @@ use std::fmt::Write as _;
 use glam::DVec3;
 
 use super::findings::{self, CameraFindings, IngestFindings};
+use super::matte_sheet;
+use super::mattes::CameraMattes;
 use super::pictures::{CHECKED, FRAMES, Pictures};
 use super::sound::{RATE, SoundPair, SoundSync};
 use crate::messages::{count, decimal};
@@ -21,6 +23,7 @@ pub(super) fn page(
     findings: &IngestFindings,
     pictures: &[Pictures],
     instants_s: &[f64; FRAMES],
+    mattes: &[CameraMattes],
 ) -> anyhow::Result<String> {
     let mut text = start(&format!("Ingest of {}", escape(&findings.rig)));
     let _ = writeln!(
@@ -53,6 +56,8 @@ pub(super) fn page(
     text += &starts(findings)?;
     text += "<h2>The calibration against the pictures</h2>\n";
     text += &epipolar(findings);
+    text += "<h2>Mattes</h2>\n";
+    text += &matte_sheet::section(findings, mattes);
     text += "<h2>Coverage</h2>\n";
     text += &coverage(findings);
     text += "</body></html>\n";

@@ -3,7 +3,7 @@
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use image::codecs::jpeg::JpegEncoder;
-use image::imageops;
+use image::{RgbImage, imageops};
 use program::Fault;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -57,15 +57,9 @@ pub(super) fn decode(
         let mut pictures = Pictures { thumbnails: Vec::new(), means: Vec::new(), features: Vec::new() };
         for (i, frame) in frames.iter().enumerate() {
             let picture = opened.frame(*frame)?;
-            let (width, height) = picture.dimensions();
-            let factor = (f64::from(SIDE) / f64::from(width.max(height))).min(1.0);
-            let [w, h] = [width, height].map(|side| ((f64::from(side) * factor) as u32).max(1));
-            let thumbnail = imageops::thumbnail(&picture, w, h);
-            let mut jpeg = Vec::new();
-            let encoded = JpegEncoder::new_with_quality(&mut jpeg, QUALITY).encode_image(&thumbnail);
-            encoded.map_err(|error| Fault::Defect(format!("a thumbnail cannot be encoded: {error}")))?;
-            pictures.thumbnails.push(STANDARD.encode(jpeg));
-            let pixels = f64::from(w) * f64::from(h);
+            let thumbnail = thumbnail(&picture, SIDE);
+            pictures.thumbnails.push(jpeg(&thumbnail)?);
+            let pixels = f64::from(thumbnail.width()) * f64::from(thumbnail.height());
             let mean = |c: usize| thumbnail.pixels().map(|p| f64::from(p.0[c])).sum::<f64>() / pixels;
             pictures.means.push([mean(0), mean(1), mean(2)]);
             if CHECKED.contains(&i) {
@@ -74,6 +68,22 @@ pub(super) fn decode(
         }
         Ok(pictures)
     })
+}
+
+/// A picture of at most `side` pixels on its longer side.
+pub(super) fn thumbnail(picture: &RgbImage, side: u32) -> RgbImage {
+    let (width, height) = picture.dimensions();
+    let factor = (f64::from(side) / f64::from(width.max(height))).min(1.0);
+    let [w, h] = [width, height].map(|side| ((f64::from(side) * factor) as u32).max(1));
+    imageops::thumbnail(picture, w, h)
+}
+
+/// A picture as JPEG in base64.
+pub(super) fn jpeg(picture: &RgbImage) -> Result<String, Fault> {
+    let mut jpeg = Vec::new();
+    let encoded = JpegEncoder::new_with_quality(&mut jpeg, QUALITY).encode_image(picture);
+    encoded.map_err(|error| Fault::Defect(format!("a thumbnail cannot be encoded: {error}")))?;
+    Ok(STANDARD.encode(jpeg))
 }
 
 /// Number of the time that is nearest.

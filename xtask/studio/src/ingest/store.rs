@@ -55,21 +55,45 @@ impl Store {
         key: &Value,
         make: impl FnOnce() -> Result<T, Fault>,
     ) -> Result<(T, bool), Fault> {
-        // As text: numbers that are read differ in their last bit.
-        let key = json!([VERSION, env!("CARGO_PKG_VERSION"), key]).to_string();
-        let path = self.path(&format!("{name}.json"));
-        let kept =
-            fs::read_to_string(&path).ok().and_then(|text| serde_json::from_str::<Kept<T>>(&text).ok());
-        if let Some(kept) = kept.filter(|kept| kept.key == key) {
-            return Ok((kept.value, true));
+        match self.kept(name, key) {
+            Some(value) => Ok((value, true)),
+            None => Ok((self.keep(name, key, &make()?)?, false)),
         }
-        let text = json!({ "key": key, "value": make()? }).to_string();
-        // Every run goes on from the same numbers, those that are read.
+    }
+
+    /// The result of this name that an earlier run kept, if it had the same key.
+    pub(super) fn kept<T: DeserializeOwned>(&self, name: &str, key: &Value) -> Option<T> {
+        let text = fs::read_to_string(self.path(&format!("{name}.json"))).ok()?;
+        let kept: Kept<T> = serde_json::from_str(&text).ok()?;
+        (kept.key == key_text(key)).then_some(kept.value)
+    }
+
+    /// Keeps a result, and returns it as it will be read: every run goes on from the same numbers.
+    ///
+    /// # Errors
+    /// [`Fault::Usage`] if it cannot be written.
+    pub(super) fn keep<T: Serialize + DeserializeOwned>(
+        &self,
+        name: &str,
+        key: &Value,
+        value: &T,
+    ) -> Result<T, Fault> {
+        let text = json!({ "key": key_text(key), "value": value }).to_string();
         let kept: Kept<T> = serde_json::from_str(&text)
             .map_err(|error| Fault::Defect(format!("the result {name} cannot be read again: {error}")))?;
-        output::write(&path, text.as_bytes())?;
-        Ok((kept.value, false))
+        output::write(&self.path(&format!("{name}.json")), text.as_bytes())?;
+        Ok(kept.value)
     }
+
+    /// Drops a result, before the files that it stands for are replaced.
+    pub(super) fn forget(&self, name: &str) {
+        drop(fs::remove_file(self.path(&format!("{name}.json"))));
+    }
+}
+
+/// A key as text: numbers that are read differ in their last bit.
+fn key_text(key: &Value) -> String {
+    json!([VERSION, env!("CARGO_PKG_VERSION"), key]).to_string()
 }
 
 /// What tells one state of a file from another: its path, length and time.
@@ -104,6 +128,8 @@ mod tests {
         );
         fs::write(store.path("x.json"), "{").unwrap();
         assert_eq!(made(1, 14), (14, false));
+        store.forget("x");
+        assert_eq!(made(1, 15), (15, false));
         let failed = store.result::<u32>("y", &json!(0), || Err(Fault::Data("no".into())));
         assert!(failed.is_err() && !store.path("y.json").exists());
     }

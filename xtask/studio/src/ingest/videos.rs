@@ -12,7 +12,7 @@ use crate::ffmpeg;
 use crate::messages::unreadable;
 
 /// File extensions of videos.
-const EXTENSIONS: [&str; 3] = ["mp4", "mov", "mkv"];
+pub(super) const EXTENSIONS: [&str; 3] = ["mp4", "mov", "mkv"];
 
 /// Deviation of an interval between frames from the median that counts as rounding, in intervals.
 const UNEVEN: f64 = 0.02;

@@ -9,6 +9,7 @@ use rayon::prelude::*;
 use serde_json::json;
 
 use super::calibration::RigCamera;
+use super::mattes::{MASKS, PLATES};
 use super::options::ExtractFormat;
 use super::placement::Placement;
 use super::starts::{StartSource, Starts};
@@ -30,6 +31,8 @@ pub(super) struct CaptureParts<'c> {
     pub(super) placement: &'c Placement,
     pub(super) fps: f64,
     pub(super) frames: usize,
+    /// Whether there are masks.
+    pub(super) has_masks: bool,
 }
 
 /// Number of frames from the start of the last video to the end of the first that ends.
@@ -70,6 +73,10 @@ pub(super) fn write(
     if let Some(format) = extract {
         head.push(("images", json!(format!("images/{{camera}}/{{frame:06}}.{}", format.extension()))));
     }
+    if parts.has_masks {
+        head.push(("masks", json!(MASKS)));
+    }
+    head.push(("plates", json!(PLATES)));
     if parts.videos.len() > 1 {
         head.push(("learn", json!(learn)));
     }

@@ -94,7 +94,6 @@ mod tests {
             crf: 12,
             shadow: false,
             masks: false,
-            plates: false,
             perturbations,
         }
     }

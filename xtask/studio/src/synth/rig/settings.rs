@@ -24,10 +24,8 @@ pub struct RigSettings {
     pub crf: u8,
     /// Whether the figure casts a shadow on the floor, so that the background is not static.
     pub shadow: bool,
-    /// Whether masks are written.
+    /// Whether masks and plates are written.
     pub masks: bool,
-    /// Whether pictures of the empty room are written.
-    pub plates: bool,
     /// What differs from a synchronous rig of equal cameras.
     pub perturbations: Perturbations,
 }
@@ -168,7 +166,6 @@ mod tests {
             crf: 12,
             shadow: false,
             masks: false,
-            plates: false,
             perturbations: Perturbations::ALL,
         };
         settings.check().unwrap();

@@ -197,7 +197,6 @@ mod tests {
             crf: 12,
             shadow: false,
             masks: false,
-            plates: false,
             perturbations,
         })
         .unwrap()

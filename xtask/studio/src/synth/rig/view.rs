@@ -125,14 +125,13 @@ impl RigView<'_> {
         RigPicture { colors: self.sensor.expose(&colors, frame), mask }
     }
 
-    /// The picture that the camera takes of the empty room before its first frame, 3 bytes a pixel.
+    /// Red, green and blue of the picture that the camera would take of the empty room, with noise of its own.
     pub fn plate(&self) -> Vec<u8> {
-        let color = |pixel: &BackgroundPixel| {
-            [0, 1, 2].map(|c| f64::from(pixel.ambient[c]) + f64::from(pixel.sun[c]))
+        let light = |pixel: &BackgroundPixel| {
+            std::array::from_fn(|c| f64::from(pixel.ambient[c]) + f64::from(pixel.sun[c]))
         };
-        let colors: Vec<[f64; 3]> = self.background.iter().map(color).collect();
-        // Noise of its own.
-        self.sensor.expose(&colors, self.rig.errors[self.camera].frames)
+        let colors: Vec<[f64; 3]> = self.background.iter().map(light).collect();
+        self.sensor.expose(&colors, usize::MAX)
     }
 
     /// Whether a ray meets the floor where the figure shades it.

@@ -5,7 +5,7 @@ use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use program::Fault;
-use program::output::OutputFolder;
+use program::output::{self, OutputFolder};
 use rayon::prelude::*;
 
 use super::calibration::calibration;
@@ -57,7 +57,7 @@ impl Target<'_> {
     }
 }
 
-/// Writes the video of a camera and, if asked, its masks.
+/// Writes the video of a camera and, if asked, its masks and its plate.
 fn write_camera(
     target: &Target<'_>,
     rig: &Rig,
@@ -77,10 +77,13 @@ fn write_camera(
         target.write(&format!("masks/{id}"), |path| fs::create_dir_all(path))?;
     }
     let view = rig.view(camera);
-    if settings.plates {
+    if settings.masks {
         target.write("plates", |path| fs::create_dir_all(path))?;
-        let name = format!("plates/{id}.png");
-        target.write(&name, |path| save(path, view.plate(), settings.size))?;
+        output::write_png(
+            &target.temporary.join(format!("plates/{id}.png")),
+            &view.plate(),
+            (width, height),
+        )?;
     }
     let batch = BATCH_PER_THREAD * rayon::current_num_threads();
     for first in (0..errors.frames).step_by(batch) {
@@ -104,12 +107,6 @@ fn write_camera(
         target.write(&video, |path| turn_clockwise(path, width))?;
     }
     target.write(&format!("{id}.wav"), |path| fs::remove_file(path)).map(drop)
-}
-
-/// Writes a picture, 3 bytes a pixel, as PNG.
-fn save(path: &Path, colors: Vec<u8>, [width, height]: [u32; 2]) -> io::Result<()> {
-    let picture = image::RgbImage::from_raw(width, height, colors).expect("three bytes for each pixel");
-    picture.save(path).map_err(io::Error::other)
 }
 
 /// Writes the sound of a camera as long as its video.
