@@ -33,7 +33,7 @@ use super::capture::{
     FrameSelection, HeldFrames, LpipsOption, describe, load_training_views, note_assumed_fps,
 };
 use super::fit_folder::{fit_folder, report_finished, report_folder};
-use super::fit_plate::{PlateWhen, check_subject, fit_plate};
+use super::fit_plate::{PlateWhen, fit_plate};
 use super::fit_source::FitSource;
 use super::takes::{self, TakeCommand, TakeOptions, part_seconds};
 
@@ -242,9 +242,8 @@ pub(super) fn by_default(capture_files: &CaptureFiles, plan: &FitPlan, out: &Pat
         FitRuntime { backend, lpips: None, checkpoint_every: fit::CHECKPOINT_EVERY }
     }
     let (mut capture_files, mut backend) = (capture_files.clone(), Cpu::default());
-    fit_plate(plan, &mut capture_files, runtime(&mut backend), out)?;
-    let views = load_training_views(&capture_files, plan.holdout)?;
-    check_subject(plan, &views)?;
+    let mut views = load_training_views(&capture_files, plan.holdout)?;
+    fit_plate(plan, &mut capture_files, &mut views, runtime(&mut backend), out)?;
     fit_and_write(out, plan, &capture_files, &views, runtime(&mut backend)).map(drop)
 }
 
@@ -424,9 +423,8 @@ fn fit_capture(args: &Args, out: &Path) -> anyhow::Result<FitResult> {
     fit::check_checkpoint(&plan, out)?;
     let mut backend = args.options.open_backend()?;
     let runtime = args.options.runtime(&mut *backend, lpips.as_ref());
-    let plate = fit_plate(&plan, &mut capture_files, runtime, out)?;
-    let views = load_training_views(&capture_files, holdout)?;
-    check_subject(&plan, &views)?;
+    let mut views = load_training_views(&capture_files, holdout)?;
+    let plate = fit_plate(&plan, &mut capture_files, &mut views, runtime, out)?;
     let runtime = args.options.runtime(&mut *backend, lpips.as_ref());
     note_assumed_fps(&capture_files, "--fps states another number");
     let fitted = fit_and_write(out, &plan, &capture_files, &views, runtime)?;
@@ -572,6 +570,14 @@ fn slide(args: &Args, out: &Path) -> anyhow::Result<()> {
             out.display()
         )));
     }
+    if args.options.plate == PlateWhen::On {
+        bail!(Fault::Usage(
+            "--plate on: a field folder has no plate; fit one with a few seconds, `fit CAPTURE --frames A..B -o a.ply`, and \
+             leave --plate out: photographs without masks get mattes"
+                .into()
+        ));
+    }
+    args.options.plate.find(&mut capture_files)?;
     let unit_s = args.split.unwrap_or(UNIT_S).min(duration_s);
     let lpips = args.options.lpips.load()?;
     let default = FitPlan::default_for_seconds(&capture_files, holdout, unit_s)?;

@@ -53,14 +53,16 @@ impl PlateWhen {
     }
 }
 
-/// Fits the plate that belongs behind the field `out`, and writes it beside; `capture_files` get the colours of cameras that
-/// it learned. `None` if the plan has no plate, or if it is there and the fit of the field goes on.
+/// Fits the plate that belongs behind the field `out`, and writes it beside; `capture_files` and
+/// `views`, its photographs, get the colours of cameras that it learned. `None` if the plan has no plate, or if it is there and the fit of the field goes on.
 ///
 /// # Errors
-/// Those of [`fit::fit_plate`]; [`Fault::Usage`] if the file cannot be written.
+/// Those of [`fit::fit_plate`]; [`Fault::Data`] if nothing is in front of the plates; [`Fault::Usage`] if the file cannot be
+/// written.
 pub(super) fn fit_plate(
     plan: &FitPlan,
     capture_files: &mut CaptureFiles,
+    views: &mut TrainingViews,
     runtime: FitRuntime,
     out: &Path,
 ) -> anyhow::Result<Option<Fitted>> {
@@ -76,6 +78,11 @@ pub(super) fn fit_plate(
         }
         return Ok(None);
     }
+    if !views.train.iter().any(|(_, view)| view.photograph.has_subject()) {
+        let what = "nothing moves in front of the plates, so there is no subject: fit one frame, --frames A..B, or give \
+                    plates without the subject in capture.json";
+        return Err(Fault::Data(what.into()).into());
+    }
     if path.is_file() && fit::has_checkpoint(out) {
         return Ok(None);
     }
@@ -86,25 +93,11 @@ pub(super) fn fit_plate(
     if let Some(rig) = fitted.fit.rig() {
         for (i, camera) in capture_files.capture.cameras.iter_mut().enumerate() {
             camera.response = rig.response(i);
+            views.responses[i] = camera.response;
         }
     }
     let info = fit::clip_info(capture_files);
     output::write_durable(&path, &fitted_field_file(&fitted.fit.to_field(), &info, &FitRecord::default()))?;
     fit::remove_checkpoint(&path)?;
     Ok(Some(fitted))
-}
-
-/// Checks that mattes of a fit with a plate show something.
-///
-/// # Errors
-/// [`Fault::Data`] otherwise.
-pub(super) fn check_subject(plan: &FitPlan, views: &TrainingViews) -> Result<(), Fault> {
-    match plan.has_plate && !views.train.iter().any(|(_, view)| view.photograph.has_subject()) {
-        true => Err(Fault::Data(
-            "nothing moves in front of the plates, so there is no subject: fit one frame, --frames A..B, or give plates \
-             without the subject in capture.json"
-                .into(),
-        )),
-        false => Ok(()),
-    }
 }
