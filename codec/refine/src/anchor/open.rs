@@ -206,7 +206,7 @@ fn filled(known: &[Option<f32>], width: usize, none: f32) -> Vec<f32> {
     // Bilinear between the centres of the coarse pixels.
     let at = |x: usize, y: usize| {
         let near = |k: usize, size: usize| {
-            if k % 2 == 0 { (k / 2).saturating_sub(1) } else { (k / 2 + 1).min(size - 1) }
+            if k.is_multiple_of(2) { (k / 2).saturating_sub(1) } else { (k / 2 + 1).min(size - 1) }
         };
         let (columns, rows) = ([x / 2, near(x, half)], [y / 2, near(y, height.div_ceil(2))]);
         let row = |y: usize| 0.75 * coarse[y * half + columns[0]] + 0.25 * coarse[y * half + columns[1]];

@@ -12,9 +12,9 @@ use refine::capture::{CalibratedCamera, Capture, Lens, Photo, PhotoId, Response}
 use refine::fit::Learned;
 use refine::image::Image;
 
+use super::camera_plate::{Background, CameraPlate, matte, take_out};
 use super::image_file::{Mask, apply_mask, bad, check_size, multiply_alpha, read, read_image};
 use super::photo_paths::{PhotoPath, PhotoPaths};
-use super::plates::{Background, CameraPlate, matte, take_out};
 use super::video::Video;
 use crate::scene::DEFAULT_FPS;
 
@@ -219,7 +219,7 @@ impl CaptureFiles {
     /// If the capture has no such photograph.
     pub fn photo(&self, photo_id: PhotoId) -> Result<Photo, Fault> {
         let mut image = self.taken(photo_id)?;
-        let plate = self.plate(photo_id.camera)?;
+        let plate = self.plates[photo_id.camera].plate(&self.file_cameras[photo_id.camera])?;
         let mask = match self.mask_path(self.index(photo_id)) {
             Some(path) => Some(self.mask(&path, photo_id.camera)?),
             None => plate.filter(|_| self.background.is_matted).map(|plate| matte(plate, &image)),

@@ -9,10 +9,10 @@ use refine::capture::{Lens, even_times_s};
 use serde::Deserialize;
 
 use super::camera_part::CameraPart;
+use super::camera_plate::CameraPlate;
 use super::capture_files::{CaptureBuilder, CaptureFiles, pinhole};
 use super::image_file::{bad, bad_layout, read_text};
 use super::photo_paths::PhotoPath;
-use super::plates::CameraPlate;
 use super::video::Video;
 use crate::scene::DEFAULT_FPS;
 

@@ -1,6 +1,7 @@
 //! Reads captures from disk. Each supported layout has a file here; `xtask/CAPTURE.md` specifies them.
 
 mod camera_part;
+mod camera_plate;
 mod capture_files;
 mod colmap;
 mod corrections;

@@ -8,8 +8,8 @@ use crate::capture::{CameraCorrections, CameraPart, CaptureFiles};
 use crate::eval::fragments_per_lit_pixel;
 use crate::export::fitted_field_file;
 use crate::fit::{
-    self, DepthScale, FitPlan, FitProgress, FitRuntime, FitStart, Fitted, Segments, SlidePlan, TrainingViews,
-    WorkFolder, log,
+    self, DepthScale, FitPlan, FitRuntime, FitStart, Fitted, Segments, SlidePlan, TrainingViews, WorkFolder,
+    log,
 };
 use crate::input::{Input, is_take, not_one_field};
 use crate::messages::count;
@@ -21,7 +21,6 @@ use anyhow::{Context, bail};
 use clap::builder::PossibleValue;
 use clap::{Args as _, FromArgMatches, ValueEnum};
 use codec::PixelFilter;
-use indicatif::ProgressBar;
 use program::{Fault, output};
 use refine::anchor::Mirror;
 use refine::capture::Holdout;
@@ -34,6 +33,7 @@ use super::capture::{
 };
 use super::fit_folder::{fit_folder, report_finished, report_folder};
 use super::fit_plate::{PlateWhen, fit_plate};
+use super::fit_progress::show;
 use super::fit_source::FitSource;
 use super::takes::{self, TakeCommand, TakeOptions, part_seconds};
 
@@ -570,14 +570,7 @@ fn slide(args: &Args, out: &Path) -> anyhow::Result<()> {
             out.display()
         )));
     }
-    if args.options.plate == PlateWhen::On {
-        bail!(Fault::Usage(
-            "--plate on: a field folder has no plate; fit one with a few seconds, `fit CAPTURE --frames A..B -o a.ply`, and \
-             leave --plate out: photographs without masks get mattes"
-                .into()
-        ));
-    }
-    args.options.plate.find(&mut capture_files)?;
+    args.options.plate.find_mattes(&mut capture_files)?;
     let unit_s = args.split.unwrap_or(UNIT_S).min(duration_s);
     let lpips = args.options.lpips.load()?;
     let default = FitPlan::default_for_seconds(&capture_files, holdout, unit_s)?;
@@ -602,12 +595,6 @@ fn slide(args: &Args, out: &Path) -> anyhow::Result<()> {
     }
     report_folder(out, &slid, capture_files.capture.duration_s(), args.json);
     Ok(())
-}
-
-pub(super) fn show(bar: &ProgressBar, progress: &FitProgress) {
-    bar.set_position(progress.step);
-    let held = progress.held_psnr_db.map_or(String::new(), |psnr| format!(", held {psnr:.2} dB"));
-    bar.set_message(format!("loss {:.4}{held}, {} Gaussians", progress.loss, progress.gaussians));
 }
 
 impl FitResult {

@@ -12,7 +12,7 @@ use crate::import::FitRecord;
 use crate::progress::counting;
 use crate::scene::plate_path;
 
-use super::fit::show;
+use super::fit_progress::show;
 
 /// Whether a fit makes a plate. The variants' docs are help texts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
@@ -50,6 +50,19 @@ impl PlateWhen {
             capture_files.find_plates()?;
         }
         Ok(is_wanted)
+    }
+
+    /// The same for a field folder, which has no plate.
+    ///
+    /// # Errors
+    /// Those of [`CaptureFiles::find_plates`]; [`Fault::Usage`] if a plate is asked for.
+    pub(super) fn find_mattes(self, capture_files: &mut CaptureFiles) -> anyhow::Result<()> {
+        if self == PlateWhen::On {
+            let what = "--plate on: a field folder has no plate; fit one with a few seconds, `fit CAPTURE --frames A..B -o \
+                        a.ply`, and leave --plate out here: photographs without masks get mattes";
+            return Err(Fault::Usage(what.into()).into());
+        }
+        self.find(capture_files).map(drop)
     }
 }
 
