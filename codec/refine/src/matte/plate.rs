@@ -166,7 +166,9 @@ mod tests {
         // For two thirds of the time, with another colour each time.
         let shown = |time: usize| -> Vec<[u8; 3]> {
             let subject = [(time * 31 % 200) as u8, (time * 57 % 230) as u8, 80];
-            (0..400).map(|i| if i < 40 && time % 3 > 0 { subject } else { [70, 90, 120] }).collect()
+            (0..400)
+                .map(|i| if i < 40 && !time.is_multiple_of(3) { subject } else { [70, 90, 120] })
+                .collect()
         };
         let plate = Plate::of(&(0..33).map(shown).collect::<Vec<_>>(), 20);
         assert!(plate.colors.iter().all(|color| *color == [70, 90, 120]));
