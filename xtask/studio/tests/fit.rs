@@ -88,8 +88,8 @@ fn a_killed_fit_resumes_with_the_same_result() {
     );
 
     for (contents, what) in [
-        (&b"aarcfit\x07 and then nonsense"[..], "the checkpoint is damaged"),
-        (b"aarcfit\x06 of an earlier program", "no checkpoint of this version; remove it"),
+        (&b"aarcfit\x08 and then nonsense"[..], "the checkpoint is damaged"),
+        (b"aarcfit\x07 of an earlier program", "no checkpoint of this version; remove it"),
     ] {
         fs::write(folder.join("field.checkpoint"), contents).unwrap();
         let error = aarc_studio(folder, &args).error(3);
@@ -110,7 +110,7 @@ fn the_fragment_term_saves_fragments() {
     assert_eq!([&without, &default, &high].map(|json| number(json, "fragment_weight")), [0.0, 0.001, 0.01]);
     let fragments = [&without, &default, &high].map(|json| number(json, "fragments_per_lit_pixel"));
     println!("fragments per lit pixel: {fragments:.1?}");
-    assert!(fragments[2] < 0.8 * fragments[1] && fragments[1] < fragments[0], "{fragments:?}");
+    assert!(fragments[2] < 0.9 * fragments[1] && fragments[1] < fragments[0], "{fragments:?}");
 }
 
 #[test]
