@@ -116,7 +116,8 @@ fn a_rig_is_deterministic_and_says_what_perturbs_it() {
     );
     let of_first = files(&first.path());
     assert!(of_first == files(&folder.join("again")), "the same truth, calibration and masks");
-    assert_eq!(of_first.len(), 2 + pictures, "no temporary file is left");
+    // Calibration and truth, four plates, masks.
+    assert_eq!(of_first.len(), 2 + 4 + pictures, "no temporary file is left");
     assert_eq!(fs::read_dir(folder).unwrap().count(), 2, "and no temporary folder");
 
     let is_perturbed = |truth: &Value| {
