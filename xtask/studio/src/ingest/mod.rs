@@ -13,7 +13,7 @@
 //! ```
 //!
 //! The steps run one after another, each from the results of those before. Those that cost time keep their results in the
-//! output's folder, where [`store`] says under which conditions they count.
+//! output's folder, where `store` says under which conditions they count.
 
 mod calibration;
 mod epipolar;
