@@ -116,6 +116,27 @@ fn masks_of_a_rig_are_those_of_its_truth() {
     }
 }
 
+#[test]
+fn a_rig_is_as_large_as_its_subject_says() {
+    if !has_ffmpeg() {
+        return;
+    }
+    let folder = rig([320, 240], false);
+    let json = ingest(folder.path(), "--plates rig/plates --height 3.4 --json").json();
+    // The figure is 1.7 m tall, and its feet stand apart.
+    let metres = json["placement"]["metres_per_unit"].as_f64().unwrap();
+    println!("{metres} metres per unit");
+    assert!((metres / 2.0 - 1.0).abs() < 0.05, "{metres}");
+    assert_eq!(
+        json_file(&folder.path().join("studio/capture.json"))["metres_per_unit"].as_f64(),
+        Some(metres)
+    );
+    let refused_with = |options: &str, code| refused(ingest(folder.path(), options), code);
+    assert!(
+        refused_with("--height 1.7 --mattes off", 2).contains("--height measures the subject in its mattes")
+    );
+}
+
 /// A rig of two cameras that a bright square crosses for two seconds, before a noisy wall.
 fn crossed() -> TempDir {
     let folder = tempdir().unwrap();

@@ -35,6 +35,9 @@ pub struct Args {
     /// Metres per unit of the calibration's world: 0.001 for millimetres
     #[arg(long, value_name = "M", value_parser = positive)]
     metres_per_unit: Option<f64>,
+    /// Height in metres of the subject, who stands upright at the start: instead of --metres-per-unit
+    #[arg(long, value_name = "M", value_parser = positive, conflicts_with = "metres_per_unit")]
+    height: Option<f64>,
     /// What happened to videos of another size than their calibration: they are refused without it
     #[arg(long, value_name = "HOW")]
     resize: Option<Resize>,
@@ -93,6 +96,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         up: args.up,
         origin: args.origin.map(|Origin(origin)| origin),
         metres_per_unit: args.metres_per_unit,
+        height_m: args.height,
         resize: args.resize.map(|resize| match resize {
             Resize::Scale => ResizePolicy::Scale,
             Resize::Crop => ResizePolicy::Crop,

@@ -19,6 +19,7 @@ mod calibration;
 mod epipolar;
 mod features;
 mod findings;
+mod life_size;
 mod matching;
 mod matte_sheet;
 mod mattes;
@@ -70,6 +71,11 @@ pub fn ingest(
     if !rig.is_dir() {
         std::fs::metadata(rig).map_err(|error| crate::messages::unreadable(rig, &error))?;
         return Err(bad(rig, "a file; a rig is a folder of videos, so name that").into());
+    }
+    if options.height_m.is_some() && options.mattes == MattePolicy::Off {
+        let what =
+            "--height measures the subject in its mattes; leave --mattes off out, or state --metres-per-unit";
+        return Err(Fault::Usage(what.into()).into());
     }
     let paths = videos::find(rig)?;
     output::check_folder(out)?;
@@ -124,7 +130,7 @@ pub fn ingest(
     warnings.extend(findings::matte_warnings(&mattes, &videos));
     warnings.iter().for_each(|warning| say(&format!("warning: {warning}")));
 
-    let parts = write::CaptureParts {
+    let mut parts = write::CaptureParts {
         videos: &videos,
         cameras: &cameras,
         starts: &starts,
@@ -135,7 +141,19 @@ pub fn ingest(
     };
     write::write(&store, out, &parts, options.extract)?;
     // What was written is what the other commands read.
-    CaptureFiles::open(out)?;
+    let capture_files = CaptureFiles::open(out)?;
+    let mut sized = placement.clone();
+    if let Some(height_m) = options.height_m {
+        let metres = life_size::metres_per_unit(&capture_files, placement.up, height_m)?;
+        say(&line(
+            "size",
+            false,
+            &format!("{} metres per unit, by the height of the subject", decimal(metres, 5)),
+        ));
+        sized.metres_per_unit = Some(metres);
+        parts.placement = &sized;
+        write::write(&store, out, &parts, options.extract)?;
+    }
     let findings = IngestFindings {
         rig: rig.display().to_string(),
         calibration: calibration.path.display().to_string(),
@@ -148,7 +166,7 @@ pub fn ingest(
             .map(|(video, camera)| CameraFindings::new(video, camera))
             .collect(),
         starts,
-        placement,
+        placement: sized,
         epipolar,
         mattes: mattes.iter().map(mattes::CameraMattes::without_pictures).collect(),
         warnings,

@@ -17,6 +17,8 @@ pub struct IngestOptions {
     pub origin: Option<[f64; 3]>,
     /// Metres per unit of the calibration; by default as it says.
     pub metres_per_unit: Option<f64>,
+    /// Height in metres of the subject, who stands upright at the start: it tells the metres per unit.
+    pub height_m: Option<f64>,
     /// What to do where a video has another size than its calibration; by default it is refused.
     pub resize: Option<ResizePolicy>,
     /// Whether pictures are written instead of references to the videos.

@@ -63,11 +63,11 @@ pub(super) fn place(
         }
     };
     let metres_per_unit = options.metres_per_unit.or(calibration.metres_per_unit);
-    match (options.metres_per_unit, calibration.metres_per_unit) {
+    match (options.metres_per_unit.or(options.height_m), calibration.metres_per_unit) {
         (Some(_), _) => {}
         (None, Some(_)) => notes.push(format!("lengths are metres: the calibration ({layout}) states its unit")),
         (None, None) => notes.push(
-            "a unit of the calibration is assumed to be a metre; --metres-per-unit states another, such as 0.001 for millimetres"
+            "a unit of the calibration is assumed to be a metre; --metres-per-unit or --height states another"
                 .into(),
         ),
     }
