@@ -29,7 +29,7 @@ use refine::capture::CalibratedCamera;
 use refine::fit::{Backend, DeviceError, Fit, Lpips, RenderedImage, Run, TrainingView};
 
 use crate::capture::CaptureFiles;
-use crate::scene::{DEFAULT_DURATION_S, DEFAULT_METRES_PER_UNIT, DEFAULT_UP};
+use crate::scene::{DEFAULT_DURATION_S, DEFAULT_METRES_PER_UNIT, DEFAULT_UP, plate_path};
 use crate::up_axis::up_of;
 pub use cameras::{cameras_path, learned_cameras};
 use checkpoint::{Checkpoint, Tally};
@@ -244,18 +244,20 @@ pub fn has_checkpoint(out: &Path) -> bool {
     checkpoint::path_for(out).is_file()
 }
 
-/// Removes the checkpoint of the finished field at `out`, if there is one.
+/// Removes the checkpoints of the finished field at `out` and of its plate, if there are any.
 ///
 /// # Errors
-/// [`Fault::Usage`] if it cannot be removed.
+/// [`Fault::Usage`] if one cannot be removed.
 pub fn remove_checkpoint(out: &Path) -> Result<(), Fault> {
-    let path = checkpoint::path_for(out);
-    match std::fs::remove_file(&path) {
-        Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
-            Err(Fault::Usage(format!("cannot remove {}: {error}", path.display())))
+    for path in [checkpoint::path_for(out), checkpoint::path_for(&plate_path(out))] {
+        match std::fs::remove_file(&path) {
+            Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+                return Err(Fault::Usage(format!("cannot remove {}: {error}", path.display())));
+            }
+            _ => (),
         }
-        _ => Ok(()),
     }
+    Ok(())
 }
 
 /// Metadata of a clip of this capture: its duration and frame rate, its up direction or else the mean of its cameras', its

@@ -110,18 +110,27 @@ impl From<&ClipInfo> for ClipRecord {
     }
 }
 
-impl From<ClipRecord> for Hints {
-    fn from(record: ClipRecord) -> Hints {
+impl ClipRecord {
+    /// The hints.
+    ///
+    /// # Errors
+    /// One sentence that names the value that cannot be used.
+    fn into_hints(self) -> Result<Hints, String> {
+        let ClipRecord { duration_s, fps, up, metres_per_unit, viewpoints } = self;
         let viewpoint =
             |ViewpointRecord { name, position, target, fov_y }| Viewpoint { name, position, target, fov_y };
-        Hints {
-            up: Some(record.up),
-            metres_per_unit: Some(record.metres_per_unit),
-            duration_s: Some(record.duration_s),
-            fps: Some(record.fps),
-            viewpoints: record.viewpoints.into_iter().map(viewpoint).collect(),
+        let viewpoints = viewpoints.into_iter().map(viewpoint).collect();
+        let info = ClipInfo { duration_s, fps, up, metres_per_unit, viewpoints };
+        info.check()
+            .map_err(|(field, value)| format!("its metadata have a bad {field}: {value}; export it again"))?;
+        Ok(Hints {
+            up: Some(up),
+            metres_per_unit: Some(metres_per_unit),
+            duration_s: Some(duration_s),
+            fps: Some(fps),
+            viewpoints: info.viewpoints,
             fit: FitRecord::default(),
-        }
+        })
     }
 }
 
@@ -157,7 +166,7 @@ pub(super) fn read(bytes: &[u8], budget: &mut ImportBudget) -> Result<Imported, 
     temporal.rotation_rates = Some(rates);
     field.temporal = Some(temporal);
     let hints = match chunk.aarc {
-        Some(record) => record.into(),
+        Some(record) => record.into_hints()?,
         None => hints_of(&field, &chunk.cameras, budget)?,
     };
     Ok(Imported { field, hints, repairs, format: ".splatv", assumption: None })
@@ -260,5 +269,19 @@ fn viewpoint(name: &str, camera: &Camera, field: &Field) -> Viewpoint {
         position: position.map(|x| x as f32),
         target: std::array::from_fn(|axis| (position[axis] + depth * forward[axis]) as f32),
         fov_y: (2.0 * (0.5 * f64::from(camera.height) / camera.k[1][1]).atan()) as f32,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn metadata_that_a_clip_cannot_have_are_refused() {
+        let record = || ClipRecord::from(&ClipInfo::default());
+        assert_eq!(record().into_hints().unwrap().fps, Some(ClipInfo::default().fps));
+        let error = ClipRecord { metres_per_unit: 0.0, ..record() }.into_hints().unwrap_err();
+        assert_eq!(error, "its metadata have a bad metres per unit: 0.0; export it again");
+        assert!(ClipRecord { up: [0.0; 3], ..record() }.into_hints().is_err());
     }
 }
