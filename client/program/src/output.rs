@@ -52,6 +52,18 @@ pub fn make_folder(path: &Path) -> Result<(), Fault> {
     })
 }
 
+/// Removes a file, and returns whether there was one.
+///
+/// # Errors
+/// [`Fault::Usage`] that names the path, if it cannot be removed.
+pub fn remove(path: &Path) -> Result<bool, Fault> {
+    match std::fs::remove_file(path) {
+        Ok(()) => Ok(true),
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(false),
+        Err(error) => Err(Fault::Usage(format!("cannot remove {}: {error}", path.display()))),
+    }
+}
+
 /// Writes `bytes` to `path`.
 ///
 /// # Errors

@@ -48,11 +48,8 @@ const STRAYS: f64 = 0.02;
 /// Clouds of points without Gaussians that captures and fitting programs put beside a field.
 const POINT_CLOUDS: [&str; 4] = ["input.ply", "points3D.ply", "points3d.ply", "sparse_pc.ply"];
 
-/// File name of a scene's background.
+/// File name of a scene's background, and end of the name of one that belongs to the field with the same name before it.
 const PLATE: &str = "plate.ply";
-
-/// End of the file name of a background that belongs to the field with the same name before it, as `fit` writes it.
-const PLATE_ENDING: &str = ".plate.ply";
 
 /// File name of a scene's overrides.
 const OVERRIDES: &str = "scene.json";
@@ -85,8 +82,7 @@ impl Scene {
     /// a field that cannot be imported, a plate that moves, a bad `scene.json`.
     pub fn load(path: &Path) -> anyhow::Result<Scene> {
         if !fs::metadata(path).map_err(|error| unreadable(path, &error))?.is_dir() {
-            let plate = Some(plate_path(path)).filter(|plate| plate.is_file());
-            let plate = plate.as_deref().map(load_plate).transpose()?;
+            let plate = fitted_plate(path)?;
             return Ok(Scene::new(path, name_of_file(path), import(path)?, plate, Overrides::default())?);
         }
         let names = list(path)?;
@@ -130,11 +126,9 @@ impl Scene {
     /// The scene of a folder with entries `names`.
     fn in_folder(folder: &Path, field: &Path, names: &[String]) -> anyhow::Result<Scene> {
         let subject = import(field)?;
-        let fitted = plate_path(field);
         let plate = match names.iter().any(|name| name == PLATE) {
             true => Some(load_plate(&folder.join(PLATE))?),
-            false if fitted.is_file() => Some(load_plate(&fitted)?),
-            false => None,
+            false => fitted_plate(field)?,
         };
         let (source, overrides) = if names.iter().any(|name| name == OVERRIDES) {
             let path = folder.join(OVERRIDES);
@@ -332,9 +326,20 @@ impl From<ViewpointEntry> for Viewpoint {
 
 /// Path of the background that belongs to a field file.
 pub fn plate_path(field: &Path) -> PathBuf {
+    beside(field, PLATE)
+}
+
+/// Path of a file beside a field: the field's path with another extension.
+pub(crate) fn beside(field: &Path, ending: &str) -> PathBuf {
     let mut name = field.file_stem().unwrap_or_default().to_owned();
-    name.push(PLATE_ENDING);
+    name.push(".");
+    name.push(ending);
     field.with_file_name(name)
+}
+
+/// The background that belongs to a field file, if there is one.
+fn fitted_plate(field: &Path) -> anyhow::Result<Option<Imported>> {
+    Some(plate_path(field)).filter(|plate| plate.is_file()).as_deref().map(load_plate).transpose()
 }
 
 fn load_plate(path: &Path) -> anyhow::Result<Imported> {
@@ -376,7 +381,8 @@ fn field_in<'a>(folder: &Path, names: &'a [String]) -> Result<&'a str, Fault> {
 }
 
 fn is_field_name(name: &str) -> bool {
-    if name == PLATE || name.ends_with(PLATE_ENDING) || POINT_CLOUDS.contains(&name) {
+    let is_plate = name.strip_suffix(PLATE).is_some_and(|before| before.is_empty() || before.ends_with('.'));
+    if is_plate || POINT_CLOUDS.contains(&name) {
         return false;
     }
     is_field_file(name)

@@ -7,28 +7,19 @@ mod tool;
 use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
-use std::process::Command;
 use std::time::SystemTime;
 
 use serde_json::Value;
 use studio::capture::CaptureFiles;
 use support::{Noise, data};
 use tempfile::{TempDir, tempdir};
-use tool::{Outcome, aarc_studio, aarc_studio_with, has_ffmpeg};
+use tool::{aarc_studio, aarc_studio_with, ffmpeg, has_ffmpeg, ingest, refused};
 
 /// Samples a second of the sound.
 const RATE: usize = 48_000;
 
 /// Seconds of sound before the first and after the last camera runs.
 const SPARE_S: f64 = 2.0;
-
-/// Runs ffmpeg with a command line without spaces in its words.
-fn ffmpeg(folder: &Path, line: &str) {
-    let mut command = Command::new("ffmpeg");
-    command.current_dir(folder).args(["-nostdin", "-v", "error", "-y"]).args(line.split_whitespace());
-    let output = command.output().unwrap();
-    assert!(output.status.success(), "{line}: {}", String::from_utf8_lossy(&output.stderr));
-}
 
 /// Noise in syllables, `seconds` long, of a power of about 1 where it is loud.
 fn speech(seed: u64, seconds: f64) -> Vec<f32> {
@@ -134,20 +125,6 @@ fn sounding(sounds: &[Vec<f32>]) -> TempDir {
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
     fs::write(rig.join("calibration.toml"), calibration(&names)).unwrap();
     folder
-}
-
-fn ingest(folder: &Path, options: &str) -> Outcome {
-    let line = format!("ingest rig -o studio {options}");
-    aarc_studio(folder, &line.split_whitespace().collect::<Vec<_>>())
-}
-
-/// The only line on standard error of a run that ended with this exit code. Steps before may have said something.
-#[track_caller]
-fn refused(outcome: Outcome, code: i32) -> String {
-    assert_eq!(outcome.code, Some(code), "{outcome:?}");
-    let lines: Vec<&str> = outcome.stderr.lines().collect();
-    assert!(lines.len() == 1 && lines[0].starts_with("error: "), "{outcome:?}");
-    lines[0].to_owned()
 }
 
 fn manifest(folder: &Path) -> Value {

@@ -5,7 +5,6 @@ mod tool;
 
 use std::fs;
 use std::path::Path;
-use std::process::Command;
 use std::time::SystemTime;
 
 use image::{GrayImage, RgbImage};
@@ -13,7 +12,7 @@ use serde_json::Value;
 use studio::capture::CaptureFiles;
 use studio::synth::rig::{Perturbations, Rig, RigSettings, write};
 use tempfile::{TempDir, tempdir};
-use tool::{Outcome, aarc_studio, has_ffmpeg};
+use tool::{ffmpeg, has_ffmpeg, ingest, refused};
 
 const CAMERAS: usize = 3;
 
@@ -33,11 +32,6 @@ fn rig(size: [u32; 2], shadow: bool) -> TempDir {
     };
     write(&folder.path().join("rig"), &Rig::new(&settings).unwrap(), || ()).unwrap();
     folder
-}
-
-fn ingest(folder: &Path, options: &str) -> Outcome {
-    let line = format!("ingest rig -o studio {options}");
-    aarc_studio(folder, &line.split_whitespace().collect::<Vec<_>>())
 }
 
 fn json_file(path: &Path) -> Value {
@@ -164,23 +158,6 @@ fn crossed() -> TempDir {
     };
     fs::write(rig.join("calibration.toml"), camera("a") + &camera("b")).unwrap();
     folder
-}
-
-/// Runs ffmpeg with a command line without spaces in its words.
-fn ffmpeg(folder: &Path, line: &str) {
-    let mut command = Command::new("ffmpeg");
-    command.current_dir(folder).args(["-nostdin", "-v", "error", "-y"]).args(line.split_whitespace());
-    let output = command.output().unwrap();
-    assert!(output.status.success(), "{line}: {}", String::from_utf8_lossy(&output.stderr));
-}
-
-/// Ends with this exit code, after one line on standard error, which is returned.
-#[track_caller]
-fn refused(outcome: Outcome, code: i32) -> String {
-    assert_eq!(outcome.code, Some(code), "{outcome:?}");
-    let lines: Vec<&str> = outcome.stderr.lines().collect();
-    assert!(lines.len() == 1 && lines[0].starts_with("error: "), "{outcome:?}");
-    lines[0].to_owned()
 }
 
 /// Intersection over union of a mask and the square of its frame.

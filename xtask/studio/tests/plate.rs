@@ -1,13 +1,14 @@
 //! Captures without masks: a field of what moves, in front of a plate of what does not.
 
+mod tool;
+
 use std::fs;
 use std::path::Path;
 
 use serde_json::Value;
 use studio::synth::rig::{Perturbations, Rig, RigSettings, write};
 use tempfile::{TempDir, tempdir};
-mod tool;
-use tool::{Outcome, aarc_studio, has_ffmpeg};
+use tool::{Outcome, aarc_studio, ffmpeg, has_ffmpeg};
 
 const FIT: &str = "--steps 300 --gaussians 600 --sh-degree 0";
 
@@ -76,17 +77,11 @@ fn a_capture_in_which_nothing_moves_is_refused() {
     let folder = folder.path();
     // The plates show the first frames.
     for camera in 0..6 {
-        let video = folder.join(format!("rig/{camera:02}.mp4"));
-        let status = std::process::Command::new("ffmpeg")
-            .args(["-v", "error", "-y", "-loop", "1", "-t", "1.3", "-i"])
-            .arg(folder.join(format!("rig/plates/{camera:02}.png")))
-            .args(["-r", "15", "-c:v", "libx264", "-crf", "8", "-pix_fmt", "yuv420p"])
-            .arg(&video)
-            .status()
-            .unwrap();
-        assert!(status.success());
+        let line = format!(
+            "-loop 1 -t 1.3 -i plates/{camera:02}.png -r 15 -c:v libx264 -crf 8 -pix_fmt yuv420p {camera:02}.mp4"
+        );
+        ffmpeg(&folder.join("rig"), &line);
     }
-    let refused = run(folder, &format!("fit studio -o b.ply {FIT}"));
-    let error = refused.refusal(3).unwrap();
+    let error = run(folder, &format!("fit studio -o b.ply {FIT}")).error(3);
     assert!(error.contains("nothing moves in front of the plates"), "{error}");
 }

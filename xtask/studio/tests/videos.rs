@@ -5,28 +5,19 @@ mod tool;
 
 use std::fs;
 use std::path::Path;
-use std::process::Command;
 
 use refine::capture::PhotoId;
 use serde_json::{Value, json};
 use small_stage::stage_of;
 use studio::capture::CaptureFiles;
 use tempfile::TempDir;
-use tool::{aarc_studio, aarc_studio_with, has_ffmpeg};
+use tool::{aarc_studio, aarc_studio_with, ffmpeg, has_ffmpeg};
 
 /// Frames of the stage, which has 25 a second.
 const FRAMES: usize = 12;
 
 /// A change of a manifest.
 type Change<'a> = &'a dyn Fn(&mut Value);
-
-/// Runs ffmpeg with a command line without spaces in its words.
-fn ffmpeg(folder: &Path, line: &str) {
-    let mut command = Command::new("ffmpeg");
-    command.current_dir(folder).args(["-nostdin", "-v", "error", "-y"]).args(line.split_whitespace());
-    let output = command.output().unwrap();
-    assert!(output.status.success(), "{line}: {}", String::from_utf8_lossy(&output.stderr));
-}
 
 /// A stage with its photographs in `images` and, without loss, in videos `NN.mp4` of the folder `rig`, whose manifest names
 /// these and is changed by `change`.

@@ -34,7 +34,7 @@ impl Default for SweepSettings {
 const NEIGHBORS: usize = 4;
 const BEST: usize = 2;
 
-/// Most neighbours that a view is compared with by anyone.
+/// Most neighbours that a view can be compared with.
 pub(super) const NEIGHBORS_MAX: usize = 6;
 
 /// Cosines of the least and greatest angle between a view and its neighbours: closer views have no

@@ -2,6 +2,9 @@
 
 use super::box_mean::box_mean;
 
+/// Pairs of channels, each once.
+const PAIRS: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
+
 /// Filters `mask` (0 to 1) with three channels of a guide as `width` in a row: in squares of `radius` pixels from
 /// each pixel, the result is the linear function of the guide that is nearest to the mask, where `smoothness`, in the
 /// guide's units squared, keeps its slope small.
@@ -19,16 +22,15 @@ pub(super) fn guided(
     let mask_mean = mean(mask);
     let means = guide.map(mean);
     let with_mask = guide.map(|channel| product(channel, mask));
-    let pairs = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)].map(|(a, b)| product(guide[a], guide[b]));
+    let pairs = PAIRS.map(|(a, b)| product(guide[a], guide[b]));
     let mut slopes = [vec![0.0; mask.len()], vec![0.0; mask.len()], vec![0.0; mask.len()]];
     let mut offset = vec![0.0; mask.len()];
     for i in 0..mask.len() {
         let m = [means[0][i], means[1][i], means[2][i]];
-        let [rr, rg, rb, gg, gb, bb] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
-        let of = |k: usize, (a, b): (usize, usize)| {
+        let [rr, rg, rb, gg, gb, bb]: [f32; 6] = std::array::from_fn(|k| {
+            let (a, b) = PAIRS[k];
             pairs[k][i] - m[a] * m[b] + if a == b { smoothness } else { 0.0 }
-        };
-        let [rr, rg, rb, gg, gb, bb] = [of(0, rr), of(1, rg), of(2, rb), of(3, gg), of(4, gb), of(5, bb)];
+        });
         let cov: [f32; 3] = std::array::from_fn(|c| with_mask[c][i] - m[c] * mask_mean[i]);
         // The inverse of the symmetric matrix, by its adjugate.
         let adjugate = [

@@ -86,11 +86,6 @@ impl Plate {
         });
     }
 
-    /// Number of columns.
-    pub fn width(&self) -> usize {
-        self.width
-    }
-
     /// The colours, row by row from the top left.
     pub fn colors(&self) -> &[[u8; 3]] {
         &self.colors

@@ -14,19 +14,39 @@ use super::camera_plate::colors_of;
 use super::capture_files::CaptureFiles;
 use super::image_file::read_image;
 
-/// Most photographs of a camera that a median is of, and least: fewer show too little of what is behind the subject.
-const PICTURES_MAX: usize = 33;
-const PICTURES_MIN: usize = 8;
+/// Most pictures of a median: its noise is a fifth of theirs then, and further ones take time to seek.
+pub(crate) const PICTURES_MAX: usize = 33;
 
-/// Bytes that more than the fewest may have.
+/// Bytes that more pictures than the fewest may have: 33 of 1080p, 8 of 4K.
 const BYTES_MAX: usize = 210 << 20;
 
+/// Fewest photographs of a camera that a median is of: fewer show too little of what is behind the subject.
+const PICTURES_MIN: usize = 8;
+
+/// Numbers of the pictures of which a median is made, evenly spread over `count` of this many pixels: as many as memory
+/// allows, but at least `least`, or all.
+pub(crate) fn median_frames(count: usize, pixels: usize, least: usize) -> Vec<usize> {
+    match (BYTES_MAX / (3 * pixels).max(1)).clamp(least, PICTURES_MAX).min(count) {
+        0 | 1 => vec![0],
+        chosen => (0..chosen).map(|i| i * (count - 1) / (chosen - 1)).collect(),
+    }
+}
+
 impl CaptureFiles {
-    /// Whether photographs have masks, in files of their own or as transparency; looks at one photograph of each camera.
+    /// Whether photographs have no masks, but plates that give them mattes: each camera has one, or enough photographs to
+    /// find it.
     ///
     /// # Errors
     /// [`Fault::Data`] that names a file that cannot be read.
-    pub fn has_masks(&self) -> Result<bool, Fault> {
+    pub fn can_be_matted(&self) -> Result<bool, Fault> {
+        let photos_of = |camera: usize| self.capture.photos.iter().filter(|id| id.camera == camera).count();
+        let can_have_plates = (0..self.capture.cameras.len())
+            .all(|camera| self.plates[camera].is_stated() || photos_of(camera) >= PICTURES_MIN);
+        Ok(can_have_plates && !self.has_masks()?)
+    }
+
+    /// Whether photographs have masks, in files of their own or as transparency; looks at one photograph of each camera.
+    fn has_masks(&self) -> Result<bool, Fault> {
         let mut is_seen = vec![false; self.capture.cameras.len()];
         for (i, photo_id) in self.capture.photos.iter().enumerate() {
             if self.mask_path(i).is_some() {
@@ -41,13 +61,6 @@ impl CaptureFiles {
             }
         }
         Ok(false)
-    }
-
-    /// Whether a plate of each camera is stated or can be found.
-    pub fn can_have_plates(&self) -> bool {
-        let photos_of = |camera: usize| self.capture.photos.iter().filter(|id| id.camera == camera).count();
-        (0..self.capture.cameras.len())
-            .all(|camera| self.plates[camera].is_stated() || photos_of(camera) >= PICTURES_MIN)
     }
 
     /// Finds the plates that are not stated: medians of photographs from all over the capture, every other frame, so that
@@ -107,12 +120,25 @@ impl CaptureFiles {
                 from.len()
             )));
         }
-        let bytes = 3 * self.pixels_max();
-        let count = (BYTES_MAX / bytes).clamp(PICTURES_MIN, PICTURES_MAX).min(from.len());
-        let spread = (0..count).map(|i| from[i * (from.len() - 1) / (count - 1)]);
-        let pictures = spread.map(|photo_id| Ok(colors_of(&self.taken(photo_id)?)));
+        let chosen = median_frames(from.len(), self.pixels_max(), PICTURES_MIN).into_iter();
+        let pictures = chosen.map(|i| Ok(colors_of(&self.taken(from[i])?)));
         let pictures: Vec<Vec<[u8; 3]>> = pictures.collect::<Result<_, Fault>>()?;
         let pictures: Vec<&[[u8; 3]]> = pictures.iter().map(Vec::as_slice).collect();
         Ok(Plate::of(&pictures, self.file_cameras[camera].width as usize))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_are_spread_over_the_clip_in_bounded_memory() {
+        assert_eq!(median_frames(100, 1920 * 1080, 5).len(), 33);
+        assert_eq!((median_frames(100, 1920 * 1080, 5)[0], median_frames(100, 1920 * 1080, 5)[32]), (0, 99));
+        assert_eq!(median_frames(100, 3840 * 2160, 5).len(), 8);
+        assert_eq!(median_frames(100, 7680 * 4320, 5), [0, 24, 49, 74, 99]);
+        assert_eq!(median_frames(3, 64, 5), [0, 1, 2]);
+        assert_eq!(median_frames(1, 64, 5), [0]);
     }
 }

@@ -114,7 +114,7 @@ impl PartSelection {
             capture_files.correct(&CameraCorrections::read(&learned)?, &learned)?;
             eprintln!("note: cameras are as {} has them", learned.display());
         }
-        if source.has_plate && capture_files.can_have_plates() && !capture_files.has_masks()? {
+        if source.has_plate && capture_files.can_be_matted()? {
             capture_files.find_plates()?;
         }
         Ok(capture_files)

@@ -35,11 +35,7 @@ impl PlateWhen {
         let is_wanted = match self {
             PlateWhen::On => true,
             PlateWhen::Off => false,
-            PlateWhen::Auto => {
-                capture_files.capture.frames() > 1
-                    && capture_files.can_have_plates()
-                    && !capture_files.has_masks()?
-            }
+            PlateWhen::Auto => capture_files.capture.frames() > 1 && capture_files.can_be_matted()?,
         };
         if is_wanted {
             if self == PlateWhen::Auto {
@@ -66,8 +62,9 @@ impl PlateWhen {
     }
 }
 
-/// Fits the plate that belongs behind the field `out`, and writes it beside; `capture_files` and
-/// `views`, its photographs, get the colours of cameras that it learned. `None` if the plan has no plate, or if it is there and the fit of the field goes on.
+/// Fits the plate that belongs behind the field `out`, and writes it beside; `capture_files` and `views`, its photographs,
+/// get the colours of cameras that it learned. `None` if the plan has no plate, or if it is there and the fit of the field
+/// goes on.
 ///
 /// # Errors
 /// Those of [`fit::fit_plate`]; [`Fault::Data`] if nothing is in front of the plates; [`Fault::Usage`] if the file cannot be
@@ -82,12 +79,8 @@ pub(super) fn fit_plate(
     let path = plate_path(out);
     if !plan.has_plate {
         // That of an earlier fit would be drawn behind this one.
-        match std::fs::remove_file(&path) {
-            Ok(()) => eprintln!("note: {} is of an earlier fit, and was removed", path.display()),
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => (),
-            Err(error) => {
-                return Err(Fault::Usage(format!("cannot remove {}: {error}", path.display())).into());
-            }
+        if output::remove(&path)? {
+            eprintln!("note: {} is of an earlier fit, and was removed", path.display());
         }
         return Ok(None);
     }

@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use refine::fit::{Fit, Timeline};
 
-use super::log::beside;
 use crate::capture::{CameraCorrections, CaptureFiles};
+use crate::scene::beside;
 
 /// Path of the cameras that were learned with a field: beside a field file or a package of it, in a field folder.
 pub fn cameras_path(field: &Path) -> PathBuf {

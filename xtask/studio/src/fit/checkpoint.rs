@@ -7,9 +7,10 @@ use program::Fault;
 use refine::fit::Fit;
 use serde::{Deserialize, Serialize};
 
-use super::log::{Density, LogEntry, beside};
+use super::log::{Density, LogEntry};
 use super::plan::FitPlan;
 use super::stored::{Magic, Unstored, store, stored};
+use crate::scene::beside;
 
 /// First bytes of a checkpoint; the last one is the version of its contents.
 const MAGIC: Magic = *b"aarcfit\x08";

@@ -7,6 +7,8 @@ use image::{Rgb, RgbImage};
 use refine::fit::{DensityChange, RenderedImage, TrainingView};
 use serde::{Deserialize, Serialize};
 
+use crate::scene::beside;
+
 /// A line of the table.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LogEntry {
@@ -56,14 +58,6 @@ pub fn table_path(field: &Path) -> PathBuf {
 /// Path of the picture of a field's fit, beside the field.
 pub fn preview_path(field: &Path) -> PathBuf {
     beside(field, "fit.png")
-}
-
-/// Path of a file beside a field: the field's path with another extension.
-pub(super) fn beside(field: &Path, ending: &str) -> PathBuf {
-    let mut name = field.file_stem().unwrap_or_default().to_owned();
-    name.push(".");
-    name.push(ending);
-    field.with_file_name(name)
 }
 
 /// The table as CSV.

@@ -250,12 +250,7 @@ pub fn has_checkpoint(out: &Path) -> bool {
 /// [`Fault::Usage`] if one cannot be removed.
 pub fn remove_checkpoint(out: &Path) -> Result<(), Fault> {
     for path in [checkpoint::path_for(out), checkpoint::path_for(&plate_path(out))] {
-        match std::fs::remove_file(&path) {
-            Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
-                return Err(Fault::Usage(format!("cannot remove {}: {error}", path.display())));
-            }
-            _ => (),
-        }
+        output::remove(&path)?;
     }
     Ok(())
 }

@@ -6,10 +6,11 @@ use super::calibration::RigCamera;
 use super::epipolar::{EpipolarCheck, MOVED_PX};
 use super::mattes::CameraMattes;
 use super::placement::Placement;
-use super::plates::{PICTURES_MAX, PlateSource};
+use super::plates::PlateSource;
 use super::sound::{CONFIDENCE_MIN, DRIFT_MAX_PPM};
 use super::starts::{StartSource, Starts};
 use super::videos::{Probe, RigVideo};
+use crate::capture::PICTURES_MAX;
 use crate::messages::{count, decimal};
 
 /// Median distance from epipolar lines in pixels, of pictures of 1000, from which on a calibration deserves a warning.

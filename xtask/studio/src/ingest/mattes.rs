@@ -16,10 +16,10 @@ use serde_json::{Value, json};
 
 use super::options::MattePolicy;
 use super::pictures::{jpeg, thumbnail};
-use super::plates::{self, PICTURES_MAX, PlateFile, PlateSource, colors};
+use super::plates::{self, PlateFile, PlateSource, colors};
 use super::store::{Store, file_name, identity};
 use super::videos::RigVideo;
-use crate::capture::{Video, bad};
+use crate::capture::{PICTURES_MAX, Video, bad};
 
 /// Paths in the capture, as the manifest has them.
 pub(super) const MASKS: &str = "masks/{camera}/{frame:06}.png";

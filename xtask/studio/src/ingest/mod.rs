@@ -105,7 +105,7 @@ pub fn ingest(
     say(&line("starts", starts.is_kept, &findings::describe_starts(&starts, &videos)));
     warnings.extend(findings::drift_warnings(&starts, &videos, fps, frames));
 
-    let placement = placement::place(&mut cameras, &calibration, options)?;
+    let mut placement = placement::place(&mut cameras, &calibration, options)?;
     placement.notes.iter().for_each(|note| say(&format!("note: {note}")));
 
     let instants_s = pictures::instants_s((frames - 1) as f64 / fps);
@@ -130,19 +130,17 @@ pub fn ingest(
     warnings.extend(findings::matte_warnings(&mattes, &videos));
     warnings.iter().for_each(|warning| say(&format!("warning: {warning}")));
 
-    let mut parts = write::CaptureParts {
+    let parts = write::CaptureParts {
         videos: &videos,
         cameras: &cameras,
         starts: &starts,
-        placement: &placement,
         fps,
         frames,
         has_masks: options.mattes == MattePolicy::On,
     };
-    write::write(&store, out, &parts, options.extract)?;
+    write::write(&store, out, &parts, &placement, options.extract)?;
     // What was written is what the other commands read.
     let capture_files = CaptureFiles::open(out)?;
-    let mut sized = placement.clone();
     if let Some(height_m) = options.height_m {
         let metres = life_size::metres_per_unit(&capture_files, placement.up, height_m)?;
         say(&line(
@@ -150,9 +148,8 @@ pub fn ingest(
             false,
             &format!("{} metres per unit, by the height of the subject", decimal(metres, 5)),
         ));
-        sized.metres_per_unit = Some(metres);
-        parts.placement = &sized;
-        write::write(&store, out, &parts, options.extract)?;
+        placement.metres_per_unit = Some(metres);
+        write::write(&store, out, &parts, &placement, options.extract)?;
     }
     let findings = IngestFindings {
         rig: rig.display().to_string(),
@@ -166,7 +163,7 @@ pub fn ingest(
             .map(|(video, camera)| CameraFindings::new(video, camera))
             .collect(),
         starts,
-        placement: sized,
+        placement,
         epipolar,
         mattes: mattes.iter().map(mattes::CameraMattes::without_pictures).collect(),
         warnings,

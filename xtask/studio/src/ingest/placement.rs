@@ -26,7 +26,7 @@ pub struct Placement {
 /// Moves the origin of `cameras` where asked, and finds the rest.
 ///
 /// # Errors
-/// [`Fault::Usage`] if the calibration lacks what is asked of it.
+/// [`Fault::Usage`] if the calibration lacks what an option asks for.
 pub(super) fn place(
     cameras: &mut [RigCamera],
     calibration: &Calibration,

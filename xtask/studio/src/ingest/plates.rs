@@ -11,15 +11,11 @@ use serde::{Deserialize, Serialize};
 
 use super::matching::named;
 use super::videos::{self, RigVideo};
-use crate::capture::{Video, bad, read_file_image};
+use crate::capture::{Video, bad, median_frames, read_file_image};
 use crate::messages::unreadable;
 
-/// Most pictures of a median: its noise is a fifth of theirs then, and further ones take time to seek.
-pub(super) const PICTURES_MAX: usize = 33;
-
-/// Fewest pictures of a median, and the bytes that more of them may have: 33 of 1080p, 8 of 4K.
+/// Fewest pictures of a median, if a video has as many.
 const PICTURES_MIN: usize = 5;
-const BYTES_MAX: usize = 210 << 20;
 
 /// Cameras whose pictures are in memory at a time.
 const CAMERAS_MAX: usize = 4;
@@ -122,21 +118,12 @@ fn pictures(file: &PlateFile, video: &RigVideo) -> Result<Vec<RgbImage>, Fault> 
     }
     let opened = Video::open(&file.path)?;
     check(opened.size)?;
-    let frames = spread(opened.times_s.len(), width as usize * height as usize);
+    let frames = median_frames(opened.times_s.len(), width as usize * height as usize, PICTURES_MIN);
     frames.into_iter().map(|frame| opened.frame(frame)).collect()
 }
 
-/// Numbers of the frames of which the median is made, evenly spread over `frames` of this many pixels.
-fn spread(frames: usize, pixels: usize) -> Vec<usize> {
-    let count = (BYTES_MAX / (3 * pixels).max(1)).clamp(PICTURES_MIN, PICTURES_MAX).min(frames);
-    match count {
-        0 | 1 => vec![0],
-        _ => (0..count).map(|i| i * (frames - 1) / (count - 1)).collect(),
-    }
-}
-
-/// Makes the plates of cameras. Files of [`CAMERAS_MAX`] of them are decoded at a time, into [`BYTES_MAX`] for each, or
-/// [`PICTURES_MIN`] pictures where these are more.
+/// Makes the plates of cameras. Files of [`CAMERAS_MAX`] of them are decoded at a time, into as many
+/// pictures each as [`median_frames`] says.
 ///
 /// # Errors
 /// Those of decoding, and of sizes.
@@ -166,16 +153,6 @@ mod tests {
 
     use super::super::videos::tests::video;
     use super::*;
-
-    #[test]
-    fn frames_are_spread_over_the_clip_in_bounded_memory() {
-        assert_eq!(spread(100, 1920 * 1080).len(), 33);
-        assert_eq!((spread(100, 1920 * 1080)[0], spread(100, 1920 * 1080)[32]), (0, 99));
-        assert_eq!(spread(100, 3840 * 2160).len(), 8);
-        assert_eq!(spread(100, 7680 * 4320), [0, 24, 49, 74, 99]);
-        assert_eq!(spread(3, 64), [0, 1, 2]);
-        assert_eq!(spread(1, 64), [0]);
-    }
 
     #[test]
     fn each_camera_has_one_plate() {

@@ -23,12 +23,11 @@ pub(super) const MANIFEST: &str = "capture.json";
 /// Quality of JPEG pictures.
 const QUALITY: u8 = 95;
 
-/// Everything that the manifest says.
+/// What the manifest says of frames and cameras.
 pub(super) struct CaptureParts<'c> {
     pub(super) videos: &'c [RigVideo],
     pub(super) cameras: &'c [RigCamera],
     pub(super) starts: &'c Starts,
-    pub(super) placement: &'c Placement,
     pub(super) fps: f64,
     pub(super) frames: usize,
     /// Whether there are masks.
@@ -50,6 +49,7 @@ pub(super) fn write(
     store: &Store,
     out: &Path,
     parts: &CaptureParts,
+    placement: &Placement,
     extract: Option<ExtractFormat>,
 ) -> Result<(), Fault> {
     let late_s = match extract {
@@ -66,8 +66,8 @@ pub(super) fn write(
         _ => &["offsets", "colors"],
     };
     let mut head =
-        vec![("fps", json!(parts.fps)), ("frames", json!(parts.frames)), ("up", json!(parts.placement.up))];
-    if let Some(metres) = parts.placement.metres_per_unit {
+        vec![("fps", json!(parts.fps)), ("frames", json!(parts.frames)), ("up", json!(placement.up))];
+    if let Some(metres) = placement.metres_per_unit {
         head.push(("metres_per_unit", json!(metres)));
     }
     if let Some(format) = extract {

@@ -50,6 +50,30 @@ pub(crate) fn has_ffmpeg() -> bool {
     has
 }
 
+/// Runs ffmpeg with a command line without spaces in its words.
+pub(crate) fn ffmpeg(folder: &Path, line: &str) {
+    let mut command = Command::new("ffmpeg");
+    command.current_dir(folder).args(["-nostdin", "-v", "error", "-y"]).args(line.split_whitespace());
+    let output = command.output().unwrap();
+    assert!(output.status.success(), "{line}: {}", String::from_utf8_lossy(&output.stderr));
+}
+
+/// Makes the capture `studio` of the videos in `rig`.
+pub(crate) fn ingest(folder: &Path, options: &str) -> Outcome {
+    let line = format!("ingest rig -o studio {options}");
+    aarc_studio(folder, &line.split_whitespace().collect::<Vec<_>>())
+}
+
+/// The only line on standard error of a run that ended with this exit code. Steps before may have said something on standard
+/// output.
+#[track_caller]
+pub(crate) fn refused(outcome: Outcome, code: i32) -> String {
+    assert_eq!(outcome.code, Some(code), "{outcome:?}");
+    let lines: Vec<&str> = outcome.stderr.lines().collect();
+    assert!(lines.len() == 1 && lines[0].starts_with("error: "), "{outcome:?}");
+    lines[0].to_owned()
+}
+
 impl Outcome {
     /// What a successful run printed on standard output, as JSON.
     #[track_caller]
