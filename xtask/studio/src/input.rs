@@ -95,7 +95,7 @@ impl Input {
     pub fn fit_record(&self) -> FitRecord {
         match self {
             Input::Package(_) => FitRecord::default(),
-            Input::Take(take) => FitRecord { holdout: take.holdout(), ..FitRecord::default() },
+            Input::Take(take) => take.fit_record(),
             Input::Scene(scene) => scene.subject.hints.fit.clone(),
         }
     }
@@ -106,6 +106,15 @@ impl Input {
             Input::Package(clip) => clip.dynamic_field.is_empty(),
             Input::Scene(scene) => scene.subject.field.temporal.is_none(),
             Input::Take(_) => false,
+        }
+    }
+
+    /// The background plate of a package or scene; a take has one for each segment.
+    pub fn plate(&self) -> Option<&Field> {
+        match self {
+            Input::Package(clip) => clip.plate.as_ref(),
+            Input::Scene(scene) => scene.plate.as_ref().map(|plate| &plate.field),
+            Input::Take(_) => None,
         }
     }
 

@@ -33,6 +33,7 @@ fn field_file_is_lossless() {
 #[test]
 fn a_fitted_field_file_records_its_photographs() {
     let whole = FitRecord {
+        has_mattes: true,
         holdout: Some(Holdout::Odd),
         frames: Some(8..17),
         seconds: Some([8.0 / 30.0, 16.0 / 30.0]),

@@ -63,9 +63,91 @@ fn what_moves_is_fitted_in_front_of_a_plate() {
     fs::remove_file(folder.join("a.aarc")).unwrap();
     assert!(plate("a.aarc --drop plate").is_null());
 
-    // Without a plate, everything is the subject, and the old plate goes.
-    run(folder, &format!("fit studio -o a.ply --plate off {FIT}")).success();
-    assert!(!folder.join("a.plate.ply").exists());
+    // Without the plate, the field remembers that its photographs had mattes.
+    let plate_bytes = fs::read(folder.join("a.plate.ply")).unwrap();
+    fs::rename(folder.join("a.ply"), folder.join("moved.ply")).unwrap();
+    let [before_black, _] = eval(folder, "moved.ply");
+    assert!(before_black > 25.0, "{before_black}");
+    fs::rename(folder.join("moved.ply"), folder.join("a.ply")).unwrap();
+
+    // A fit that goes on from it keeps the plate.
+    for (from, to) in [("a.ply", "b.ply"), ("a.aarc", "c.ply"), ("a.ply", "a.ply")] {
+        if from == "a.aarc" {
+            run(folder, "package a.ply -o whole.aarc").success();
+            fs::rename(folder.join("whole.aarc"), folder.join("a.aarc")).unwrap();
+        }
+        run(folder, &format!("fit studio --from {from} -o {to} --steps 20")).success();
+        let whole = eval(folder, to)[0];
+        assert!(whole > 22.0 && folder.join(to).with_extension("plate.ply").exists(), "{to}: {whole}");
+    }
+    assert_eq!(fs::read(folder.join("a.plate.ply")).unwrap(), plate_bytes);
+
+    // A fit that is refused leaves it, too.
+    run(folder, &format!("fit studio -o a.ply --plate off --anchor-cameras none {FIT}")).error(2);
+    assert_eq!(fs::read(folder.join("a.plate.ply")).unwrap(), plate_bytes);
+
+    // Without a plate, everything is the subject, and the old plate goes; but not one that `fit` did not make.
+    let stderr = run(folder, "fit studio --from a.ply -o a.ply --plate off --steps 20").success().stderr;
+    assert!(stderr.contains("a.plate.ply was of an earlier fit, and is removed"), "{stderr}");
+    assert!(!folder.join("a.plate.ply").exists() && eval(folder, "a.ply")[0] < 20.0);
+    let text = String::from_utf8_lossy(&plate_bytes);
+    let at = text.find("comment aarc mattes").unwrap();
+    let other = [&plate_bytes[..at], &plate_bytes[at + "comment aarc mattes difference\n".len()..]].concat();
+    fs::write(folder.join("b.plate.ply"), other).unwrap();
+    let stderr = run(folder, "fit studio --from b.ply -o b.ply --plate off --steps 20").success().stderr;
+    assert!(stderr.contains("b.plate.ply is drawn behind b.ply"), "{stderr}");
+    assert!(folder.join("b.plate.ply").exists());
+}
+
+#[test]
+fn parts_and_takes_of_a_capture_have_its_mattes() {
+    if !has_ffmpeg() {
+        return;
+    }
+    let folder = studio();
+    let folder = folder.path();
+    // Plates are of the whole capture, so a few frames of it are enough; from an odd one on, the held ones are even.
+    let manifest = fs::read_to_string(folder.join("studio/capture.json")).unwrap();
+    let unstated = manifest.replace("  \"plates\": \"plates/{camera}.png\",\n", "");
+    assert_ne!(manifest, unstated);
+    fs::write(folder.join("studio/capture.json"), unstated).unwrap();
+    let json =
+        run(folder, &format!("fit studio -o part.ply --frames 3..8 --holdout odd --json {FIT}")).json();
+    assert!(json["plate_gaussians"].as_u64().unwrap() > 300, "{json}");
+    let [whole, _] = eval(folder, "part.ply");
+    assert!(whole > 22.0, "{whole}");
+    fs::write(folder.join("studio/capture.json"), manifest).unwrap();
+    run(folder, &format!("fit studio -o take --split 0.5 --learn none {FIT}")).success();
+    let [before_black, _] = eval(folder, "take");
+    assert!(before_black > 22.0, "{before_black}");
+    let error = run(folder, &format!("fit studio -o take2 --plate on {FIT}")).error(2);
+    assert!(error.contains("--plate on: a field folder has no plate"), "{error}");
+}
+
+#[test]
+fn an_ablation_has_fits_without_the_plate_and_with_cameras_as_stated() {
+    if !has_ffmpeg() {
+        return;
+    }
+    let folder = studio();
+    let folder = folder.path();
+    let line = "report studio --fit -o out --cameras 00,02,04 --frames 0..4 --steps 40 --gaussians 40 --sh-degree 0 \
+                --budgets 20 --json";
+    let ablation = run(folder, line).json()["ablation"].take();
+    let method = |name: &str| {
+        let methods = ablation["methods"].as_array().unwrap();
+        methods.iter().find(|method| method["name"] == name).unwrap_or_else(|| panic!("{name}: {ablation}"))["splits"]
+            ["interp_b"]
+            .clone()
+    };
+    // The background is half of the picture, and a field of all of it has no more Gaussians.
+    let [full, none] = ["full", "no plate"].map(|name| method(name)["psnr_full"].as_f64().unwrap());
+    assert!(full > none, "{full} {none}");
+    assert!(method("nothing learned of cameras")["psnr_fg"].as_f64().is_some());
+    let exists = |path: &str| folder.join("out").join(path).exists();
+    assert!(exists("full/field.plate.ply") && !exists("no-plate/field.plate.ply"));
+    assert!(exists("full/field.cameras.json") && !exists("nothing-learned-of-cameras/field.cameras.json"));
+    assert_eq!(run(folder, line).json()["ablation"].take(), ablation, "nothing is made again");
 }
 
 #[test]

@@ -134,6 +134,11 @@ impl StabilityScene {
         StabilityScene { coding: PackageExpectation::Untried(reason), ..self }
     }
 
+    /// The same scene in front of a background.
+    pub(super) fn before(self, plate: Field) -> StabilityScene {
+        StabilityScene { clip: Clip { plate: Some(plate), ..self.clip }, ..self }
+    }
+
     /// The same scene; the reference renders `field` instead.
     pub(super) fn meant(self, field: Field) -> StabilityScene {
         StabilityScene { meant: Some(exact(field)), ..self }

@@ -138,7 +138,7 @@ pub fn run(case: &StabilityCase, gpu: &Gpu) -> CaseResult {
 fn packages(scene: &StabilityScene) -> Result<Vec<Clip>, String> {
     let package = |coder| {
         let options = EncodeOptions { coder, ..EncodeOptions::default() };
-        let source = Source { info: &info(), field: field_of(&scene.clip), plate: None };
+        let source = Source { info: &info(), field: field_of(&scene.clip), plate: scene.clip.plate.as_ref() };
         let bytes = codec::encode(&source, &options).map_err(|error| error.to_string())?;
         codec::decode(&bytes, &Limits::default()).map_err(|error| error.to_string())
     };

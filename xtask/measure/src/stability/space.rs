@@ -97,6 +97,19 @@ pub(super) fn cases() -> Vec<StabilityCase> {
         ),
         case(
             GROUP,
+            "a plate from around the eye to 1e6 units away",
+            2.0,
+            "drawn after everything else, so behind it at any depth; culled as everything is",
+            || {
+                let around = [[0.02, 0.0, 0.05], [-3.0, 1.0, 0.4]].map(|p| ahead(p, [1.0, 2.0, 0.7]));
+                let wall =
+                    [10.0, 1e3, 1e6].map(|z: f32| ahead([0.1 * z, -0.1 * z, z], [0.4 * z, 0.3 * z, 1e-8]));
+                StabilityScene::new(field(&crowd(40)), at(&T))
+                    .before(field(&[around.to_vec(), wall.to_vec()].concat()))
+            },
+        ),
+        case(
+            GROUP,
             "on the near plane",
             2.0,
             "Gaussians nearer than 0.01 units are not drawn; positions are relative to the eye before rotation",

@@ -1,13 +1,13 @@
 //! [`CameraPlate`]: what a camera shows without the subject; mattes of its photographs, and what they keep of the background.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
 use codec::Camera;
 use image::Luma;
 use program::Fault;
 use refine::image::Image;
-use refine::matte::Plate;
+use refine::matte::{GAIN_MAX, Plate};
 
 use super::image_file::{Mask, bad, check_size, read};
 
@@ -33,14 +33,14 @@ impl CameraPlate {
         }
     }
 
-    /// Whether a picture is stated.
-    pub(super) fn is_stated(&self) -> bool {
-        self.stated.is_some()
-    }
-
     /// Whether it has to be found: it is neither stated nor known.
     pub(super) fn is_unknown(&self) -> bool {
         self.stated.is_none() && self.known.get().is_none()
+    }
+
+    /// The path of the picture that is stated.
+    pub(super) fn stated_path(&self) -> Option<&Path> {
+        self.stated.as_deref()
     }
 
     /// Makes a plate known that was not.
@@ -87,7 +87,8 @@ pub(super) fn matte(plate: &Plate, image: &Image) -> Mask {
 /// Takes the background out of a photograph with this mask: what is left of the colours when the plate is not seen through
 /// the rim of the subject any more.
 pub(super) fn take_out(image: &mut Image, plate: &Plate) {
-    let gains = plate.gains(&colors_of(image));
+    // Mattes use no others.
+    let gains = plate.gains(&colors_of(image)).map(|gain| gain.clamp(1.0 / GAIN_MAX, GAIN_MAX));
     for (pixel, behind) in image.pixels.iter_mut().zip(plate.colors()) {
         let alpha = pixel[3];
         for (c, gain) in gains.into_iter().enumerate() {

@@ -19,7 +19,7 @@ impl CaptureFiles {
     pub fn fit_record(&self, holdout: Holdout) -> FitRecord {
         let seconds = self.stated_fps.map(|_| self.seconds());
         let (frames, timing) = (Some(self.selected_frames()), Some(self.timing()));
-        FitRecord { holdout: Some(holdout), frames, seconds, timing }
+        FitRecord { holdout: Some(holdout), frames, seconds, timing, has_mattes: self.has_mattes() }
     }
 
     /// Keeps the frames that a field was fitted to. `name` is the path of the field, `folder` that of the capture,

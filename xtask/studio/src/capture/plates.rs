@@ -4,13 +4,15 @@
 //! medians of photographs. With plates, photographs without masks get mattes, and the background is taken out of pixels that
 //! show it through the rim of the subject.
 
+use std::path::Path;
+
 use program::Fault;
 use rayon::prelude::*;
-use refine::capture::{Photo, PhotoId};
+use refine::capture::{Holdout, Photo, PhotoId};
 use refine::image::Image;
 use refine::matte::Plate;
 
-use super::camera_plate::colors_of;
+use super::camera_plate::{CameraPlate, colors_of};
 use super::capture_files::CaptureFiles;
 use super::image_file::read_image;
 
@@ -22,6 +24,9 @@ const BYTES_MAX: usize = 210 << 20;
 
 /// Fewest photographs of a camera that a median is of: fewer show too little of what is behind the subject.
 const PICTURES_MIN: usize = 8;
+
+/// Cameras whose medians are made at a time.
+const CAMERAS_MAX: usize = 4;
 
 /// Numbers of the pictures of which a median is made, evenly spread over `count` of this many pixels: as many as memory
 /// allows, but at least `least`, or all.
@@ -37,12 +42,20 @@ impl CaptureFiles {
     /// find it.
     ///
     /// # Errors
-    /// [`Fault::Data`] that names a file that cannot be read.
-    pub fn can_be_matted(&self) -> Result<bool, Fault> {
-        let photos_of = |camera: usize| self.capture.photos.iter().filter(|id| id.camera == camera).count();
-        let can_have_plates = (0..self.capture.cameras.len())
-            .all(|camera| self.plates[camera].is_stated() || photos_of(camera) >= PICTURES_MIN);
-        Ok(can_have_plates && !self.has_masks()?)
+    /// Those of [`CaptureFiles::open`].
+    pub fn can_be_matted(&self, holdout: Holdout) -> anyhow::Result<bool> {
+        if self.has_masks()? {
+            return Ok(false);
+        }
+        let whole = CaptureFiles::open(&self.folder)?;
+        for camera in 0..self.capture.cameras.len() {
+            if self.plates[camera].stated_path().is_none()
+                && self.background_photos(&whole, camera, holdout)?.len() < PICTURES_MIN
+            {
+                return Ok(false);
+            }
+        }
+        Ok(true)
     }
 
     /// Whether photographs have masks, in files of their own or as transparency; looks at one photograph of each camera.
@@ -63,26 +76,53 @@ impl CaptureFiles {
         Ok(false)
     }
 
-    /// Finds the plates that are not stated: medians of photographs from all over the capture, every other frame, so that
-    /// held frames have no part in them. From then on, photographs without masks get mattes.
+    /// Finds the plates that are not stated: medians of photographs from all over the capture, of frames that `holdout` does
+    /// not hold out. From then on, photographs without masks get mattes.
     ///
     /// # Errors
     /// [`Fault::Data`] that names a file that cannot be read, or a camera with too few photographs.
-    pub fn find_plates(&mut self) -> anyhow::Result<()> {
-        // Photographs of frames that are not selected show the background, too.
+    pub fn find_plates(&mut self, holdout: Holdout) -> anyhow::Result<()> {
         let whole = CaptureFiles::open(&self.folder)?;
         let unknown = |camera: &usize| self.plates[*camera].is_unknown();
-        let find = |camera: usize| -> Result<(), Fault> {
-            let name = &self.capture.cameras[camera].name;
-            let in_whole = whole.camera(name)?;
-            let plate = whole.median_plate(in_whole)?;
-            self.plates[camera].set(plate);
-            Ok(())
-        };
         let cameras: Vec<usize> = (0..self.capture.cameras.len()).filter(unknown).collect();
-        cameras.into_par_iter().try_for_each(find)?;
+        for cameras in cameras.chunks(CAMERAS_MAX) {
+            cameras.par_iter().try_for_each(|&camera| -> Result<(), Fault> {
+                let photos = self.background_photos(&whole, camera, holdout)?;
+                self.plates[camera].set(whole.median_plate(&self.capture.cameras[camera].name, &photos)?);
+                Ok(())
+            })?;
+        }
         self.background.is_matted = true;
         Ok(())
+    }
+
+    /// Whether photographs without masks get mattes.
+    pub fn has_mattes(&self) -> bool {
+        self.background.is_matted
+    }
+
+    /// Pictures without the subject that the capture states.
+    pub fn stated_plates(&self) -> impl Iterator<Item = &Path> {
+        self.plates.iter().filter_map(CameraPlate::stated_path)
+    }
+
+    /// From now on, photographs without masks get no mattes.
+    pub fn forget_mattes(&mut self) {
+        self.background.is_matted = false;
+    }
+
+    /// Photographs in the `whole` capture that a median of a camera may be of. Those of frames that are not selected show the
+    /// background, too.
+    fn background_photos(
+        &self,
+        whole: &CaptureFiles,
+        camera: usize,
+        holdout: Holdout,
+    ) -> Result<Vec<PhotoId>, Fault> {
+        let camera = whole.camera(&self.capture.cameras[camera].name)?;
+        let is_held = |frame: usize| holdout.holds(frame.abs_diff(self.selected.start));
+        let photos = whole.capture.photos.iter().copied();
+        Ok(photos.filter(|id| id.camera == camera && !is_held(id.frame)).collect())
     }
 
     /// From now on, photographs keep the colours of the background.
@@ -106,25 +146,19 @@ impl CaptureFiles {
         Ok(Some(self.seen(camera, image)))
     }
 
-    /// The median of photographs of a camera.
-    fn median_plate(&self, camera: usize) -> Result<Plate, Fault> {
-        let own = self.capture.photos.iter().copied().filter(|photo_id| photo_id.camera == camera);
-        let own: Vec<PhotoId> = own.collect();
-        let even: Vec<PhotoId> = own.iter().copied().filter(|id| id.frame % 2 == 0).collect();
-        let from = if even.len() >= PICTURES_MIN { even } else { own };
-        if from.len() < PICTURES_MIN {
-            let name = &self.capture.cameras[camera].name;
+    /// The median of `photos` of the camera `name`.
+    fn median_plate(&self, name: &str, photos: &[PhotoId]) -> Result<Plate, Fault> {
+        if photos.len() < PICTURES_MIN {
             return Err(Fault::Data(format!(
                 "camera {name} has {} of the {PICTURES_MIN} photographs that a plate needs: give masks, or plates in \
                  capture.json",
-                from.len()
+                photos.len()
             )));
         }
-        let chosen = median_frames(from.len(), self.pixels_max(), PICTURES_MIN).into_iter();
-        let pictures = chosen.map(|i| Ok(colors_of(&self.taken(from[i])?)));
+        let chosen = median_frames(photos.len(), self.pixels_max(), PICTURES_MIN).into_iter();
+        let pictures = chosen.map(|i| Ok(colors_of(&self.taken(photos[i])?)));
         let pictures: Vec<Vec<[u8; 3]>> = pictures.collect::<Result<_, Fault>>()?;
-        let pictures: Vec<&[[u8; 3]]> = pictures.iter().map(Vec::as_slice).collect();
-        Ok(Plate::of(&pictures, self.file_cameras[camera].width as usize))
+        Ok(Plate::of(&pictures, self.file_cameras[photos[0].camera].width as usize))
     }
 }
 

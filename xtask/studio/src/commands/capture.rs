@@ -66,13 +66,19 @@ impl FrameSelection {
         self.part.open(folder, self.size)
     }
 
-    /// Opens the capture that `source` was fitted to, at the frames that it records, and applies the selection.
+    /// Opens the capture that `source` was fitted to, at the frames that it records, and applies the selection. `holdout`
+    /// are the frames that count as held out.
     ///
     /// # Errors
     /// Those of [`Self::open`]; [`Fault::Usage`] if the capture has no such frames, has them at other times, or if
     /// the selection contradicts the record.
-    pub(crate) fn open_for(&self, folder: &Path, source: &FitSource) -> anyhow::Result<CaptureFiles> {
-        self.part.open_for(folder, self.size, source)
+    pub(crate) fn open_for(
+        &self,
+        folder: &Path,
+        source: &FitSource,
+        holdout: Holdout,
+    ) -> anyhow::Result<CaptureFiles> {
+        self.part.open_for(folder, self.size, source, holdout)
     }
 
     /// The photographs to refine `scene` on, as [`PartSelection::photographs_of`] loads them.
@@ -101,12 +107,13 @@ impl PartSelection {
         })
     }
 
-    /// Opens the capture at the frames of `source`, with the cameras that its fit learned.
+    /// Opens the capture at the frames of `source`, with the cameras that its fit learned and mattes where it had them.
     fn open_for(
         &self,
         folder: &Path,
         size: Option<(u32, u32)>,
         source: &FitSource,
+        holdout: Holdout,
     ) -> anyhow::Result<CaptureFiles> {
         let mut capture_files = self.open_fitted(folder, size, source)?;
         let learned = cameras_path(source.path);
@@ -114,9 +121,7 @@ impl PartSelection {
             capture_files.correct(&CameraCorrections::read(&learned)?, &learned)?;
             eprintln!("note: cameras are as {} has them", learned.display());
         }
-        if source.has_plate && capture_files.can_be_matted()? {
-            capture_files.find_plates()?;
-        }
+        source.find_mattes(&mut capture_files, holdout)?;
         Ok(capture_files)
     }
 
@@ -168,9 +173,9 @@ impl PartSelection {
         holdout: Option<Holdout>,
     ) -> anyhow::Result<TrainingViews> {
         let source = FitSource::of_scene(path, scene);
-        let capture_files = self.open_for(folder, size, &source)?;
-        source.note_static(&capture_files);
         let (holdout, note) = source.held_frames(holdout);
+        let capture_files = self.open_for(folder, size, &source, holdout)?;
+        source.note_static(&capture_files);
         let views = load_training_views(&capture_files, holdout)?;
         if scene.plate.is_some() && !views.train.iter().any(|(_, view)| view.photograph.is_masked()) {
             bail!(Fault::Usage(

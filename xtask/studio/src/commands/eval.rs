@@ -138,11 +138,11 @@ impl Evaluation<'_> {
             Subject::Drawn(input) => FitSource::of(path, input),
             Subject::Pictures(_) => FitSource::of_pictures(path),
         };
-        let mut capture_files = args.selection.open_for(capture, &source)?;
+        let (holdout, note) = source.held_frames(args.holdout.map(Holdout::from));
+        let mut capture_files = args.selection.open_for(capture, &source, holdout)?;
         if source.has_plate {
             capture_files.keep_background();
         }
-        let (holdout, note) = source.held_frames(args.holdout.map(Holdout::from));
         let about = describe(&capture_files, holdout)?;
         let compared = match (&subject, args.baselines) {
             (Subject::Drawn(input), true) => Some(input),

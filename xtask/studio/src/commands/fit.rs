@@ -8,8 +8,8 @@ use crate::capture::{CameraCorrections, CameraPart, CaptureFiles};
 use crate::eval::fragments_per_lit_pixel;
 use crate::export::fitted_field_file;
 use crate::fit::{
-    self, DepthScale, FitPlan, FitRuntime, FitStart, Fitted, Segments, SlidePlan, TrainingViews, WorkFolder,
-    log,
+    self, DepthScale, FitPlan, FitRuntime, FitStart, Fitted, PlatePlan, Segments, SlidePlan, TrainingViews,
+    WorkFolder, log,
 };
 use crate::input::{Input, is_take, not_one_field};
 use crate::messages::count;
@@ -32,7 +32,7 @@ use super::capture::{
     FrameSelection, HeldFrames, LpipsOption, describe, load_training_views, note_assumed_fps,
 };
 use super::fit_folder::{fit_folder, report_finished, report_folder};
-use super::fit_plate::{PlateWhen, fit_plate};
+use super::fit_plate::{PlateWhen, fit_plate, settle_plate};
 use super::fit_progress::show;
 use super::fit_source::FitSource;
 use super::takes::{self, TakeCommand, TakeOptions, part_seconds};
@@ -419,7 +419,7 @@ fn fit_capture(args: &Args, out: &Path) -> anyhow::Result<FitResult> {
     let splits = describe(&capture_files, holdout)?;
     let lpips = args.options.lpips.load()?;
     let plan = plan(args, args.options.plan(&capture_files, holdout)?)?;
-    let plan = FitPlan { has_plate: plate_when(args).find(&mut capture_files)?, ..plan };
+    let plan = FitPlan { plate: plate_plan(args, &mut capture_files, holdout)?, ..plan };
     fit::check_checkpoint(&plan, out)?;
     let mut backend = args.options.open_backend()?;
     let runtime = args.options.runtime(&mut *backend, lpips.as_ref());
@@ -433,16 +433,17 @@ fn fit_capture(args: &Args, out: &Path) -> anyhow::Result<FitResult> {
     let field = fitted.fit.to_field();
     let scene = RenderScene::from(&field);
     let fragments_per_lit_pixel = fragments_per_lit_pixel(&scene, &capture_files, counted);
-    let plate = plate.map(|plate| plate.fit.len());
     Ok(FitResult { plan, fitted, splits, fragments_per_lit_pixel, plate })
 }
 
-/// Whether a fit with these options makes a plate: other starts than an anchor at surfaces are of the whole scene.
-fn plate_when(args: &Args) -> PlateWhen {
-    let is_whole = args.depths.is_some() || args.from.is_some() || matches!(args.anchor, Anchor::None);
+/// What a fit makes of the background, whose plates are found if it needs them. Without a word on it, one that starts from
+/// a field goes on as that was fitted, and other starts than an anchor at surfaces are of the whole scene.
+fn plate_plan(args: &Args, capture_files: &mut CaptureFiles, holdout: Holdout) -> anyhow::Result<PlatePlan> {
+    let is_whole = args.depths.is_some() || matches!(args.anchor, Anchor::None);
     match args.options.plate {
-        PlateWhen::Auto if is_whole => PlateWhen::Off,
-        when => when,
+        PlateWhen::Auto if args.from.is_some() && capture_files.has_mattes() => Ok(PlatePlan::Mattes),
+        PlateWhen::Auto if is_whole || args.from.is_some() => PlateWhen::Off.find(capture_files, holdout),
+        when => when.find(capture_files, holdout),
     }
 }
 
@@ -459,9 +460,14 @@ fn open_for_start(args: &Args, from: &Path) -> anyhow::Result<CaptureFiles> {
     }
     let input = Input::load(from)?;
     let source = FitSource::of(from, &input);
+    let holdout = Holdout::from(args.holdout);
     let capture_files = match input.is_static() {
-        true => args.selection.open(args.capture())?,
-        false => args.selection.open_for(args.capture(), &source)?,
+        true => {
+            let mut capture_files = args.selection.open(args.capture())?;
+            source.find_mattes(&mut capture_files, holdout)?;
+            capture_files
+        }
+        false => args.selection.open_for(args.capture(), &source, holdout)?,
     };
     source.note_static(&capture_files);
     Ok(capture_files)
@@ -504,6 +510,7 @@ pub(super) fn fit_and_write(
     // The checkpoint goes only when the field is safe.
     let record = capture_files.fit_record(plan.holdout);
     output::write_durable(out, &fitted_field_file(&fitted.fit.to_field(), &info, &record))?;
+    settle_plate(plan, out)?;
     fit::remove_checkpoint(out)?;
     Ok(fitted)
 }
@@ -549,6 +556,13 @@ fn slide(args: &Args, out: &Path) -> anyhow::Result<()> {
             "{option}: a field folder starts from an anchor; leave it out, or name a field file (.ply)"
         )));
     }
+    if args.options.plate == PlateWhen::On {
+        bail!(Fault::Usage(
+            "--plate on: a field folder has no plate; fit one with a few seconds, `fit CAPTURE --frames A..B -o a.ply`, \
+             and leave --plate out here: photographs without masks get mattes"
+                .into()
+        ));
+    }
     let shard = args.many.shard;
     if matches!(args.segments, Some(Segments::Range(_))) && shard.is_some() {
         bail!(Fault::Usage("--shard deals --segments even or odd out; leave it out for a range".into()));
@@ -570,20 +584,8 @@ fn slide(args: &Args, out: &Path) -> anyhow::Result<()> {
             out.display()
         )));
     }
-    args.options.plate.find_mattes(&mut capture_files)?;
-    let unit_s = args.split.unwrap_or(UNIT_S).min(duration_s);
     let lpips = args.options.lpips.load()?;
-    let default = FitPlan::default_for_seconds(&capture_files, holdout, unit_s)?;
-    let mut plan = SlidePlan { fit: plan(args, args.options.plan_from(default)?)?, unit_s };
-    let is_asked = args.options.learn.iter().any(|learn| *learn != Learn::None);
-    if is_asked || !(plan.fit.learned.is_nothing() || args.learned.is_some()) {
-        bail!(Fault::Usage(
-            "--learn: a field folder takes its cameras as they are; learn them from some seconds, \
-             `fit CAPTURE --frames A..B -o a.ply`, and name them: --learned a.cameras.json"
-                .into()
-        ));
-    }
-    plan.fit.learned = Learned::default();
+    let plan = folder_plan(args, &mut capture_files, holdout)?;
     let work = WorkFolder::open(&plan, &capture_files, out, segments.is_some())?;
     let mut backend = args.options.open_backend()?;
     let runtime = args.options.runtime(&mut *backend, lpips.as_ref());
@@ -595,6 +597,26 @@ fn slide(args: &Args, out: &Path) -> anyhow::Result<()> {
     }
     report_folder(out, &slid, capture_files.capture.duration_s(), args.json);
     Ok(())
+}
+
+/// The plan of a field folder; the plates of the capture are found if it needs them.
+fn folder_plan(args: &Args, capture_files: &mut CaptureFiles, holdout: Holdout) -> anyhow::Result<SlidePlan> {
+    let unit_s = args.split.unwrap_or(UNIT_S).min(capture_files.capture.duration_s());
+    let default = FitPlan::default_for_seconds(capture_files, holdout, unit_s)?;
+    let fit = plan(args, args.options.plan_from(default)?)?;
+    let is_asked = args.options.learn.iter().any(|learn| *learn != Learn::None);
+    if is_asked || !(fit.learned.is_nothing() || args.learned.is_some()) {
+        bail!(Fault::Usage(
+            "--learn: a field folder takes its cameras as they are; learn them from some seconds, \
+             `fit CAPTURE --frames A..B -o a.ply`, and name them: --learned a.cameras.json"
+                .into()
+        ));
+    }
+    let plate = match plate_plan(args, capture_files, holdout)? {
+        PlatePlan::Fitted => PlatePlan::Mattes,
+        plate => plate,
+    };
+    Ok(SlidePlan { fit: FitPlan { learned: Learned::default(), plate, ..fit }, unit_s })
 }
 
 impl FitResult {

@@ -3,12 +3,15 @@
 use std::path::Path;
 
 use clap::ValueEnum;
+use codec::{ClipInfo, Field};
 use program::{Fault, output};
+use refine::capture::Holdout;
 
 use crate::capture::CaptureFiles;
 use crate::export::fitted_field_file;
-use crate::fit::{self, FitPlan, FitRuntime, Fitted, TrainingViews};
-use crate::import::FitRecord;
+use crate::fit::{self, FitPlan, FitRuntime, FitStart, PlatePlan, TrainingViews};
+use crate::import::{FitRecord, import};
+use crate::input::Input;
 use crate::progress::counting;
 use crate::scene::plate_path;
 
@@ -27,44 +30,37 @@ pub(super) enum PlateWhen {
 }
 
 impl PlateWhen {
-    /// Finds the plates of a capture where a fit needs them, and returns whether it does.
+    /// What a fit makes of the background; finds the plates if it needs them.
     ///
     /// # Errors
     /// Those of [`CaptureFiles::find_plates`].
-    pub(super) fn find(self, capture_files: &mut CaptureFiles) -> anyhow::Result<bool> {
+    pub(super) fn find(
+        self,
+        capture_files: &mut CaptureFiles,
+        holdout: Holdout,
+    ) -> anyhow::Result<PlatePlan> {
         let is_wanted = match self {
             PlateWhen::On => true,
             PlateWhen::Off => false,
-            PlateWhen::Auto => capture_files.capture.frames() > 1 && capture_files.can_be_matted()?,
+            PlateWhen::Auto => capture_files.capture.frames() > 1 && capture_files.can_be_matted(holdout)?,
         };
-        if is_wanted {
-            if self == PlateWhen::Auto {
-                eprintln!(
-                    "note: no photograph has a mask: what moves is the subject, in front of a plate of the rest"
-                );
-            }
-            capture_files.find_plates()?;
+        if !is_wanted {
+            capture_files.forget_mattes();
+            return Ok(PlatePlan::None);
         }
-        Ok(is_wanted)
-    }
-
-    /// The same for a field folder, which has no plate.
-    ///
-    /// # Errors
-    /// Those of [`CaptureFiles::find_plates`]; [`Fault::Usage`] if a plate is asked for.
-    pub(super) fn find_mattes(self, capture_files: &mut CaptureFiles) -> anyhow::Result<()> {
-        if self == PlateWhen::On {
-            let what = "--plate on: a field folder has no plate; fit one with a few seconds, `fit CAPTURE --frames A..B -o \
-                        a.ply`, and leave --plate out here: photographs without masks get mattes";
-            return Err(Fault::Usage(what.into()).into());
+        if self == PlateWhen::Auto {
+            eprintln!(
+                "note: no photograph has a mask: what moves is the subject, in front of a plate of the rest"
+            );
         }
-        self.find(capture_files).map(drop)
+        capture_files.find_plates(holdout)?;
+        Ok(PlatePlan::Fitted)
     }
 }
 
-/// Fits the plate that belongs behind the field `out`, and writes it beside; `capture_files` and `views`, its photographs,
-/// get the colours of cameras that it learned. `None` if the plan has no plate, or if it is there and the fit of the field
-/// goes on.
+/// Fits the plate that belongs behind the field `out`, if the plan says so, and writes it beside; `capture_files` and
+/// `views`, its photographs, get the colours of cameras that it learned. If it is there and the fit of the field goes on, it
+/// is left as it is. Returns its number of Gaussians.
 ///
 /// # Errors
 /// Those of [`fit::fit_plate`]; [`Fault::Data`] if nothing is in front of the plates; [`Fault::Usage`] if the file cannot be
@@ -75,13 +71,8 @@ pub(super) fn fit_plate(
     views: &mut TrainingViews,
     runtime: FitRuntime,
     out: &Path,
-) -> anyhow::Result<Option<Fitted>> {
-    let path = plate_path(out);
-    if !plan.has_plate {
-        // That of an earlier fit would be drawn behind this one.
-        if output::remove(&path)? {
-            eprintln!("note: {} is of an earlier fit, and was removed", path.display());
-        }
+) -> anyhow::Result<Option<usize>> {
+    if plan.plate != PlatePlan::Fitted {
         return Ok(None);
     }
     if !views.train.iter().any(|(_, view)| view.photograph.has_subject()) {
@@ -89,8 +80,9 @@ pub(super) fn fit_plate(
                     plates without the subject in capture.json";
         return Err(Fault::Data(what.into()).into());
     }
+    let path = plate_path(out);
     if path.is_file() && fit::has_checkpoint(out) {
-        return Ok(None);
+        return Ok(Some(import(&path)?.field.len()));
     }
     let bar = counting(plan.steps, "steps");
     bar.println(format!("plate: {}", path.display()));
@@ -102,8 +94,46 @@ pub(super) fn fit_plate(
             views.responses[i] = camera.response;
         }
     }
-    let info = fit::clip_info(capture_files);
-    output::write_durable(&path, &fitted_field_file(&fitted.fit.to_field(), &info, &FitRecord::default()))?;
+    write_plate(&path, &fitted.fit.to_field(), &fit::clip_info(capture_files))?;
     fit::remove_checkpoint(&path)?;
-    Ok(Some(fitted))
+    Ok(Some(fitted.fit.len()))
+}
+
+fn write_plate(path: &Path, plate: &Field, info: &ClipInfo) -> Result<(), Fault> {
+    let record = FitRecord { has_mattes: true, ..FitRecord::default() };
+    output::write_durable(path, &fitted_field_file(plate, info, &record))
+}
+
+/// Makes the plate beside the finished field `out` the one that belongs behind it: the one that was fitted for it, or else
+/// that of the field that the fit started from, or none.
+///
+/// # Errors
+/// [`Fault::Usage`] if a file cannot be written; those of [`Input::load`].
+pub(super) fn settle_plate(plan: &FitPlan, out: &Path) -> anyhow::Result<()> {
+    let path = plate_path(out);
+    match (plan.plate, &plan.start) {
+        (PlatePlan::Fitted, _) => return Ok(()),
+        (PlatePlan::Mattes, FitStart::Field(from, _)) => {
+            let input = Input::load(Path::new(from))?;
+            if let Some(plate) = input.plate() {
+                return Ok(write_plate(&path, plate, input.info())?);
+            }
+        }
+        _ => {}
+    }
+    if !path.is_file() {
+        return Ok(());
+    }
+    // It would be drawn behind this field.
+    if import(&path).is_ok_and(|plate| plate.hints.fit.has_mattes) {
+        output::remove(&path)?;
+        eprintln!("note: {} was of an earlier fit, and is removed", path.display());
+    } else {
+        eprintln!(
+            "note: {} is drawn behind {}; if it does not belong there, remove it",
+            path.display(),
+            out.display()
+        );
+    }
+    Ok(())
 }

@@ -82,6 +82,22 @@ impl<'a> FitSource<'a> {
         }
     }
 
+    /// Gives photographs without masks mattes, if those had them that it was fitted to.
+    ///
+    /// # Errors
+    /// Those of [`CaptureFiles::find_plates`].
+    pub(super) fn find_mattes(
+        &self,
+        capture_files: &mut CaptureFiles,
+        holdout: Holdout,
+    ) -> anyhow::Result<()> {
+        // A plate of another program's field tells as much as a record.
+        if self.record.has_mattes || (self.has_plate && capture_files.can_be_matted(holdout)?) {
+            capture_files.find_plates(holdout)?;
+        }
+        Ok(())
+    }
+
     /// Reports on standard error that a static field stays so in a fit to several frames.
     pub(crate) fn note_static(&self, capture_files: &CaptureFiles) {
         if self.is_static && capture_files.capture.frames() > 1 {

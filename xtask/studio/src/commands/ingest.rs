@@ -116,11 +116,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let findings = ingest::ingest(&args.rig, &args.out, &options, &mut say)?;
     match args.json {
         true => println!("{}", serde_json::to_string_pretty(&findings)?),
-        false => println!(
-            "next        look at the page, then: fit {} -o field.ply{}",
-            args.out.display(),
-            if args.mattes == Mattes::On { "" } else { ", with masks in the manifest or with --depths" }
-        ),
+        false => println!("next        look at the page, then: fit {} -o field.ply", args.out.display()),
     }
     Ok(())
 }

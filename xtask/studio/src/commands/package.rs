@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use crate::capture::CaptureFiles;
-use crate::fit::{self, FitPlan, Refinement, RefinementReport, TrainingViews};
+use crate::fit::{self, FitPlan, PlatePlan, Refinement, RefinementReport, TrainingViews};
 use crate::messages::decimal;
 use crate::package::{
     Coding, Counts, DropPart, LensFragments, PackageReport, PackageSettings, PrefixStep, QUALITY_DB, Snapped,
@@ -425,8 +425,8 @@ struct Captured {
     capture_files: CaptureFiles,
     /// Whether the scene has no field, so that one is fitted first.
     is_scene: bool,
-    /// Whether this fit makes a plate.
-    has_plate: bool,
+    /// What this fit makes of the background.
+    plate: PlatePlan,
 }
 
 impl Captured {
@@ -455,8 +455,11 @@ impl Captured {
             (None, _) => args.scene(),
         };
         let mut capture_files = args.selection.open(folder)?;
-        let has_plate = is_scene && PlateWhen::Auto.find(&mut capture_files)?;
-        let captured = Captured { folder: folder.to_owned(), capture_files, is_scene, has_plate };
+        let plate = match is_scene {
+            true => PlateWhen::Auto.find(&mut capture_files, args.holdout_of_fit())?,
+            false => PlatePlan::None,
+        };
+        let captured = Captured { folder: folder.to_owned(), capture_files, is_scene, plate };
         // With a list, records decide what is resumed and what is replaced.
         if is_scene && args.many.list.is_none() {
             let field = field_path(args);
@@ -471,7 +474,7 @@ impl Captured {
     /// The plan of the fit of a capture.
     fn plan(&self, args: &Args) -> Result<FitPlan, Fault> {
         let plan = FitPlan::default_for(&self.capture_files, args.holdout_of_fit())?;
-        Ok(FitPlan { has_plate: self.has_plate, ..plan })
+        Ok(FitPlan { plate: self.plate, ..plan })
     }
 
     /// Fits a field to the capture, to a file beside the package; with a list, unless that is done.

@@ -34,7 +34,7 @@ use crate::up_axis::up_of;
 pub use cameras::{cameras_path, learned_cameras};
 use checkpoint::{Checkpoint, Tally};
 use log::LogEntry;
-pub use plan::{DepthScale, FitPlan, FitStart, SH_DEGREE, crc, file_crc};
+pub use plan::{DepthScale, FitPlan, FitStart, PlatePlan, SH_DEGREE, crc, file_crc};
 pub use plate::fit_plate;
 pub use refinement::{Refinement, RefinementReport};
 pub use slide::{Assembled, Segments, SlidField, SlidePlan, SlideProgress, WorkFolder, slide, slide_cost};

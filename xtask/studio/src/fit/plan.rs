@@ -48,14 +48,14 @@ pub struct FitPlan {
     pub seed: u64,
     /// What is learned of the cameras.
     pub learned: Learned,
-    /// Whether photographs without masks get mattes, and a plate is fitted to what they show behind the subject.
-    pub has_plate: bool,
+    /// What becomes of the background.
+    pub plate: PlatePlan,
     /// Held-out frames.
     pub holdout: Holdout,
     /// Network and checksum of the LPIPS weights; `None` if the loss has no LPIPS term.
     pub lpips: Option<String>,
     /// Fingerprint of the selected part of the capture: number of cameras, frames and photographs, and a
-    /// checksum of its cameras, times and names.
+    /// checksum of its cameras, times and names, plates included.
     pub capture: String,
 }
 
@@ -72,6 +72,17 @@ pub enum FitStart {
     Scatter,
     /// A fitted field or a package, with its checksum.
     Field(String, u32),
+}
+
+/// What a fit makes of the background of photographs without masks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum PlatePlan {
+    /// It belongs to the field.
+    None,
+    /// Photographs get mattes, so that the field is of the subject alone.
+    Mattes,
+    /// The same, and first a plate is fitted to what is behind the subject.
+    Fitted,
 }
 
 /// How depth maps are scaled to the units of the cameras. The variants' docs are help texts.
@@ -114,7 +125,7 @@ impl FitPlan {
             sh_degree: SH_DEGREE,
             seed: 0,
             learned: capture_files.learned,
-            has_plate: false,
+            plate: PlatePlan::None,
             holdout,
             lpips: None,
             capture: fingerprint(capture_files),
@@ -189,6 +200,9 @@ fn fingerprint(capture_files: &CaptureFiles) -> String {
     }
     for photo_id in &capture.photos {
         crc.update(capture_files.name(*photo_id).as_bytes());
+    }
+    for plate in capture_files.stated_plates() {
+        crc.update(plate.as_os_str().as_encoded_bytes());
     }
     format!(
         "{} cameras, {} frames, {} photographs, {:08x}",

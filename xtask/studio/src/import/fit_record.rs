@@ -4,6 +4,9 @@ use std::ops::Range;
 
 use refine::capture::Holdout;
 
+/// Value of the comment on mattes.
+const MATTES: &str = "difference";
+
 /// The photographs that a field was fitted to; `None` where its file does not record it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FitRecord {
@@ -17,17 +20,20 @@ pub struct FitRecord {
     /// Checksum of the times of the photographs in the clip, as [`crate::capture::CaptureFiles::fit_record`]
     /// computes it.
     pub timing: Option<u32>,
+    /// Whether photographs without masks had mattes.
+    pub has_mattes: bool,
 }
 
 impl FitRecord {
     /// Keys and values of the comments of a field file.
     pub(crate) fn comments(&self) -> impl Iterator<Item = (&'static str, String)> {
-        let FitRecord { holdout, frames, seconds, timing } = self;
+        let FitRecord { holdout, frames, seconds, timing, has_mattes } = self;
         [
             holdout.map(|holdout| ("holdout", holdout.name().to_owned())),
             frames.as_ref().map(|Range { start, end }| ("frames", format!("{start}..{end}"))),
             seconds.map(|[first, last]| ("seconds", format!("{first} {last}"))),
             timing.map(|timing| ("timing", format!("{timing:08x}"))),
+            has_mattes.then(|| ("mattes", MATTES.to_owned())),
         ]
         .into_iter()
         .flatten()
@@ -43,6 +49,7 @@ impl FitRecord {
             "frames" => self.frames = Some(frames(value).ok_or(())?),
             "seconds" => self.seconds = Some(seconds(value).ok_or(())?),
             "timing" => self.timing = Some(u32::from_str_radix(value, 16).map_err(drop)?),
+            "mattes" => self.has_mattes = (value == MATTES).then_some(true).ok_or(())?,
             _ => {}
         }
         Ok(())

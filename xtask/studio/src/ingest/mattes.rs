@@ -20,6 +20,7 @@ use super::plates::{self, PlateFile, PlateSource, colors};
 use super::store::{Store, file_name, identity};
 use super::videos::RigVideo;
 use crate::capture::{PICTURES_MAX, Video, bad};
+use crate::messages::unreadable;
 
 /// Paths in the capture, as the manifest has them.
 pub(super) const MASKS: &str = "masks/{camera}/{frame:06}.png";
@@ -180,6 +181,7 @@ impl<'a> Task<'a> {
         output::write_png(&self.plate_path(), plate.colors().as_flattened(), (width, height))?;
         if !self.frames.is_empty() {
             output::make_folder(&self.folder())?;
+            self.remove_beyond()?;
         }
         for (frame, at) in self.frames.iter().enumerate() {
             let path = self.mask_path(frame);
@@ -198,6 +200,19 @@ impl<'a> Task<'a> {
         }
         if kept.is_none() {
             store.keep(&self.name, &self.key, &mattes)?;
+        }
+        Ok(())
+    }
+
+    /// Removes masks of frames beyond the last, which an earlier run of a longer capture left.
+    fn remove_beyond(&self) -> Result<(), Fault> {
+        let folder = self.folder();
+        let entries = std::fs::read_dir(&folder).map_err(|error| unreadable(&folder, &error))?;
+        for path in entries.filter_map(|entry| Some(entry.ok()?.path())) {
+            let frame = path.file_stem().and_then(|stem| stem.to_str()?.parse::<usize>().ok());
+            if frame.is_some_and(|frame| frame >= self.frames.len()) {
+                output::remove(&path)?;
+            }
         }
         Ok(())
     }
@@ -228,11 +243,12 @@ impl<'a> Task<'a> {
         });
         let worst =
             gains.into_iter().max_by(|a: &f64, b| a.ln().abs().total_cmp(&b.ln().abs())).unwrap_or(1.0);
-        if !(1.0 / GAIN_MAX..=GAIN_MAX).contains(&worst) {
+        if !self.frames.is_empty() && !(1.0 / GAIN_MAX..=GAIN_MAX).contains(&worst) {
             return Err(bad(
                 &self.plate.path,
                 format!(
-                    "{} is {worst:.2} times as bright as this plate, beyond a factor of {GAIN_MAX}; record the plate with the exposure                      of the video",
+                    "{} is {worst:.2} times as bright as this plate, beyond a factor of {GAIN_MAX}; record the plate with \
+                     the exposure of the video",
                     self.video.path.display()
                 ),
             ));

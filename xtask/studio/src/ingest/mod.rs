@@ -142,7 +142,9 @@ pub fn ingest(
     // What was written is what the other commands read.
     let capture_files = CaptureFiles::open(out)?;
     if let Some(height_m) = options.height_m {
-        let metres = life_size::metres_per_unit(&capture_files, placement.up, height_m)?;
+        let metres = life_size::metres_per_unit(&capture_files, placement.up, height_m)
+            // A capture of another size than was asked for must not be taken for it.
+            .inspect_err(|_| drop(output::remove(&out.join(write::MANIFEST))))?;
         say(&line(
             "size",
             false,

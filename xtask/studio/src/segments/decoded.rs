@@ -4,12 +4,12 @@ use std::path::Path;
 
 use codec::{Clip, ClipInfo, Field, Limits, Temporal, Viewpoint, retime, sh_coefficients};
 use program::{Fault, counted};
-use refine::capture::Holdout;
 use refine::reference::RenderScene;
 
 use super::file::TakeFile;
 use super::folder::FieldFolder;
 use super::span::Span;
+use crate::import::FitRecord;
 use crate::scene::Scene;
 
 /// Segments of a take, decoded.
@@ -57,6 +57,14 @@ impl SegmentContent {
         match self {
             SegmentContent::Clip(clip) => clip.plate.as_ref(),
             SegmentContent::Scene(scene) => scene.plate.as_ref().map(|plate| &plate.field),
+        }
+    }
+
+    /// What its file records of the photographs of its fit.
+    fn fit_record(&self) -> FitRecord {
+        match self {
+            SegmentContent::Clip(_) => FitRecord::default(),
+            SegmentContent::Scene(scene) => scene.subject.hints.fit.clone(),
         }
     }
 
@@ -158,14 +166,16 @@ impl DecodedTake {
         Ok(DecodedTake { info, duration_s, segments, bounds })
     }
 
-    /// The frames that its fit held out; `None` where the segments that were read do not agree on it.
-    pub fn holdout(&self) -> Option<Holdout> {
-        let mut all = self.segments.iter().map(|segment| match &segment.content {
-            SegmentContent::Scene(scene) => scene.subject.hints.fit.holdout,
-            SegmentContent::Clip(_) => None,
-        });
-        let first = all.next()??;
-        all.all(|holdout| holdout == Some(first)).then_some(first)
+    /// What all of the segments that were read record of their fit: held-out frames, and mattes.
+    pub fn fit_record(&self) -> FitRecord {
+        let records: Vec<FitRecord> =
+            self.segments.iter().map(|segment| segment.content.fit_record()).collect();
+        let first = records.first().and_then(|record| record.holdout);
+        FitRecord {
+            holdout: first.filter(|_| records.iter().all(|record| record.holdout == first)),
+            has_mattes: records.iter().any(|record| record.has_mattes),
+            ..FitRecord::default()
+        }
     }
 
     /// The union of the segments for the reference renderer.

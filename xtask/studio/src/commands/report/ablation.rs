@@ -15,7 +15,7 @@ use anyhow::bail;
 use codec::Camera;
 use program::{Fault, output};
 
-use self::bench::{Bench, EVAL, HOLDOUT, is_of_data, pictured};
+use self::bench::{Bench, EVAL, HOLDOUT, is_of_data, judged_files, pictured};
 use crate::capture::CaptureFiles;
 use crate::commands::capture::{PartSelection, describe, note_assumed_fps};
 use crate::commands::fit::{FitOptions, name_of};
@@ -74,6 +74,7 @@ pub(super) fn measure(request: &Request) -> anyhow::Result<Ablation> {
     let subjects = subjects.collect::<anyhow::Result<Vec<_>>>()?;
     let lpips = options.lpips.load()?;
     let plan = options.plan(&capture_files, HOLDOUT)?;
+    let plan = FitPlan { plate: options.plate.find(&mut capture_files, HOLDOUT)?, ..plan };
     let full = FullFit {
         mirrors: plan.mirror.is_possible(capture_files.capture.frames(), !plan.anchor_cameras.is_empty()),
         lpips: plan.lpips.clone(),
@@ -88,6 +89,7 @@ pub(super) fn measure(request: &Request) -> anyhow::Result<Ablation> {
         options,
         photographs_key: key(EVAL, &full.plan.capture, &[capture])?,
         pictured: pictured(&capture_files)?,
+        judged_files: judged_files(&capture_files),
         capture_files,
         lpips,
         views: None,

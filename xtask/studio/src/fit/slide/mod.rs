@@ -142,7 +142,11 @@ fn whole(
     without_anchor: Option<AnchorError>,
 ) -> anyhow::Result<Assembled> {
     let &Photographs { capture_files, windows, interval_s, .. } = photographs;
-    let record = FitRecord { holdout: Some(plan.fit.holdout), ..Default::default() };
+    let record = FitRecord {
+        holdout: Some(plan.fit.holdout),
+        has_mattes: capture_files.has_mattes(),
+        ..FitRecord::default()
+    };
     let info = clip_info(capture_files);
     let Some(assembled) = assemble(work, &windows, interval_s, &info, &record)? else {
         let why = without_anchor.map_or_else(String::new, |error| format!("no anchor: {error}; "));

@@ -1,9 +1,9 @@
 //! [`VARIANTS`]: the fits of the ablation, a row each.
 
-use crate::fit::{FitPlan, FitStart};
+use crate::fit::{FitPlan, FitStart, PlatePlan};
 use codec::PixelFilter;
 use refine::anchor::Mirror;
-use refine::fit::DensityRule;
+use refine::fit::{DensityRule, Learned};
 
 /// The fit that the variants are compared with.
 #[derive(Clone, Debug)]
@@ -99,6 +99,24 @@ pub const VARIANTS: &[Variant] = &[
         plan: |full| full.mirrors.then(|| FitPlan { mirror: Mirror::Off, ..full.plan.clone() }),
         absent: "the full fit mirrors nothing; it does in clips of at most nine frames with --anchor-cameras on one \
                  side, or with --mirror on",
+    },
+    Variant {
+        name: "no plate",
+        about: "--plate off: the background belongs to the field",
+        plan: |full| {
+            (full.plan.plate != PlatePlan::None)
+                .then(|| FitPlan { plate: PlatePlan::None, ..full.plan.clone() })
+        },
+        absent: "the full fit has none: photographs have masks, or there are too few for plates, or --plate off",
+    },
+    Variant {
+        name: "nothing learned of cameras",
+        about: "--learn none: times, colours, lenses and poses are as the capture states them",
+        plan: |full| {
+            let learned = Learned::default();
+            (full.plan.learned != learned).then(|| FitPlan { learned, ..full.plan.clone() })
+        },
+        absent: "the full fit learns nothing; the capture asks for nothing, and --learn names nothing",
     },
     Variant {
         name: "with LPIPS",

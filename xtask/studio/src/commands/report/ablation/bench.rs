@@ -11,11 +11,12 @@ use refine::image::Image;
 use serde::Deserialize;
 use serde_json::{Value, json};
 
-use crate::capture::CaptureFiles;
+use crate::capture::{CameraCorrections, CaptureFiles};
 use crate::commands::capture::load_training_views;
 use crate::commands::fit::{FitOptions, FitResult, fit_and_write};
+use crate::commands::fit_plate::fit_plate;
 use crate::eval::{self, Crop, SplitMeasures, Subject, fragments_per_lit_pixel, judge, parse_csv};
-use crate::fit::{self, FitPlan, TrainingViews, log};
+use crate::fit::{self, FitPlan, PlatePlan, TrainingViews, log};
 use crate::messages::unreadable;
 use crate::package::{PackageSettings, package_with};
 use crate::progress::{StagedProgress, counting};
@@ -77,19 +78,30 @@ pub(super) fn pictured(capture_files: &CaptureFiles) -> Result<Vec<PicturedPhoto
     Ok(pictured)
 }
 
+/// The photographs that a fit's pictures are compared with. Where there are plates, fits show the whole picture.
+pub(super) fn judged_files(capture_files: &CaptureFiles) -> CaptureFiles {
+    let mut judged_files = capture_files.clone();
+    if judged_files.has_mattes() {
+        judged_files.keep_background();
+    }
+    judged_files
+}
+
 /// What the measurements share.
 pub(super) struct Bench<'a> {
     /// The folder of the report.
     pub(super) out: &'a Path,
     pub(super) options: &'a FitOptions,
     pub(super) capture_files: CaptureFiles,
+    /// The same for measures: where there are plates, with the background.
+    pub(super) judged_files: CaptureFiles,
     /// Hash of the photographs, and of the part that is read.
     pub(super) photographs_key: String,
     pub(super) lpips: Option<Lpips<f32>>,
     /// The photographs that the page shows.
     pub(super) pictured: Vec<PicturedPhoto>,
-    /// The decoded photographs, once a fit needs them.
-    pub(super) views: Option<TrainingViews>,
+    /// The decoded photographs of the last fit, and what became of their background.
+    pub(super) views: Option<(PlatePlan, TrainingViews)>,
     pub(super) ablation: Ablation,
 }
 
@@ -132,7 +144,7 @@ impl Bench<'_> {
     pub(super) fn photographs(&mut self) -> anyhow::Result<()> {
         output::make_folder(&self.out.join("photographs"))?;
         for photo in &self.pictured {
-            let image = photo.crop.of(&self.capture_files.photo(photo.photo_id)?.image);
+            let image = photo.crop.of(&self.judged_files.photo(photo.photo_id)?.image);
             write_picture(&self.path("photographs", &photo.file), &image)?;
             let name = format!("{}, {}", self.capture_files.name(photo.photo_id), photo.split.name());
             self.ablation.views.push(PicturedView { name, pictures: Vec::new() });
@@ -166,7 +178,8 @@ impl Bench<'_> {
         let field = self.path(&folder, FIELD);
         let report = self.fit(plan, &field)?;
         let subject = Subject::load(&field, &self.capture_files)?;
-        let judged = self.judge(&subject, &field, variant.name, &folder, "eval")?;
+        let judged =
+            self.judge(&subject, &[&field, &fit::cameras_path(&field)], variant.name, &folder, "eval")?;
         let table = log::table_path(&field);
         let entries = fs::read_to_string(&table).map_err(|error| unreadable(&table, &error))?;
         let mut about = variant.about.to_owned();
@@ -201,7 +214,7 @@ impl Bench<'_> {
 
     /// Measures another method, whose `subject` is at `path`.
     pub(super) fn other(&mut self, name: &str, path: &Path, subject: &Subject) -> anyhow::Result<()> {
-        let judged = self.judge(subject, path, name, &format!("compared-{name}"), "eval")?;
+        let judged = self.judge(subject, &[path], name, &format!("compared-{name}"), "eval")?;
         let images: usize = judged.splits.iter().map(|row| row.images).sum();
         self.ablation.methods.push(Method {
             name: name.into(),
@@ -237,19 +250,28 @@ impl Bench<'_> {
             fit::remove_checkpoint(field)?;
         }
         Record::begin(field, FIT, &key)?;
-        if self.views.is_none() {
-            self.views = Some(load_training_views(&self.capture_files, HOLDOUT)?);
+        let mut capture_files = self.capture_files.clone();
+        if plan.plate == PlatePlan::None {
+            capture_files.forget_mattes();
         }
-        let views = self.views.as_ref().context("photographs")?;
+        if self.views.as_ref().is_none_or(|(plate, _)| *plate != plan.plate) {
+            self.views = None;
+            self.views = Some((plan.plate, load_training_views(&capture_files, HOLDOUT)?));
+        }
+        let (_, views) = self.views.as_mut().context("photographs")?;
         let options = self.options;
         let mut backend = options.open_backend()?;
         let lpips = self.lpips.as_ref().filter(|_| plan.lpips.is_some());
+        // A plate changes the responses that its field starts from.
+        let responses = views.responses.clone();
         let runtime = options.runtime(&mut *backend, lpips);
-        let fitted = fit_and_write(field, plan, &self.capture_files, views, runtime)?;
+        let plate = fit_plate(plan, &mut capture_files, views, runtime, field)?;
+        let runtime = options.runtime(&mut *backend, lpips);
+        let fitted = fit_and_write(field, plan, &capture_files, views, runtime)?;
+        views.responses = responses;
         let splits = self.ablation.photographs.clone();
         // Fragments are counted with the other measures, in the views that the page shows.
-        let result =
-            FitResult { plan: plan.clone(), fitted, splits, fragments_per_lit_pixel: None, plate: None };
+        let result = FitResult { plan: plan.clone(), fitted, splits, fragments_per_lit_pixel: None, plate };
         let report = result.to_json(field)?;
         Record::complete(field, FIT, &key, report.clone())?;
         Ok(report)
@@ -281,7 +303,8 @@ impl Bench<'_> {
         let PackageRecord { gaussians_out, bytes, duration_s, topology } =
             PackageRecord::deserialize(report)?;
         let subject = Subject::load(package, &self.capture_files)?;
-        let judged = self.judge(&subject, package, variant.name, &variant.folder(), &budget.to_string())?;
+        let files = [package, &fit::cameras_path(field)];
+        let judged = self.judge(&subject, &files, variant.name, &variant.folder(), &budget.to_string())?;
         Ok(PackageFigures {
             method: variant.name.into(),
             budget,
@@ -293,12 +316,13 @@ impl Bench<'_> {
         })
     }
 
-    /// Compares the pictures of `subject`, which is at `path`, with the photographs, unless that is done. Writes
-    /// the measures to `FILE.csv` in a folder of the report; of `eval` also pictures, which the page then shows.
+    /// Compares the pictures of `subject`, which is at the first of the `paths`, with the photographs, unless that is done. The
+    /// second is where the cameras are that its fit learned, if it learned any. Writes the measures to `FILE.csv` in a folder of
+    /// the report; of `eval` also pictures, which the page then shows.
     fn judge(
         &mut self,
         subject: &Subject,
-        path: &Path,
+        paths: &[&Path],
         name: &str,
         folder: &str,
         file: &str,
@@ -307,12 +331,17 @@ impl Bench<'_> {
         let csv = self.path(folder, &format!("{file}.csv"));
         let is_shown = file == "eval";
         let options = format!("{} {:?}", self.photographs_key, self.options.lpips.record()?);
-        let key = key(EVAL, &options, &[path])?;
+        let paths: Vec<&Path> = paths.iter().copied().filter(|path| path.exists()).collect();
+        let key = key(EVAL, &options, &paths)?;
         let report = match Record::report(&csv, EVAL, &key)? {
             Some(report) => report,
             None => {
                 Record::begin(&csv, EVAL, &key)?;
-                let report = self.compare(subject, name, folder, &csv, is_shown)?;
+                let mut judged_files = self.judged_files.clone();
+                if let Some(learned) = paths.get(1) {
+                    judged_files.correct(&CameraCorrections::read(learned)?, learned)?;
+                }
+                let report = self.compare(subject, &judged_files, name, folder, &csv, is_shown)?;
                 Record::complete(&csv, EVAL, &key, report.clone())?;
                 report
             }
@@ -332,6 +361,7 @@ impl Bench<'_> {
     fn compare(
         &self,
         subject: &Subject,
+        judged_files: &CaptureFiles,
         name: &str,
         folder: &str,
         csv: &Path,
@@ -340,7 +370,7 @@ impl Bench<'_> {
         let progress = counting(self.images() as u64, "photographs");
         progress.set_message(name.to_owned());
         let mut written = Ok(());
-        let judged = judge(subject, &self.capture_files, HOLDOUT, self.lpips.as_ref(), |comparison| {
+        let judged = judge(subject, judged_files, HOLDOUT, self.lpips.as_ref(), |comparison| {
             progress.inc(1);
             let Some(comparison) = comparison.filter(|_| is_shown && written.is_ok()) else { return };
             let shown = self.pictured.iter().find(|photo| photo.photo_id == comparison.judged.photo_id);
@@ -355,7 +385,7 @@ impl Bench<'_> {
         let fragments = match subject {
             Subject::Drawn(input) if is_shown => {
                 let photos = self.pictured.iter().map(|photo| &photo.photo_id);
-                fragments_per_lit_pixel(&input.to_reference(), &self.capture_files, photos)
+                fragments_per_lit_pixel(&input.to_reference(), judged_files, photos)
             }
             _ => None,
         };
