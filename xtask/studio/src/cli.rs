@@ -23,9 +23,9 @@ const AFTER_HELP: &str = "\
 Exit codes:
   0  done
   1  a check failed, or a defect of the program
-  2  the command line asks for something impossible, or an output cannot be written
+  2  the command line asks for something impossible, an output cannot be written, or ffmpeg is not installed
   3  an input is missing, unreadable or damaged
-  5  there is no graphics device, or a required program is not installed
+  5  there is no graphics device
 
   An error is one line on standard error: what is wrong, where, and what to do. No output is left
   half-written. Shells report 130 where Ctrl-C ends a command; the file at the output's path stays as

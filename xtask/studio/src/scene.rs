@@ -51,6 +51,9 @@ const POINT_CLOUDS: [&str; 4] = ["input.ply", "points3D.ply", "points3d.ply", "s
 /// File name of a scene's background, and end of the name of one that belongs to the field with the same name before it.
 const PLATE: &str = "plate.ply";
 
+/// File name of the cameras of a field folder, and end of the name of those of the field with the same name before it.
+const CAMERAS: &str = "cameras.json";
+
 /// File name of a scene's overrides.
 const OVERRIDES: &str = "scene.json";
 
@@ -327,6 +330,24 @@ impl From<ViewpointEntry> for Viewpoint {
 /// Path of the background that belongs to a field file.
 pub fn plate_path(field: &Path) -> PathBuf {
     beside(field, PLATE)
+}
+
+/// Path of the cameras that are learned with a field: beside a field file, in a field folder.
+pub fn cameras_path(field: &Path) -> PathBuf {
+    if field.is_dir() { field.join(CAMERAS) } else { beside(field, CAMERAS) }
+}
+
+/// The cameras that were learned with what is at `path`, if there are any: a field, a package of one, a field folder, a package
+/// of one, or a folder with one field.
+pub(crate) fn learned_cameras_of(path: &Path) -> Option<PathBuf> {
+    let other = match path.is_dir() {
+        true => {
+            let names = list(path).unwrap_or_default();
+            field_in(path, &names).ok().map(|field| cameras_path(&path.join(field)))
+        }
+        false => Some(path.with_extension("").join(CAMERAS)),
+    };
+    [Some(cameras_path(path)), other].into_iter().flatten().find(|path| path.is_file())
 }
 
 /// Path of a file beside a field: the field's path with another extension.

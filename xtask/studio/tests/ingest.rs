@@ -351,7 +351,10 @@ fn damaged_videos_are_named() {
     let whole = fs::read(rig.join("b.mp4")).unwrap();
     let refused = |problem: &str| {
         let error = self::refused(ingest(folder, "--offsets none"), 3);
-        assert!(error.contains("b.mp4: ") && error.contains(problem), "{error}");
+        assert!(
+            (error.contains("b.mp4: ") || error.contains("b.mkv: ")) && error.contains(problem),
+            "{error}"
+        );
         assert!(!folder.join("studio/capture.json").exists() && !folder.join("studio/ingest.html").exists());
     };
     fs::write(rig.join("b.mp4"), &whole[..whole.len() / 2]).unwrap();
@@ -363,6 +366,13 @@ fn damaged_videos_are_named() {
     refused("the file is cut off after frame ");
     fs::write(rig.join("b.mp4"), b"no video").unwrap();
     refused("no video that ffmpeg can read: ");
+    // Matroska states its length alone.
+    fs::remove_file(rig.join("b.mp4")).unwrap();
+    ffmpeg(&rig, "-i a.mp4 -c copy b.mkv");
+    let streamed = fs::read(rig.join("b.mkv")).unwrap();
+    fs::write(rig.join("b.mkv"), &streamed[..streamed.len() / 3]).unwrap();
+    refused("s: the file is cut off; ");
+    fs::remove_file(rig.join("b.mkv")).unwrap();
     fs::write(rig.join("b.mp4"), whole).unwrap();
     let ingest = ["ingest", "rig", "-o", "studio", "--offsets", "none"];
     let error = aarc_studio_with(folder, &ingest, &[("PATH", "/nowhere")]).error(2);

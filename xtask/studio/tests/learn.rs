@@ -59,6 +59,13 @@ fn offsets_are_learned_written_and_read() {
     println!("worst {worst_s} s of {WRONG_S} s");
     assert!(worst_s < 0.25 * WRONG_S, "{worst_s}");
     assert!((mean_s - WRONG_S / 8.0).abs() < 1e-9, "the mean stays: {mean_s}");
+    // A fit passes on the cameras that it was given, and removes those of an earlier one.
+    let short = "fit stage -o given.ply --steps 5 --gaussians 200 --sh-degree 0 --learn none";
+    aarc_studio(folder, &words(&format!("{short} --learned learned.cameras.json"))).success();
+    assert_eq!(cameras(folder, "given.cameras.json"), learned);
+    let stderr = aarc_studio(folder, &words(short)).success().stderr;
+    assert!(stderr.contains("given.cameras.json was of an earlier fit"), "{stderr}");
+    assert!(!folder.join("given.cameras.json").exists());
     let plain = "fit stage -o plain.ply --steps 1500 --gaussians 800 --sh-degree 0 --learn none";
     assert_eq!(aarc_studio(folder, &words(plain)).code, Some(0));
     assert!(!folder.join("plain.cameras.json").exists(), "nothing was learned");
@@ -131,6 +138,16 @@ fn a_field_folder_takes_learned_cameras() {
     for (a, b) in a.iter().zip(&film) {
         let off_s = |camera: &Value| camera["time_offset_s"].as_f64().unwrap();
         assert!((off_s(a) - off_s(b)).abs() < 1e-12 && a["w2c"] == b["w2c"], "{a} {b}");
+    }
+    // A package of it has them, too, and so has a folder with one field.
+    assert_eq!(aarc_studio(folder, &words("package film -o film.aarc")).code, Some(0));
+    fs::create_dir(folder.join("scene")).unwrap();
+    for file in ["a.ply", "a.cameras.json"] {
+        fs::copy(folder.join(file), folder.join("scene").join(file)).unwrap();
+    }
+    for (subject, named) in [("film.aarc", "film/cameras.json"), ("scene", "scene/a.cameras.json")] {
+        let stderr = aarc_studio(folder, &["eval", subject, "--capture", "stage"]).success().stderr;
+        assert!(stderr.contains(&format!("cameras are as {named} has them")), "{subject}: {stderr}");
     }
     let [measured, _] = psnr(folder, "film");
     assert!(measured > 10.0, "{measured}");

@@ -248,6 +248,9 @@ fn plates_are_of_the_size_and_exposure_of_the_videos() {
             && error.contains("times as bright as this plate, beyond a factor of 2"),
         "{error}"
     );
+    // Without mattes it is of no use, but harms nothing.
+    let json = ingest(folder, "--offsets none --plates empty --mattes off --json").json();
+    assert!(json["warnings"].to_string().contains("beyond a factor of 2 it gives no mattes"), "{json}");
     image::imageops::thumbnail(&whole, 64, 48).save(empty.join("b.png")).unwrap();
     let error = refused(run(), 3);
     assert!(
@@ -272,6 +275,28 @@ fn plates_are_of_the_size_and_exposure_of_the_videos() {
 }
 
 #[test]
+fn what_ingest_did_not_make_stays() {
+    if !has_ffmpeg() {
+        return;
+    }
+    let folder = crossed();
+    let folder = folder.path();
+    for foreign in ["studio/masks/a/000000.png", "studio/plates/b.png", "studio/capture.json"] {
+        let path = folder.join(foreign);
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        fs::write(&path, "of another program").unwrap();
+        let error = refused(ingest(folder, "--offsets none"), 2);
+        assert!(error.contains("not from an earlier run of ingest"), "{foreign}: {error}");
+        assert_eq!(fs::read(&path).unwrap(), b"of another program");
+        fs::remove_dir_all(folder.join("studio")).unwrap();
+    }
+    // Its own files it replaces, also those of a run that was killed before it had written all.
+    ingest(folder, "--offsets none").success();
+    fs::remove_file(folder.join("studio/ingest/mattes-a.json")).unwrap();
+    ingest(folder, "--offsets none").success();
+}
+
+#[test]
 fn mattes_of_next_to_nothing_or_too_much_are_said() {
     if !has_ffmpeg() {
         return;
@@ -288,6 +313,15 @@ fn mattes_of_next_to_nothing_or_too_much_are_said() {
         warnings.contains("a: the subject covers 0 % of its pictures; if it is there, it hardly moves"),
         "{warnings}"
     );
+    // The subject of one camera cannot be measured, so what an earlier run wrote stays.
+    let manifest = || fs::read(folder.join("studio/capture.json")).unwrap();
+    let before = manifest();
+    let error = refused(ingest(folder, "--offsets none --plates empty --height 1.7"), 3);
+    assert!(
+        error.contains("--height 1.7: the subject cannot be measured") && error.contains("--metres-per-unit"),
+        "{error}"
+    );
+    assert!(manifest() == before);
     assert!(
         warnings.contains("b: the subject covers ")
             && warnings.contains("whether the camera or the background moves"),

@@ -5,7 +5,9 @@ mod tool;
 use std::fs;
 use std::path::Path;
 
+use refine::capture::Holdout;
 use serde_json::Value;
+use studio::capture::CaptureFiles;
 use studio::synth::rig::{Perturbations, Rig, RigSettings, write};
 use tempfile::{TempDir, tempdir};
 use tool::{Outcome, aarc_studio, ffmpeg, has_ffmpeg};
@@ -124,6 +126,31 @@ fn parts_and_takes_of_a_capture_have_its_mattes() {
     assert!(error.contains("--plate on: a field folder has no plate"), "{error}");
 }
 
+/// Pictures of even frames are dark, and those of odd ones bright.
+#[test]
+fn held_photographs_are_no_part_of_plates() {
+    let folder = tempdir().unwrap();
+    let images = folder.path().join("images/a");
+    fs::create_dir_all(&images).unwrap();
+    for frame in 0..24 {
+        let level = if frame % 2 == 0 { 40 } else { 200 };
+        let picture = image::RgbImage::from_pixel(16, 12, image::Rgb([level; 3]));
+        picture.save(images.join(format!("{frame:06}.png"))).unwrap();
+    }
+    let manifest = r#"{"fps": 30, "frames": 24, "images": "images/{camera}/{frame:06}.png",
+        "cameras": [{"id": "a", "w": 16, "h": 12, "K": [[20, 0, 8], [0, 20, 6], [0, 0, 1]],
+                     "w2c": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 3], [0, 0, 0, 1]]}]}"#;
+    fs::write(folder.path().join("capture.json"), manifest).unwrap();
+    for (start, level) in [(0, 40), (3, 200), (4, 40)] {
+        let mut capture_files = CaptureFiles::open(folder.path()).unwrap();
+        capture_files.keep_frames(start..start + 4).unwrap();
+        assert!(capture_files.can_be_matted(Holdout::Odd).unwrap());
+        capture_files.find_plates(Holdout::Odd).unwrap();
+        let plate = capture_files.plate_photo(0).unwrap().unwrap().image.to_rgb8();
+        assert!(plate.iter().all(|c| *c == level), "{start}: {}", plate[0]);
+    }
+}
+
 #[test]
 fn an_ablation_has_fits_without_the_plate_and_with_cameras_as_stated() {
     if !has_ffmpeg() {
@@ -148,6 +175,10 @@ fn an_ablation_has_fits_without_the_plate_and_with_cameras_as_stated() {
     assert!(exists("full/field.plate.ply") && !exists("no-plate/field.plate.ply"));
     assert!(exists("full/field.cameras.json") && !exists("nothing-learned-of-cameras/field.cameras.json"));
     assert_eq!(run(folder, line).json()["ablation"].take(), ablation, "nothing is made again");
+    fs::remove_file(folder.join("out/full/field.plate.ply")).unwrap();
+    let again = run(folder, line).json()["ablation"].take();
+    assert!(exists("full/field.plate.ply"), "a fit without its plate is not whole");
+    assert_eq!(again["packages"], ablation["packages"]);
 }
 
 #[test]

@@ -49,6 +49,8 @@ pub struct CaptureFiles {
     pub(super) plates: Vec<CameraPlate>,
     /// What photographs keep of the background.
     pub(super) background: Background,
+    /// Whether the cameras are other ones than the capture states.
+    pub(super) is_corrected: bool,
 }
 
 /// The video of a camera.
@@ -383,6 +385,7 @@ impl CaptureBuilder {
             videos,
             plates,
             background: Background::default(),
+            is_corrected: false,
         }
     }
 }

@@ -10,7 +10,7 @@ use refine::capture::{CalibratedCamera, Response};
 use serde::{Deserialize, Serialize};
 
 use super::capture_files::CaptureFiles;
-use super::image_file::{bad_layout, read_text};
+use super::image_file::{bad, read_text};
 use super::part::scaled;
 
 /// The cameras of a capture as a fit learned them.
@@ -43,7 +43,7 @@ impl CameraCorrections {
     /// # Errors
     /// [`Fault::Data`] that names it.
     pub fn read(path: &Path) -> Result<CameraCorrections, Fault> {
-        serde_json::from_str(&read_text(path)?).map_err(|error| bad_layout(path, error))
+        serde_json::from_str(&read_text(path)?).map_err(|error| unusable(path, error))
     }
 
     /// The file.
@@ -89,15 +89,25 @@ impl CaptureFiles {
             (0..2).for_each(|axis| camera.k[axis][axis] = stated.k[axis][axis] * learned.focal_factor);
             let numbers = [learned.response.color.as_flattened(), &learned.response.vignette].concat();
             if !(learned.time_offset_s.is_finite() && numbers.iter().all(|x| x.is_finite())) {
-                return Err(bad_layout(path, format!("camera {name}: a number is not finite")));
+                return Err(unusable(path, format!("camera {name}: a number is not finite")));
             }
-            camera.check().map_err(|problem| bad_layout(path, format!("camera {name}: {problem}")))?;
+            camera.check().map_err(|problem| unusable(path, format!("camera {name}: {problem}")))?;
             *time_offset_s = learned.time_offset_s;
             *response = learned.response;
         }
+        self.is_corrected = true;
         match is_any {
             true => Ok(()),
-            false => Err(bad_layout(path, "it names no camera of this capture; name the file of its fit")),
+            false => Err(bad(path, "it names no camera of this capture; name the file of its fit")),
         }
     }
+
+    /// Whether the cameras are other ones than the capture states, by [`CaptureFiles::correct`].
+    pub fn is_corrected(&self) -> bool {
+        self.is_corrected
+    }
+}
+
+fn unusable(path: &Path, problem: impl std::fmt::Display) -> Fault {
+    bad(path, format!("{problem}; remove it to use the cameras of the capture, or fit again"))
 }

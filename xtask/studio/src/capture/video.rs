@@ -65,7 +65,13 @@ impl Video {
         let Some(stream) = probed.streams.first() else {
             return Err(match said.trim().is_empty() {
                 true => bad(path, "it has no video; name a video file"),
-                false => bad(path, format!("no video that ffmpeg can read: {}", last_line(&said, path))),
+                false => bad(
+                    path,
+                    format!(
+                        "no video that ffmpeg can read: {}; copy it again, or convert it",
+                        last_line(&said, path)
+                    ),
+                ),
             });
         };
         let first_packets = probed.packets.iter().filter(|packet| !packet.flags.contains('D'));

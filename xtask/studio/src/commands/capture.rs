@@ -4,8 +4,8 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Once;
 
-use crate::capture::{CameraCorrections, CaptureFiles};
-use crate::fit::{TrainingViews, cameras_path, file_crc};
+use crate::capture::CaptureFiles;
+use crate::fit::{TrainingViews, file_crc};
 use crate::lpips_weights::load_lpips;
 use crate::messages::count;
 use crate::scene::Scene;
@@ -116,12 +116,7 @@ impl PartSelection {
         holdout: Holdout,
     ) -> anyhow::Result<CaptureFiles> {
         let mut capture_files = self.open_fitted(folder, size, source)?;
-        let learned = cameras_path(source.path);
-        if learned.is_file() {
-            capture_files.correct(&CameraCorrections::read(&learned)?, &learned)?;
-            eprintln!("note: cameras are as {} has them", learned.display());
-        }
-        source.find_mattes(&mut capture_files, holdout)?;
+        source.prepare(&mut capture_files, holdout)?;
         Ok(capture_files)
     }
 

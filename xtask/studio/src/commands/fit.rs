@@ -14,7 +14,7 @@ use crate::fit::{
 use crate::input::{Input, is_take, not_one_field};
 use crate::messages::count;
 use crate::progress::counting;
-use crate::scene::plate_path;
+use crate::scene::{cameras_path, plate_path};
 use crate::segments::FieldFolder;
 use crate::takes::{List, ListedTake, Shard};
 use anyhow::{Context, bail};
@@ -504,12 +504,16 @@ pub(super) fn fit_and_write(
     let fitted = fit::fit(plan, capture_files, views, runtime, out, &mut |progress| show(&bar, progress))?;
     bar.finish_and_clear();
     let info = fit::clip_info(capture_files);
-    if let Some(cameras) = fit::learned_cameras(capture_files, &fitted.fit, views.timeline) {
-        output::write_durable(&fit::cameras_path(out), cameras.to_json().as_bytes())?;
+    let cameras = fit::learned_cameras(capture_files, &fitted.fit, views.timeline);
+    if let Some(cameras) = &cameras {
+        output::write_durable(&cameras_path(out), cameras.to_json().as_bytes())?;
     }
     // The checkpoint goes only when the field is safe.
     let record = capture_files.fit_record(plan.holdout);
     output::write_durable(out, &fitted_field_file(&fitted.fit.to_field(), &info, &record))?;
+    if cameras.is_none() && output::remove(&cameras_path(out))? {
+        eprintln!("note: {} was of an earlier fit, and is removed", cameras_path(out).display());
+    }
     settle_plate(plan, out)?;
     fit::remove_checkpoint(out)?;
     Ok(fitted)
@@ -593,7 +597,7 @@ fn slide(args: &Args, out: &Path) -> anyhow::Result<()> {
     eprintln!("note: {}", describe(&capture_files, holdout)?);
     let slid = fit_folder(out, &plan, &capture_files, runtime, work, segments)?;
     if args.learned.is_some() {
-        output::write(&fit::cameras_path(out), capture_files.corrections().to_json().as_bytes())?;
+        output::write(&cameras_path(out), capture_files.corrections().to_json().as_bytes())?;
     }
     report_folder(out, &slid, capture_files.capture.duration_s(), args.json);
     Ok(())
@@ -606,11 +610,11 @@ fn folder_plan(args: &Args, capture_files: &mut CaptureFiles, holdout: Holdout) 
     let fit = plan(args, args.options.plan_from(default)?)?;
     let is_asked = args.options.learn.iter().any(|learn| *learn != Learn::None);
     if is_asked || !(fit.learned.is_nothing() || args.learned.is_some()) {
-        bail!(Fault::Usage(
-            "--learn: a field folder takes its cameras as they are; learn them from some seconds, \
-             `fit CAPTURE --frames A..B -o a.ply`, and name them: --learned a.cameras.json"
-                .into()
-        ));
+        let asked = if is_asked { "--learn" } else { "learn in capture.json" };
+        bail!(Fault::Usage(format!(
+            "{asked}: a field folder takes its cameras as they are; learn them from some seconds, `fit CAPTURE --frames \
+             A..B -o a.ply`, and name them: --learned a.cameras.json; or choose --learn none"
+        )));
     }
     let plate = match plate_plan(args, capture_files, holdout)? {
         PlatePlan::Fitted => PlatePlan::Mattes,

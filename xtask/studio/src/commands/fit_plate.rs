@@ -9,7 +9,7 @@ use refine::capture::Holdout;
 
 use crate::capture::CaptureFiles;
 use crate::export::fitted_field_file;
-use crate::fit::{self, FitPlan, FitRuntime, FitStart, PlatePlan, TrainingViews};
+use crate::fit::{self, FitPlan, FitRuntime, FitStart, PlatePlan, TrainingViews, log};
 use crate::import::{FitRecord, import};
 use crate::input::Input;
 use crate::progress::counting;
@@ -76,8 +76,8 @@ pub(super) fn fit_plate(
         return Ok(None);
     }
     if !views.train.iter().any(|(_, view)| view.photograph.has_subject()) {
-        let what = "nothing moves in front of the plates, so there is no subject: fit one frame, --frames A..B, or give \
-                    plates without the subject in capture.json";
+        let what = "nothing moves in front of the plates, so there is no subject: give plates without it in capture.json, or \
+                    fit all that is seen, --plate off";
         return Err(Fault::Data(what.into()).into());
     }
     let path = plate_path(out);
@@ -126,7 +126,9 @@ pub(super) fn settle_plate(plan: &FitPlan, out: &Path) -> anyhow::Result<()> {
     }
     // It would be drawn behind this field.
     if import(&path).is_ok_and(|plate| plate.hints.fit.has_mattes) {
-        output::remove(&path)?;
+        for path in [&path, &log::table_path(&path), &log::preview_path(&path)] {
+            output::remove(path)?;
+        }
         eprintln!("note: {} was of an earlier fit, and is removed", path.display());
     } else {
         eprintln!(

@@ -5,11 +5,11 @@ use std::path::Path;
 use program::Fault;
 use refine::capture::Holdout;
 
-use crate::capture::CaptureFiles;
+use crate::capture::{CameraCorrections, CaptureFiles};
 use crate::import::FitRecord;
 use crate::input::Input;
 use crate::messages::count;
-use crate::scene::Scene;
+use crate::scene::{Scene, learned_cameras_of};
 
 /// A field, a package or a folder of pictures, which may record the photographs that it was fitted to.
 #[derive(Clone, Debug)]
@@ -80,6 +80,19 @@ impl<'a> FitSource<'a> {
             ))),
             _ => Ok(()),
         }
+    }
+
+    /// Corrects the cameras of the capture by those that were learned with it, and gives photographs mattes as
+    /// [`FitSource::find_mattes`] does.
+    ///
+    /// # Errors
+    /// [`Fault::Data`] that names the file of cameras; those of [`FitSource::find_mattes`].
+    pub(crate) fn prepare(&self, capture_files: &mut CaptureFiles, holdout: Holdout) -> anyhow::Result<()> {
+        if let Some(learned) = learned_cameras_of(self.path) {
+            capture_files.correct(&CameraCorrections::read(&learned)?, &learned)?;
+            eprintln!("note: cameras are as {} has them", learned.display());
+        }
+        self.find_mattes(capture_files, holdout)
     }
 
     /// Gives photographs without masks mattes, if those had them that it was fitted to.

@@ -31,7 +31,7 @@ use refine::fit::{Backend, DeviceError, Fit, Lpips, RenderedImage, Run, Training
 use crate::capture::CaptureFiles;
 use crate::scene::{DEFAULT_DURATION_S, DEFAULT_METRES_PER_UNIT, DEFAULT_UP, plate_path};
 use crate::up_axis::up_of;
-pub use cameras::{cameras_path, learned_cameras};
+pub use cameras::learned_cameras;
 use checkpoint::{Checkpoint, Tally};
 use log::LogEntry;
 pub use plan::{DepthScale, FitPlan, FitStart, PlatePlan, SH_DEGREE, crc, file_crc};

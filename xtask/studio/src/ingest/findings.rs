@@ -11,6 +11,8 @@ use super::sound::{CONFIDENCE_MIN, DRIFT_MAX_PPM};
 use super::starts::{StartSource, Starts};
 use super::videos::{Probe, RigVideo};
 use crate::capture::PICTURES_MAX;
+use refine::matte::GAIN_MAX;
+
 use crate::messages::{count, decimal};
 
 /// Median distance from epipolar lines in pixels, of pictures of 1000, from which on a calibration deserves a warning.
@@ -232,10 +234,16 @@ pub(super) fn matte_warnings(mattes: &[CameraMattes], videos: &[RigVideo]) -> Ve
     let mut warnings = Vec::new();
     for (camera, RigVideo { name, .. }) in mattes.iter().zip(videos) {
         let [r, g, b] = camera.gains;
-        if [r, g, b].iter().any(|gain| gain.ln().abs() > GAIN_NOTED) {
+        let beyond = |limit: f64| [r, g, b].iter().any(|gain| gain.ln().abs() > limit);
+        let what = match beyond(GAIN_MAX.ln()) {
+            true => {
+                "beyond a factor of 2 it gives no mattes; record the plate with the exposure of the video"
+            }
+            false => "mattes make up for that, but a plate of the same exposure is better",
+        };
+        if beyond(GAIN_NOTED) {
             warnings.push(format!(
-                "{name}: its pictures are {r:.2}, {g:.2} and {b:.2} times as bright as its plate in red, green and blue; mattes make up \
-                 for that, but a plate of the same exposure is better"
+                "{name}: its pictures are {r:.2}, {g:.2} and {b:.2} times as bright as its plate in red, green and blue; {what}"
             ));
         }
         let Some(share) = camera.mean_share() else { continue };

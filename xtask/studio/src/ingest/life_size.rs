@@ -41,7 +41,8 @@ pub(super) fn metres_per_unit(
     match heights.get(heights.len() / 2).filter(|height| **height > 0.0) {
         Some(height) => Ok(height_m / height),
         None => Err(Fault::Data(format!(
-            "--height {height_m}: the subject cannot be measured at the start: {problem}"
+            "--height {height_m}: the subject cannot be measured at the start: {problem}; look at its masks, or state \
+             --metres-per-unit"
         ))),
     }
 }

@@ -103,7 +103,9 @@ pub(super) fn make(
     let plates = plates::find(videos, settings.plates)?;
     let mut tasks = Vec::new();
     for ((video, start_s), plate) in videos.iter().zip(starts_s).zip(plates) {
-        tasks.push(Task::new(out, video, plate, *start_s, settings)?);
+        let task = Task::new(out, video, plate, *start_s, settings)?;
+        task.check_own(store)?;
+        tasks.push(task);
     }
     output::make_folder(&out.join("plates"))?;
     let mut is_kept = true;
@@ -157,6 +159,26 @@ impl<'a> Task<'a> {
         self.folder().join(format!("{frame:06}.png"))
     }
 
+    /// Checks that an earlier run made the plate and the masks that are there: this one may replace them.
+    ///
+    /// # Errors
+    /// [`Fault::Usage`] that names the first that it did not make.
+    fn check_own(&self, store: &Store) -> Result<(), Fault> {
+        let is_own = store.has(&self.name) || store.path(&self.begun()).is_file();
+        let foreign = [self.plate_path(), self.folder()].into_iter().find(|path| !is_own && path.exists());
+        foreign.map_or(Ok(()), |path| {
+            Err(Fault::Usage(format!(
+                "{}: it is not from an earlier run of ingest, which would replace it; move it, or name another --out",
+                path.display()
+            )))
+        })
+    }
+
+    /// Name of the file that marks plate and masks as this command's, from before the first is written.
+    fn begun(&self) -> String {
+        format!("{}.begun", self.name)
+    }
+
     /// Whether an earlier run made all files with the same key.
     fn is_whole(&self, store: &Store) -> bool {
         let is_there = |(frame, at): (usize, &Option<usize>)| at.is_none() || self.mask_path(frame).is_file();
@@ -174,6 +196,7 @@ impl<'a> Task<'a> {
             Some(kept) => kept.clone(),
             None => {
                 // Until all are made, no run takes those of two keys for those of one.
+                output::write(&store.path(&self.begun()), b"")?;
                 store.forget(&self.name);
                 self.compare(&opened, plate)?
             }

@@ -79,6 +79,11 @@ pub fn ingest(
     }
     let paths = videos::find(rig)?;
     output::check_folder(out)?;
+    let manifest = out.join(write::MANIFEST);
+    if manifest.exists() && !out.join(STORE).is_dir() {
+        let what = "it is not from an earlier run of ingest, which would replace it; name another --out";
+        return Err(Fault::Usage(format!("{}: {what}", manifest.display())).into());
+    }
     output::make_folder(out)?;
     let store = Store::open(out.join(STORE))?;
     let mut warnings = Vec::new();
@@ -138,13 +143,18 @@ pub fn ingest(
         frames,
         has_masks: options.mattes == MattePolicy::On,
     };
+    let before = std::fs::read(&manifest).ok();
     write::write(&store, out, &parts, &placement, options.extract)?;
     // What was written is what the other commands read.
     let capture_files = CaptureFiles::open(out)?;
     if let Some(height_m) = options.height_m {
-        let metres = life_size::metres_per_unit(&capture_files, placement.up, height_m)
-            // A capture of another size than was asked for must not be taken for it.
-            .inspect_err(|_| drop(output::remove(&out.join(write::MANIFEST))))?;
+        // A capture of another size than was asked for must not be taken for it.
+        let undo = || match &before {
+            Some(bytes) => output::write(&manifest, bytes),
+            None => output::remove(&manifest).map(drop),
+        };
+        let metres = life_size::metres_per_unit(&capture_files, placement.up, height_m);
+        let metres = metres.or_else(|error| undo().and(Err(error)))?;
         say(&line(
             "size",
             false,

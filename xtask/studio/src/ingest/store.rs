@@ -85,6 +85,11 @@ impl Store {
         Ok(kept.value)
     }
 
+    /// Whether an earlier run kept a result of this name, with any key.
+    pub(super) fn has(&self, name: &str) -> bool {
+        self.path(&format!("{name}.json")).is_file()
+    }
+
     /// Drops a result, before the files that it stands for are replaced.
     pub(super) fn forget(&self, name: &str) {
         drop(fs::remove_file(self.path(&format!("{name}.json"))));

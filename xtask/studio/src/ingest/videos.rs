@@ -17,6 +17,12 @@ pub(super) const EXTENSIONS: [&str; 3] = ["mp4", "mov", "mkv"];
 /// Deviation of an interval between frames from the median that counts as rounding, in intervals.
 const UNEVEN: f64 = 0.02;
 
+/// Seconds by which sound may go on for longer than pictures where nothing states the number of these.
+const SOUND_ALONE_S: f64 = 1.0;
+
+/// Intervals that the last picture may last there.
+const LAST_FRAME: f64 = 5.0;
+
 /// A video of the folder.
 #[derive(Clone, Debug)]
 pub(super) struct RigVideo {
@@ -91,7 +97,8 @@ pub(super) fn probe(store: &Store, path: &Path) -> Result<(RigVideo, bool), Faul
 
 fn probed(path: &Path) -> Result<Probe, Fault> {
     let video = Video::open(path)?;
-    let entries = "stream=codec_type,codec_name,nb_frames:stream_tags=timecode:stream_side_data=rotation:format_tags=timecode";
+    let entries = "stream=codec_type,codec_name,nb_frames:stream_tags=timecode:stream_side_data=rotation:\
+                   format=duration:format_tags=timecode";
     let output = ffmpeg::output("ffprobe", |command| {
         command.args(["-v", "error", "-show_entries", entries, "-of", "json"]).arg(path);
     })?;
@@ -113,6 +120,22 @@ fn probed(path: &Path) -> Result<Probe, Fault> {
     }
     let (fps, is_variable) = rate(&video.times_s)
         .ok_or_else(|| bad(path, "it has a single frame; record it again, or convert it to MP4"))?;
+    // Matroska states how long it lasts, and no number of frames.
+    let last_s = video.first_s + video.times_s[frames - 1];
+    let has_sound = said.streams.iter().any(|stream| is("audio")(&stream));
+    let slack_s = if has_sound { SOUND_ALONE_S } else { LAST_FRAME / fps };
+    if let Some(stated_s) = said.format.duration.as_ref().and_then(|text| text.parse::<f64>().ok())
+        && pictures.nb_frames.is_none()
+        && stated_s > last_s + slack_s
+    {
+        return Err(bad(
+            path,
+            format!(
+                "pictures end after {last_s:.2} of {stated_s:.2} s: the file is cut off; copy or record it again, or cut its \
+                 sound to the pictures"
+            ),
+        ));
+    }
     let rotation = pictures.side_data_list.iter().find_map(|data| data.rotation).unwrap_or(0.0);
     let timecodes = said.streams.iter().map(|stream| &stream.tags).chain([&said.format.tags]);
     Ok(Probe {
@@ -125,7 +148,7 @@ fn probed(path: &Path) -> Result<Probe, Fault> {
         frames,
         duration_s: video.times_s[frames - 1],
         first_s: video.first_s,
-        has_sound: said.streams.iter().any(|stream| is("audio")(&stream)),
+        has_sound,
         timecode: timecodes.filter_map(|tags| tags.timecode.clone()).next(),
         times_s: video.times_s,
     })
@@ -165,6 +188,7 @@ struct Stream {
 
 #[derive(Default, Deserialize)]
 struct Format {
+    duration: Option<String>,
     #[serde(default)]
     tags: Tags,
 }

@@ -9,6 +9,7 @@ use sha2::{Digest, Sha256};
 
 use crate::capture::CaptureFiles;
 use crate::messages::unreadable;
+use crate::scene::{cameras_path, plate_path};
 
 /// Bytes that are read at a time.
 const BUFFER_BYTES: usize = 1 << 20;
@@ -18,7 +19,7 @@ const DEPTH_MAX: usize = 32;
 
 /// SHA-256 over the version of this program, the command, its options as text, and the inputs: names and
 /// contents of all files of a folder except hidden ones, and of the photographs and masks that a capture
-/// in it lists, in any folder. The location of the inputs is not hashed.
+/// in it lists, in any folder; of a field file also the plate and the cameras beside it. The location of the inputs is not hashed.
 ///
 /// # Errors
 /// [`Fault::Data`] that names the file that cannot be read.
@@ -43,7 +44,10 @@ pub fn key(command: &str, options: &str, inputs: &[&Path]) -> Result<String, Fau
             files.sort();
             files.dedup();
         } else {
-            files.push((*input).to_owned());
+            let beside = [plate_path(input), cameras_path(input)];
+            files.extend(
+                std::iter::once((*input).to_owned()).chain(beside.into_iter().filter(|path| path.is_file())),
+            );
         }
         add(&files.len().to_le_bytes());
         for path in files {

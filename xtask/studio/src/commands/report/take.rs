@@ -12,6 +12,7 @@ use refine::reference::{Order, Radius, RenderScene, coverage, render};
 
 use crate::capture::CaptureFiles;
 use crate::commands::capture::PartSelection;
+use crate::commands::fit_source::FitSource;
 use crate::eval::over_time;
 use crate::input::Input;
 use crate::left_out::{LeftOut, TakeLeftOut};
@@ -122,7 +123,7 @@ fn measure_file(
     let file = open_whole(path)?;
     let take = file.take();
     let mut compared = reference.map(|path| Reference::load(path, take)).transpose()?;
-    let capture_files = request.capture.map(|folder| capture_of(folder, request.part, take)).transpose()?;
+    let capture_files = request.capture.map(|folder| capture_of(folder, request, take)).transpose()?;
     let (viewpoint, camera) = view(take, size);
     let layers = take.segments.iter().map(|segment| segment.layers.len()).max().unwrap_or(1);
     let (cuts, times) = (cuts(take), instants(take));
@@ -190,14 +191,20 @@ fn open_whole(path: &Path) -> anyhow::Result<TakeFile> {
     Ok(file)
 }
 
-/// Opens the capture that a take was fitted to.
+/// Opens the capture that a take was fitted to, with the cameras and mattes of the fit.
 ///
 /// # Errors
 /// [`Fault::Usage`] if it lasts longer or shorter than the take.
-fn capture_of(folder: &Path, part: &PartSelection, take: &Take) -> anyhow::Result<CaptureFiles> {
-    let capture_files = part.open(folder, None)?;
+fn capture_of(folder: &Path, request: &TakeRequest, take: &Take) -> anyhow::Result<CaptureFiles> {
+    let mut capture_files = request.part.open(folder, None)?;
     let duration_s = capture_files.capture.duration_s();
     check_duration(folder, duration_s, take, "name its capture, and its frames with --frames")?;
+    let source = FitSource::of(request.path, &Input::load_at(request.path, &[0.0])?);
+    let (holdout, _) = source.held_frames(None);
+    source.prepare(&mut capture_files, holdout)?;
+    if source.has_plate {
+        capture_files.keep_background();
+    }
     Ok(capture_files)
 }
 

@@ -23,7 +23,7 @@ use crate::progress::{StagedProgress, counting};
 use crate::report::ablation::{
     Ablation, FieldFigures, LeftOut, Method, PackageFigures, Picture, PicturedView, VARIANTS, Variant,
 };
-use crate::scene::Scene;
+use crate::scene::{Scene, cameras_path, learned_cameras_of, plate_path};
 use crate::takes::{OutputState, Record, key};
 
 /// Name of the field in the folder of a fit.
@@ -179,7 +179,7 @@ impl Bench<'_> {
         let report = self.fit(plan, &field)?;
         let subject = Subject::load(&field, &self.capture_files)?;
         let judged =
-            self.judge(&subject, &[&field, &fit::cameras_path(&field)], variant.name, &folder, "eval")?;
+            self.judge(&subject, &field, Some(cameras_path(&field)), variant.name, &folder, "eval")?;
         let table = log::table_path(&field);
         let entries = fs::read_to_string(&table).map_err(|error| unreadable(&table, &error))?;
         let mut about = variant.about.to_owned();
@@ -214,7 +214,8 @@ impl Bench<'_> {
 
     /// Measures another method, whose `subject` is at `path`.
     pub(super) fn other(&mut self, name: &str, path: &Path, subject: &Subject) -> anyhow::Result<()> {
-        let judged = self.judge(subject, &[path], name, &format!("compared-{name}"), "eval")?;
+        let learned = learned_cameras_of(path);
+        let judged = self.judge(subject, path, learned, name, &format!("compared-{name}"), "eval")?;
         let images: usize = judged.splits.iter().map(|row| row.images).sum();
         self.ablation.methods.push(Method {
             name: name.into(),
@@ -243,7 +244,8 @@ impl Bench<'_> {
     /// Fits a field to `field`, unless that is done; returns the JSON of `fit`.
     fn fit(&mut self, plan: &FitPlan, field: &Path) -> anyhow::Result<Value> {
         let key = key(FIT, &format!("{plan:?} {}", self.photographs_key), &[])?;
-        if let Some(report) = Record::report(field, FIT, &key)? {
+        let is_whole = plan.plate != PlatePlan::Fitted || plate_path(field).is_file();
+        if let Some(report) = Record::report(field, FIT, &key)?.filter(|_| is_whole) {
             return Ok(report);
         }
         if Record::state(field, FIT, &key)? == OutputState::Stale {
@@ -303,8 +305,8 @@ impl Bench<'_> {
         let PackageRecord { gaussians_out, bytes, duration_s, topology } =
             PackageRecord::deserialize(report)?;
         let subject = Subject::load(package, &self.capture_files)?;
-        let files = [package, &fit::cameras_path(field)];
-        let judged = self.judge(&subject, &files, variant.name, &variant.folder(), &budget.to_string())?;
+        let (learned, folder) = (Some(cameras_path(field)), variant.folder());
+        let judged = self.judge(&subject, package, learned, variant.name, &folder, &budget.to_string())?;
         Ok(PackageFigures {
             method: variant.name.into(),
             budget,
@@ -316,13 +318,14 @@ impl Bench<'_> {
         })
     }
 
-    /// Compares the pictures of `subject`, which is at the first of the `paths`, with the photographs, unless that is done. The
-    /// second is where the cameras are that its fit learned, if it learned any. Writes the measures to `FILE.csv` in a folder of
+    /// Compares the pictures of `subject`, which is at `path`, with the photographs, unless that is done; `learned` is where the
+    /// cameras are that its fit learned, if it learned any. Writes the measures to `FILE.csv` in a folder of
     /// the report; of `eval` also pictures, which the page then shows.
     fn judge(
         &mut self,
         subject: &Subject,
-        paths: &[&Path],
+        path: &Path,
+        learned: Option<PathBuf>,
         name: &str,
         folder: &str,
         file: &str,
@@ -331,14 +334,15 @@ impl Bench<'_> {
         let csv = self.path(folder, &format!("{file}.csv"));
         let is_shown = file == "eval";
         let options = format!("{} {:?}", self.photographs_key, self.options.lpips.record()?);
-        let paths: Vec<&Path> = paths.iter().copied().filter(|path| path.exists()).collect();
-        let key = key(EVAL, &options, &paths)?;
+        let learned = learned.filter(|path| path.is_file());
+        let inputs: Vec<&Path> = [Some(path), learned.as_deref()].into_iter().flatten().collect();
+        let key = key(EVAL, &options, &inputs)?;
         let report = match Record::report(&csv, EVAL, &key)? {
             Some(report) => report,
             None => {
                 Record::begin(&csv, EVAL, &key)?;
                 let mut judged_files = self.judged_files.clone();
-                if let Some(learned) = paths.get(1) {
+                if let Some(learned) = &learned {
                     judged_files.correct(&CameraCorrections::read(learned)?, learned)?;
                 }
                 let report = self.compare(subject, &judged_files, name, folder, &csv, is_shown)?;
