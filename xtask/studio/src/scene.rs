@@ -340,14 +340,16 @@ pub fn cameras_path(field: &Path) -> PathBuf {
 /// The cameras that were learned with what is at `path`, if there are any: a field, a package of one, a field folder, a package
 /// of one, or a folder with one field.
 pub(crate) fn learned_cameras_of(path: &Path) -> Option<PathBuf> {
-    let other = match path.is_dir() {
+    // Other programs write a file of this name into their folders, too.
+    let of_folder = |folder: &Path| folder.join(FIELD_FOLDER).is_file().then(|| folder.join(CAMERAS));
+    let found = match path.is_dir() {
         true => {
             let names = list(path).unwrap_or_default();
-            field_in(path, &names).ok().map(|field| cameras_path(&path.join(field)))
+            [of_folder(path), field_in(path, &names).ok().map(|field| cameras_path(&path.join(field)))]
         }
-        false => Some(path.with_extension("").join(CAMERAS)),
+        false => [Some(cameras_path(path)), of_folder(&path.with_extension(""))],
     };
-    [Some(cameras_path(path)), other].into_iter().flatten().find(|path| path.is_file())
+    found.into_iter().flatten().find(|path| path.is_file())
 }
 
 /// Path of a file beside a field: the field's path with another extension.

@@ -372,7 +372,11 @@ fn damaged_videos_are_named() {
     let streamed = fs::read(rig.join("b.mkv")).unwrap();
     fs::write(rig.join("b.mkv"), &streamed[..streamed.len() / 3]).unwrap();
     refused("s: the file is cut off; ");
+    // A part of a longer recording, whose times go on.
+    ffmpeg(&rig, "-i a.mp4 -c copy -output_ts_offset 5 b.mkv");
+    ingest(folder, "--offsets none").success();
     fs::remove_file(rig.join("b.mkv")).unwrap();
+    fs::remove_dir_all(folder.join("studio")).unwrap();
     fs::write(rig.join("b.mp4"), whole).unwrap();
     let ingest = ["ingest", "rig", "-o", "studio", "--offsets", "none"];
     let error = aarc_studio_with(folder, &ingest, &[("PATH", "/nowhere")]).error(2);

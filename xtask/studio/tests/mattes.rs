@@ -290,6 +290,17 @@ fn what_ingest_did_not_make_stays() {
         assert_eq!(fs::read(&path).unwrap(), b"of another program");
         fs::remove_dir_all(folder.join("studio")).unwrap();
     }
+    // Masks of another program beside its own plates stay, too.
+    ingest(folder, "--offsets none --mattes off").success();
+    let foreign = folder.join("studio/masks/a/000000.png");
+    fs::create_dir_all(foreign.parent().unwrap()).unwrap();
+    fs::write(&foreign, "of another program").unwrap();
+    assert!(
+        refused(ingest(folder, "--offsets none"), 2)
+            .contains("studio/masks/a: it is not from an earlier run")
+    );
+    assert_eq!(fs::read(&foreign).unwrap(), b"of another program");
+    fs::remove_dir_all(folder.join("studio/masks")).unwrap();
     // Its own files it replaces, also those of a run that was killed before it had written all.
     ingest(folder, "--offsets none").success();
     fs::remove_file(folder.join("studio/ingest/mattes-a.json")).unwrap();
@@ -322,6 +333,9 @@ fn mattes_of_next_to_nothing_or_too_much_are_said() {
         "{error}"
     );
     assert!(manifest() == before);
+    // That of other options would not fit the masks.
+    refused(ingest(folder, "--offsets none --plates empty --height 1.7 --fps 5"), 3);
+    assert!(!folder.join("studio/capture.json").exists());
     assert!(
         warnings.contains("b: the subject covers ")
             && warnings.contains("whether the camera or the background moves"),

@@ -464,7 +464,7 @@ fn open_for_start(args: &Args, from: &Path) -> anyhow::Result<CaptureFiles> {
     let capture_files = match input.is_static() {
         true => {
             let mut capture_files = args.selection.open(args.capture())?;
-            source.find_mattes(&mut capture_files, holdout)?;
+            source.prepare(&mut capture_files, holdout)?;
             capture_files
         }
         false => args.selection.open_for(args.capture(), &source, holdout)?,

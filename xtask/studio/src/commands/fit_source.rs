@@ -82,11 +82,11 @@ impl<'a> FitSource<'a> {
         }
     }
 
-    /// Corrects the cameras of the capture by those that were learned with it, and gives photographs mattes as
-    /// [`FitSource::find_mattes`] does.
+    /// Corrects the cameras of the capture by those that were learned with it, and gives photographs without masks mattes, if
+    /// those had them that it was fitted to.
     ///
     /// # Errors
-    /// [`Fault::Data`] that names the file of cameras; those of [`FitSource::find_mattes`].
+    /// [`Fault::Data`] that names the file of cameras; those of [`CaptureFiles::find_plates`].
     pub(crate) fn prepare(&self, capture_files: &mut CaptureFiles, holdout: Holdout) -> anyhow::Result<()> {
         if let Some(learned) = learned_cameras_of(self.path) {
             capture_files.correct(&CameraCorrections::read(&learned)?, &learned)?;
@@ -99,11 +99,7 @@ impl<'a> FitSource<'a> {
     ///
     /// # Errors
     /// Those of [`CaptureFiles::find_plates`].
-    pub(super) fn find_mattes(
-        &self,
-        capture_files: &mut CaptureFiles,
-        holdout: Holdout,
-    ) -> anyhow::Result<()> {
+    fn find_mattes(&self, capture_files: &mut CaptureFiles, holdout: Holdout) -> anyhow::Result<()> {
         // A plate of another program's field tells as much as a record.
         if self.record.has_mattes || (self.has_plate && capture_files.can_be_matted(holdout)?) {
             capture_files.find_plates(holdout)?;

@@ -507,7 +507,9 @@ impl Captured {
     /// The photographs for the refinement of `scene`.
     fn photographs(&self, scene: &Scene, args: &Args) -> anyhow::Result<TrainingViews> {
         let holdout = args.holdout.map(Holdout::from);
-        args.selection.photographs_of(&self.folder, args.scene(), scene, holdout)
+        // The cameras that a fit learned are beside its field.
+        let path = if self.is_scene { field_path(args) } else { args.scene().to_owned() };
+        args.selection.photographs_of(&self.folder, &path, scene, holdout)
     }
 }
 

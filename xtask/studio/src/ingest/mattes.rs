@@ -164,9 +164,11 @@ impl<'a> Task<'a> {
     /// # Errors
     /// [`Fault::Usage`] that names the first that it did not make.
     fn check_own(&self, store: &Store) -> Result<(), Fault> {
-        let is_own = store.has(&self.name) || store.path(&self.begun()).is_file();
-        let foreign = [self.plate_path(), self.folder()].into_iter().find(|path| !is_own && path.exists());
-        foreign.map_or(Ok(()), |path| {
+        let has_plate = store.has(&self.name) || store.path(&self.begun("plate")).is_file();
+        let has_masks = self.frames.is_empty() || store.path(&self.begun("masks")).is_file();
+        let parts = [(self.plate_path(), has_plate), (self.folder(), has_masks)];
+        let foreign = parts.into_iter().find(|(path, is_own)| !is_own && path.exists());
+        foreign.map_or(Ok(()), |(path, _)| {
             Err(Fault::Usage(format!(
                 "{}: it is not from an earlier run of ingest, which would replace it; move it, or name another --out",
                 path.display()
@@ -174,9 +176,9 @@ impl<'a> Task<'a> {
         })
     }
 
-    /// Name of the file that marks plate and masks as this command's, from before the first is written.
-    fn begun(&self) -> String {
-        format!("{}.begun", self.name)
+    /// Name of the file that marks the plate or the masks as this command's, from before the first is written.
+    fn begun(&self, part: &str) -> String {
+        format!("{}.{part}.begun", self.name)
     }
 
     /// Whether an earlier run made all files with the same key.
@@ -196,13 +198,14 @@ impl<'a> Task<'a> {
             Some(kept) => kept.clone(),
             None => {
                 // Until all are made, no run takes those of two keys for those of one.
-                output::write(&store.path(&self.begun()), b"")?;
+                output::write(&store.path(&self.begun("plate")), b"")?;
                 store.forget(&self.name);
                 self.compare(&opened, plate)?
             }
         };
         output::write_png(&self.plate_path(), plate.colors().as_flattened(), (width, height))?;
         if !self.frames.is_empty() {
+            output::write(&store.path(&self.begun("masks")), b"")?;
             output::make_folder(&self.folder())?;
             self.remove_beyond()?;
         }

@@ -143,14 +143,14 @@ pub fn ingest(
         frames,
         has_masks: options.mattes == MattePolicy::On,
     };
-    let before = std::fs::read(&manifest).ok();
+    let before = std::fs::read_to_string(&manifest).ok();
     write::write(&store, out, &parts, &placement, options.extract)?;
     // What was written is what the other commands read.
     let capture_files = CaptureFiles::open(out)?;
     if let Some(height_m) = options.height_m {
         // A capture of another size than was asked for must not be taken for it.
-        let undo = || match &before {
-            Some(bytes) => output::write(&manifest, bytes),
+        let undo = || match before.as_ref().filter(|before| write::is_same_but_for_size(before, &manifest)) {
+            Some(before) => output::write(&manifest, before.as_bytes()),
             None => output::remove(&manifest).map(drop),
         };
         let metres = life_size::metres_per_unit(&capture_files, placement.up, height_m);

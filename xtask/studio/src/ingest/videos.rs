@@ -98,7 +98,7 @@ pub(super) fn probe(store: &Store, path: &Path) -> Result<(RigVideo, bool), Faul
 fn probed(path: &Path) -> Result<Probe, Fault> {
     let video = Video::open(path)?;
     let entries = "stream=codec_type,codec_name,nb_frames:stream_tags=timecode:stream_side_data=rotation:\
-                   format=duration:format_tags=timecode";
+                   format=duration,start_time:format_tags=timecode";
     let output = ffmpeg::output("ffprobe", |command| {
         command.args(["-v", "error", "-show_entries", entries, "-of", "json"]).arg(path);
     })?;
@@ -120,19 +120,21 @@ fn probed(path: &Path) -> Result<Probe, Fault> {
     }
     let (fps, is_variable) = rate(&video.times_s)
         .ok_or_else(|| bad(path, "it has a single frame; record it again, or convert it to MP4"))?;
-    // Matroska states how long it lasts, and no number of frames.
+    // Matroska states when it ends, and no number of frames.
+    let start_s = said.format.start_time.as_ref().and_then(|text| text.parse::<f64>().ok()).unwrap_or(0.0);
     let last_s = video.first_s + video.times_s[frames - 1];
     let has_sound = said.streams.iter().any(|stream| is("audio")(&stream));
     let slack_s = if has_sound { SOUND_ALONE_S } else { LAST_FRAME / fps };
     if let Some(stated_s) = said.format.duration.as_ref().and_then(|text| text.parse::<f64>().ok())
         && pictures.nb_frames.is_none()
-        && stated_s > last_s + slack_s
+        && stated_s > start_s + last_s + slack_s
     {
         return Err(bad(
             path,
             format!(
-                "pictures end after {last_s:.2} of {stated_s:.2} s: the file is cut off; copy or record it again, or cut its \
-                 sound to the pictures"
+                "pictures end after {last_s:.2} of {:.2} s: the file is cut off; copy or record it again, or cut its \
+                 sound to the pictures",
+                stated_s - start_s
             ),
         ));
     }
@@ -189,6 +191,7 @@ struct Stream {
 #[derive(Default, Deserialize)]
 struct Format {
     duration: Option<String>,
+    start_time: Option<String>,
     #[serde(default)]
     tags: Tags,
 }

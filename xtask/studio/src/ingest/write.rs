@@ -85,6 +85,14 @@ pub(super) fn write(
     output::write(&out.join(MANIFEST), text.as_bytes())
 }
 
+/// Whether the manifest at `path` is the one of `before`, but for the size of a unit.
+pub(super) fn is_same_but_for_size(before: &str, path: &Path) -> bool {
+    let rest = |text: &str| -> Vec<String> {
+        text.lines().filter(|line| !line.contains("\"metres_per_unit\"")).map(str::to_owned).collect()
+    };
+    std::fs::read_to_string(path).is_ok_and(|now| rest(&now) == rest(before))
+}
+
 fn camera(
     out: &Path,
     parts: &CaptureParts,

@@ -244,7 +244,8 @@ impl Bench<'_> {
     /// Fits a field to `field`, unless that is done; returns the JSON of `fit`.
     fn fit(&mut self, plan: &FitPlan, field: &Path) -> anyhow::Result<Value> {
         let key = key(FIT, &format!("{plan:?} {}", self.photographs_key), &[])?;
-        let is_whole = plan.plate != PlatePlan::Fitted || plate_path(field).is_file();
+        let is_whole = (plan.plate != PlatePlan::Fitted || plate_path(field).is_file())
+            && (plan.learned.is_nothing() || cameras_path(field).is_file());
         if let Some(report) = Record::report(field, FIT, &key)?.filter(|_| is_whole) {
             return Ok(report);
         }
