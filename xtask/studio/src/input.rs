@@ -121,9 +121,8 @@ impl Input {
     /// Whether there is a background plate.
     pub fn has_plate(&self) -> bool {
         match self {
-            Input::Package(clip) => clip.plate.is_some(),
-            Input::Scene(scene) => scene.plate.is_some(),
             Input::Take(take) => take.has_plate(),
+            Input::Package(_) | Input::Scene(_) => self.plate().is_some(),
         }
     }
 

@@ -6,10 +6,6 @@ use super::guided::guided;
 use super::plate::Plate;
 use super::regions;
 
-/// Gains between plate and picture are compensated up to this factor and its inverse. Beyond, so little of 8 bits is left of
-/// one of the two that noise is all that differs.
-pub const GAIN_MAX: f64 = 2.0;
-
 /// Regions below this area are islands, which are left out, and holes, which are filled: 0.03 % are 25 x 25 pixels of 1080p.
 const ISLAND: f64 = 3e-4;
 
@@ -40,13 +36,13 @@ impl Plate {
     /// not. Linear in the number of pixels, on one thread, with at most 110 bytes of memory for each.
     ///
     /// A subject that is part of the plate is not found, and where the plate shows it and the picture does not, its
-    /// place is. In other light altogether, beyond [`GAIN_MAX`], all of the picture is subject.
+    /// place is. In other light altogether, beyond [`GAIN_MAX`](super::GAIN_MAX), all of the picture is subject.
     ///
     /// # Panics
     /// If the size differs from the plate's.
     pub fn matte(&self, picture: &[[u8; 3]]) -> Vec<u8> {
         let (width, pixels) = (self.width, picture.len() as f64);
-        let gains = self.gains(picture).map(|gain| gain.clamp(1.0 / GAIN_MAX, GAIN_MAX));
+        let gains = self.bounded_gains(picture);
         let Difference { mut likely, sure, shaded } = Difference::of(self, picture, gains);
         let island = ((ISLAND * pixels) as usize).max(1);
         regions::keep(&mut likely, &sure, width, island);

@@ -1,5 +1,9 @@
 //! [`gains`]: the factors by which a picture is brighter than another of the same scene, channel by channel.
 
+/// Gains between plate and picture are compensated up to this factor and its inverse. Beyond, so little of 8 bits is left of
+/// one of the two that noise is all that differs.
+pub const GAIN_MAX: f64 = 2.0;
+
 /// Levels in which the darker picture still tells a factor: below, rounding to 8 bits moves the quotient by 1.5 %.
 const DARKEST: u8 = 32;
 

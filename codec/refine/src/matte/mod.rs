@@ -20,5 +20,5 @@ mod guided;
 mod plate;
 mod regions;
 
-pub use alpha::GAIN_MAX;
+pub use gain::GAIN_MAX;
 pub use plate::Plate;

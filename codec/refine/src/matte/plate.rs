@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::gain::gains;
+use super::gain::{GAIN_MAX, gains};
 
 /// Standard deviations of noise per median absolute deviation, of a normal distribution.
 const DEVIATIONS: f32 = 1.4826;
@@ -99,6 +99,14 @@ impl Plate {
     pub fn gains(&self, picture: &[[u8; 3]]) -> [f64; 3] {
         assert_eq!(picture.len(), self.colors.len(), "a picture of the plate's size");
         gains(picture, &self.colors)
+    }
+
+    /// The same, cut to the factors that mattes make up for: [`GAIN_MAX`] and its inverse.
+    ///
+    /// # Panics
+    /// If the size differs.
+    pub fn bounded_gains(&self, picture: &[[u8; 3]]) -> [f64; 3] {
+        self.gains(picture).map(|gain| gain.clamp(1.0 / GAIN_MAX, GAIN_MAX))
     }
 }
 

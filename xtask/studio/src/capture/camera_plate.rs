@@ -7,7 +7,7 @@ use codec::Camera;
 use image::Luma;
 use program::Fault;
 use refine::image::Image;
-use refine::matte::{GAIN_MAX, Plate};
+use refine::matte::Plate;
 
 use super::image_file::{Mask, bad, check_size, read};
 
@@ -87,8 +87,7 @@ pub(super) fn matte(plate: &Plate, image: &Image) -> Mask {
 /// Takes the background out of a photograph with this mask: what is left of the colours when the plate is not seen through
 /// the rim of the subject any more.
 pub(super) fn take_out(image: &mut Image, plate: &Plate) {
-    // Mattes use no others.
-    let gains = plate.gains(&colors_of(image)).map(|gain| gain.clamp(1.0 / GAIN_MAX, GAIN_MAX));
+    let gains = plate.bounded_gains(&colors_of(image));
     for (pixel, behind) in image.pixels.iter_mut().zip(plate.colors()) {
         let alpha = pixel[3];
         for (c, gain) in gains.into_iter().enumerate() {

@@ -47,11 +47,13 @@ impl CaptureFiles {
         if self.has_masks()? {
             return Ok(false);
         }
+        let is_stated = |plate: &CameraPlate| plate.stated_path().is_some();
+        if self.plates.iter().all(is_stated) {
+            return Ok(true);
+        }
         let whole = CaptureFiles::open(&self.folder)?;
-        for camera in 0..self.capture.cameras.len() {
-            if self.plates[camera].stated_path().is_none()
-                && self.background_photos(&whole, camera, holdout)?.len() < PICTURES_MIN
-            {
+        for (camera, plate) in self.plates.iter().enumerate() {
+            if !is_stated(plate) && self.background_photos(&whole, camera, holdout)?.len() < PICTURES_MIN {
                 return Ok(false);
             }
         }
@@ -82,9 +84,17 @@ impl CaptureFiles {
     /// # Errors
     /// [`Fault::Data`] that names a file that cannot be read, or a camera with too few photographs.
     pub fn find_plates(&mut self, holdout: Holdout) -> anyhow::Result<()> {
-        let whole = CaptureFiles::open(&self.folder)?;
         let unknown = |camera: &usize| self.plates[*camera].is_unknown();
         let cameras: Vec<usize> = (0..self.capture.cameras.len()).filter(unknown).collect();
+        if !cameras.is_empty() {
+            self.find_medians(&cameras, holdout)?;
+        }
+        self.background.is_matted = true;
+        Ok(())
+    }
+
+    fn find_medians(&self, cameras: &[usize], holdout: Holdout) -> anyhow::Result<()> {
+        let whole = CaptureFiles::open(&self.folder)?;
         for cameras in cameras.chunks(CAMERAS_MAX) {
             cameras.par_iter().try_for_each(|&camera| -> Result<(), Fault> {
                 let photos = self.background_photos(&whole, camera, holdout)?;
@@ -92,7 +102,6 @@ impl CaptureFiles {
                 Ok(())
             })?;
         }
-        self.background.is_matted = true;
         Ok(())
     }
 

@@ -1,5 +1,6 @@
 //! [`IngestFindings`]: what the steps found, and what of it deserves a warning.
 
+use refine::matte::GAIN_MAX;
 use serde::Serialize;
 
 use super::calibration::RigCamera;
@@ -11,8 +12,6 @@ use super::sound::{CONFIDENCE_MIN, DRIFT_MAX_PPM};
 use super::starts::{StartSource, Starts};
 use super::videos::{Probe, RigVideo};
 use crate::capture::PICTURES_MAX;
-use refine::matte::GAIN_MAX;
-
 use crate::messages::{count, decimal};
 
 /// Median distance from epipolar lines in pixels, of pictures of 1000, from which on a calibration deserves a warning.

@@ -87,10 +87,9 @@ pub(super) fn write(
 
 /// Whether the manifest at `path` is the one of `before`, but for the size of a unit.
 pub(super) fn is_same_but_for_size(before: &str, path: &Path) -> bool {
-    let rest = |text: &str| -> Vec<String> {
-        text.lines().filter(|line| !line.contains("\"metres_per_unit\"")).map(str::to_owned).collect()
-    };
-    std::fs::read_to_string(path).is_ok_and(|now| rest(&now) == rest(before))
+    let is_other = |line: &&str| !line.contains("\"metres_per_unit\"");
+    let is_same = |now: &str| now.lines().filter(is_other).eq(before.lines().filter(is_other));
+    std::fs::read_to_string(path).is_ok_and(|now| is_same(&now))
 }
 
 fn camera(

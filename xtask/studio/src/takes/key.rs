@@ -44,10 +44,8 @@ pub fn key(command: &str, options: &str, inputs: &[&Path]) -> Result<String, Fau
             files.sort();
             files.dedup();
         } else {
-            let beside = [plate_path(input), cameras_path(input)];
-            files.extend(
-                std::iter::once((*input).to_owned()).chain(beside.into_iter().filter(|path| path.is_file())),
-            );
+            files.push((*input).to_owned());
+            files.extend([plate_path(input), cameras_path(input)].into_iter().filter(|path| path.is_file()));
         }
         add(&files.len().to_le_bytes());
         for path in files {

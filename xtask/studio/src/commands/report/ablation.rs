@@ -15,7 +15,7 @@ use anyhow::bail;
 use codec::Camera;
 use program::{Fault, output};
 
-use self::bench::{Bench, EVAL, HOLDOUT, is_of_data, judged_files, pictured};
+use self::bench::{Bench, EVAL, HOLDOUT, is_of_data, pictured};
 use crate::capture::CaptureFiles;
 use crate::commands::capture::{PartSelection, describe, note_assumed_fps};
 use crate::commands::fit::{FitOptions, name_of};
@@ -89,7 +89,6 @@ pub(super) fn measure(request: &Request) -> anyhow::Result<Ablation> {
         options,
         photographs_key: key(EVAL, &full.plan.capture, &[capture])?,
         pictured: pictured(&capture_files)?,
-        judged_files: judged_files(&capture_files),
         capture_files,
         lpips,
         views: None,

@@ -79,7 +79,7 @@ pub(super) fn pictured(capture_files: &CaptureFiles) -> Result<Vec<PicturedPhoto
 }
 
 /// The photographs that a fit's pictures are compared with. Where there are plates, fits show the whole picture.
-pub(super) fn judged_files(capture_files: &CaptureFiles) -> CaptureFiles {
+fn judged_files(capture_files: &CaptureFiles) -> CaptureFiles {
     let mut judged_files = capture_files.clone();
     if judged_files.has_mattes() {
         judged_files.keep_background();
@@ -93,8 +93,6 @@ pub(super) struct Bench<'a> {
     pub(super) out: &'a Path,
     pub(super) options: &'a FitOptions,
     pub(super) capture_files: CaptureFiles,
-    /// The same for measures: where there are plates, with the background.
-    pub(super) judged_files: CaptureFiles,
     /// Hash of the photographs, and of the part that is read.
     pub(super) photographs_key: String,
     pub(super) lpips: Option<Lpips<f32>>,
@@ -143,8 +141,9 @@ impl Bench<'_> {
     /// Writes the held photographs that the page shows.
     pub(super) fn photographs(&mut self) -> anyhow::Result<()> {
         output::make_folder(&self.out.join("photographs"))?;
+        let judged_files = judged_files(&self.capture_files);
         for photo in &self.pictured {
-            let image = photo.crop.of(&self.judged_files.photo(photo.photo_id)?.image);
+            let image = photo.crop.of(&judged_files.photo(photo.photo_id)?.image);
             write_picture(&self.path("photographs", &photo.file), &image)?;
             let name = format!("{}, {}", self.capture_files.name(photo.photo_id), photo.split.name());
             self.ablation.views.push(PicturedView { name, pictures: Vec::new() });
@@ -342,7 +341,7 @@ impl Bench<'_> {
             Some(report) => report,
             None => {
                 Record::begin(&csv, EVAL, &key)?;
-                let mut judged_files = self.judged_files.clone();
+                let mut judged_files = judged_files(&self.capture_files);
                 if let Some(learned) = &learned {
                     judged_files.correct(&CameraCorrections::read(learned)?, learned)?;
                 }
