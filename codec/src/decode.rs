@@ -54,7 +54,6 @@ pub fn decode_parallel(bytes: &[u8], limits: &Limits, threads: NonZero<usize>) -
 ///
 /// # Errors
 /// See [`decode`].
-// Long: the steps of decoding, in their order.
 pub(crate) fn decode_contents(
     bytes: &[u8],
     contents: Contents,
@@ -64,43 +63,16 @@ pub(crate) fn decode_contents(
 ) -> Result<Clip, Error> {
     let complete = complete_layers(&contents, bytes.len())?;
     let layers = &contents.layers[..complete];
-    let rows = layers[complete - 1];
-
-    let mut region = |region, rows| columns.of(region).zeros(rows, budget);
-    let mut static_field = region(Region::Static, rows.static_count)?;
-    let mut dynamic_field = region(Region::Dynamic, rows.dynamic_count)?;
-    let mut plate = region(Region::Plate, contents.plate_len)?;
-    (static_field.filter, dynamic_field.filter) = (contents.filter, contents.filter);
-    plate.filter = contents.plate_filter;
     let row_numbers = match contents.coder {
         Coder::Fixed => Vec::new(),
         Coder::Context => budget.vec(dynamic_rows(layers).map(|rows| rows.len()).max().unwrap_or(0))?,
     };
-
-    let sections =
-        || contents.planned_sections().take_while(|(planned, _)| usize::from(planned.layer) < complete);
-    let chunks = || sections().filter(|(planned, _)| planned.kind == SectionKind::Gaussians);
-    let decoders = chunk_decoders(&contents, threads.get().min(chunks().count()), budget)?;
-    let decode = |mut decoder: ChunkDecoder| {
-        move |(section, columns, rows): (&Section, Columns, Rows)| {
-            decoder.decode(section.payload(bytes)?, section, columns, rows)
-        }
-    };
-    let mut rest = [&mut static_field, &mut dynamic_field, &mut plate].map(Rows::all);
-    let with_rows = |(planned, section): (PlannedSection, _)| {
-        let [static_rows, dynamic_rows, plate] = &mut rest;
-        let rest = match planned.region {
-            Region::Static => static_rows,
-            Region::Dynamic => dynamic_rows,
-            Region::Plate => plate,
-        };
-        (section, contents.columns().of(planned.region), rest.split_off(planned.rows))
-    };
-    try_for_each(chunks().map(with_rows), decoders.into_iter().map(decode).collect())?;
-
+    let Regions { static_field, mut dynamic_field, plate } =
+        Regions::decode(bytes, &contents, complete, columns, budget, threads)?;
     let time_index = match contents.coder {
         Coder::Fixed => {
-            let indices = sections().filter(|(planned, _)| planned.kind == SectionKind::TimeIndex);
+            let indices =
+                sections(&contents, complete).filter(|(planned, _)| planned.kind == SectionKind::TimeIndex);
             read_time_index(bytes, &dynamic_field, layers, indices)?
         }
         Coder::Context => sort_by_cell(&mut dynamic_field, layers, row_numbers),
@@ -115,6 +87,71 @@ pub(crate) fn decode_contents(
         plate: (contents.plate_len > 0).then_some(plate),
         info: contents.info,
     })
+}
+
+/// The Gaussians of some layers, in the order of their sections.
+pub(crate) struct Regions {
+    pub(crate) static_field: Field,
+    pub(crate) dynamic_field: Field,
+    plate: Field,
+}
+
+/// Decodes a complete package to its Gaussians in the order of their sections.
+///
+/// # Errors
+/// See [`decode`].
+#[cfg(feature = "encode")]
+pub(crate) fn decode_regions(package: &[u8], threads: NonZero<usize>) -> Result<Regions, Error> {
+    let limits = Limits { max_gaussians: usize::MAX, max_bytes: usize::MAX };
+    let mut budget = Budget::new(&limits);
+    let contents = contents_within(package, &limits, &mut budget)?;
+    Regions::decode(package, &contents, contents.layers.len(), contents.columns(), &mut budget, threads)
+}
+
+impl Regions {
+    /// Decodes the first `complete` layers.
+    fn decode(
+        bytes: &[u8],
+        contents: &Contents,
+        complete: usize,
+        columns: PackageColumns,
+        budget: &mut Budget,
+        threads: NonZero<usize>,
+    ) -> Result<Regions, Error> {
+        let rows = contents.layers[complete - 1];
+        let mut region = |region, rows| columns.of(region).zeros(rows, budget);
+        let mut static_field = region(Region::Static, rows.static_count)?;
+        let mut dynamic_field = region(Region::Dynamic, rows.dynamic_count)?;
+        let mut plate = region(Region::Plate, contents.plate_len)?;
+        (static_field.filter, dynamic_field.filter) = (contents.filter, contents.filter);
+        plate.filter = contents.plate_filter;
+
+        let chunks =
+            || sections(contents, complete).filter(|(planned, _)| planned.kind == SectionKind::Gaussians);
+        let decoders = chunk_decoders(contents, threads.get().min(chunks().count()), budget)?;
+        let decode = |mut decoder: ChunkDecoder| {
+            move |(section, columns, rows): (&Section, Columns, Rows)| {
+                decoder.decode(section.payload(bytes)?, section, columns, rows)
+            }
+        };
+        let mut rest = [&mut static_field, &mut dynamic_field, &mut plate].map(Rows::all);
+        let with_rows = |(planned, section): (PlannedSection, _)| {
+            let [static_rows, dynamic_rows, plate] = &mut rest;
+            let rest = match planned.region {
+                Region::Static => static_rows,
+                Region::Dynamic => dynamic_rows,
+                Region::Plate => plate,
+            };
+            (section, contents.columns().of(planned.region), rest.split_off(planned.rows))
+        };
+        try_for_each(chunks().map(with_rows), decoders.into_iter().map(decode).collect())?;
+        Ok(Regions { static_field, dynamic_field, plate })
+    }
+}
+
+/// The required sections of the first `complete` layers.
+fn sections(contents: &Contents, complete: usize) -> impl Iterator<Item = (PlannedSection, &Section)> {
+    contents.planned_sections().take_while(move |(planned, _)| usize::from(planned.layer) < complete)
 }
 
 /// Number of layers that lie completely in the first `available` bytes; at least 1.

@@ -13,7 +13,9 @@ use crate::{
     ClipInfo, Coder, Contents, EncodeError, Field, LayerEnd, PixelFilter, Precision, VERSION_MINOR,
     bytes::Writer,
     columns::Columns,
-    context, fixed,
+    context,
+    decode::decode_regions,
+    fixed,
     format::{CHUNK_ROWS, LAYERS_MAX},
     header::PlannedSection,
     order::{Layer, along_curve, split},
@@ -71,12 +73,45 @@ pub fn encode(source: &Source, options: &EncodeOptions) -> Result<Vec<u8>, Encod
 ///
 /// # Errors
 /// See [`encode`].
-// Long: the sections of a package, in their order in the file.
 pub fn encode_parallel(
     source: &Source,
     options: &EncodeOptions,
     threads: NonZero<usize>,
 ) -> Result<Vec<u8>, EncodeError> {
+    encode_sections(source, options, threads).map(|encoded| encoded.package)
+}
+
+/// Encodes as [`encode_parallel`] does, and also returns the Gaussians as the package holds them: the rows and columns
+/// of `source.field`, with decoded numbers.
+///
+/// # Errors
+/// See [`encode`].
+pub fn encode_rounded(
+    source: &Source,
+    options: &EncodeOptions,
+    threads: NonZero<usize>,
+) -> Result<(Vec<u8>, Field), EncodeError> {
+    let Encoded { package, static_rows, dynamic_rows } = encode_sections(source, options, threads)?;
+    let decoded = decode_regions(&package, threads).expect("an encoded package decodes");
+    let mut rounded = source.field.clone();
+    rounded.set_rows(&static_rows, &decoded.static_field);
+    rounded.set_rows(&dynamic_rows, &decoded.dynamic_field);
+    Ok((package, rounded))
+}
+
+/// A package with the source rows of its Gaussians, in the order of its sections.
+struct Encoded {
+    package: Vec<u8>,
+    static_rows: Vec<usize>,
+    dynamic_rows: Vec<usize>,
+}
+
+// Long: the sections of a package, in their order in the file.
+fn encode_sections(
+    source: &Source,
+    options: &EncodeOptions,
+    threads: NonZero<usize>,
+) -> Result<Encoded, EncodeError> {
     let Source { info, field, plate } = *source;
     info.check().map_err(|(field, value)| EncodeError::Info { field, value })?;
     check_field("field", field)?;
@@ -120,7 +155,7 @@ pub fn encode_parallel(
             Region::Plate => plate.as_ref().map(|(chunks, rows)| (chunks, rows)).expect("a plate is planned"),
         };
         match planned.kind {
-            SectionKind::TimeIndex => Payload::of_any_version(time_index_payload(&layer.cells)),
+            SectionKind::TimeIndex => Payload::of_any_version(time_index_payload(&layer.cells), &[]),
             _ => {
                 let start = planned.chunk as usize * CHUNK_ROWS;
                 chunks.encode(&rows[start..start + planned.rows], contents.columns().of(planned.region))
@@ -140,6 +175,14 @@ pub fn encode_parallel(
     let saved: usize = payloads.iter().map(Payload::saved_by_version_2).sum();
     let has_other_filter = [contents.filter, contents.plate_filter] != [PixelFilter::Blur; 2];
     contents.version_major = if has_other_filter || saved > payloads.len() { 2 } else { 1 };
+    let (mut static_rows, mut dynamic_rows) = (Vec::new(), Vec::new());
+    for (planned, payload) in plan.iter().zip(&payloads) {
+        match planned.region {
+            Region::Static => static_rows.extend_from_slice(payload.rows()),
+            Region::Dynamic => dynamic_rows.extend_from_slice(payload.rows()),
+            Region::Plate => (),
+        }
+    }
     let payloads: Vec<(Vec<u8>, usize)> =
         payloads.into_iter().map(|payload| payload.finish(contents.version_major)).collect();
 
@@ -158,7 +201,7 @@ pub fn encode_parallel(
     contents.sections = plan.iter().zip(&payloads).map(section).collect();
     let mut package = contents.write()?;
     payloads.iter().for_each(|(payload, _)| package.extend_from_slice(payload));
-    Ok(package)
+    Ok(Encoded { package, static_rows, dynamic_rows })
 }
 
 /// Encodes chunks of a field.
@@ -179,7 +222,7 @@ impl<'a> ChunkEncoder<'a> {
         match self {
             ChunkEncoder::Fixed(field) => {
                 let chunk = select(field, rows, columns.temporal.is_some());
-                Payload::of_any_version(fixed::encode(&chunk, columns))
+                Payload::of_any_version(fixed::encode(&chunk, columns), rows)
             }
             ChunkEncoder::Context(prepared) => Payload::Context(context::encode(prepared, rows, columns)),
         }
@@ -202,19 +245,29 @@ enum Payload {
     Any {
         bytes: Vec<u8>,
         raw_length: usize,
+        /// Source rows of the Gaussians, in coded order.
+        rows: Vec<usize>,
     },
     Context(context::EncodedChunk),
 }
 
 impl Default for Payload {
     fn default() -> Payload {
-        Payload::Any { bytes: Vec::new(), raw_length: 0 }
+        Payload::of_any_version((Vec::new(), 0), &[])
     }
 }
 
 impl Payload {
-    fn of_any_version((bytes, raw_length): (Vec<u8>, usize)) -> Payload {
-        Payload::Any { bytes, raw_length }
+    fn of_any_version((bytes, raw_length): (Vec<u8>, usize), rows: &[usize]) -> Payload {
+        Payload::Any { bytes, raw_length, rows: rows.to_vec() }
+    }
+
+    /// Source rows of the Gaussians, in coded order.
+    fn rows(&self) -> &[usize] {
+        match self {
+            Payload::Any { rows, .. } => rows,
+            Payload::Context(chunk) => chunk.rows(),
+        }
     }
 
     fn saved_by_version_2(&self) -> usize {
@@ -227,7 +280,7 @@ impl Payload {
     /// The stored bytes, and their length before compression.
     fn finish(self, version_major: u16) -> (Vec<u8>, usize) {
         match self {
-            Payload::Any { bytes, raw_length } => (bytes, raw_length),
+            Payload::Any { bytes, raw_length, .. } => (bytes, raw_length),
             Payload::Context(chunk) => {
                 let bytes = chunk.payload(version_major);
                 let length = bytes.len();

@@ -236,6 +236,37 @@ impl Field {
         }
     }
 
+    /// Replaces `rows` by the rows of `from`, in that order. Columns that `from` lacks become zeros; without temporal
+    /// columns, its Gaussians are always on. Columns that `self` lacks are left out.
+    ///
+    /// # Panics
+    /// If a row is out of range, or `from` has not as many.
+    #[cfg(feature = "encode")]
+    pub(crate) fn set_rows(&mut self, rows: &[usize], from: &Field) {
+        assert_eq!(rows.len(), from.len(), "a row for each");
+        let sh = sh_coefficients(self.sh_degree);
+        for (k, &i) in rows.iter().enumerate() {
+            self.centers[i] = from.centers[k];
+            self.rotations[i] = from.rotations[k];
+            self.log_scales[i] = from.log_scales[k];
+            self.opacities[i] = from.opacities[k];
+            set_group(&mut self.sh[i * sh..(i + 1) * sh], from.sh_of(k));
+            let Some(temporal) = &mut self.temporal else { continue };
+            let of = |column: fn(&Temporal) -> &[f32], default| {
+                from.temporal.as_ref().map_or(default, |t| column(t)[k])
+            };
+            temporal.tau[i] = of(|t| &t.tau, 0.5);
+            temporal.s[i] = of(|t| &t.s, f32::INFINITY);
+            let order = usize::from(temporal.motion_order);
+            let motion = from.temporal.as_ref().map_or(&[][..], |t| t.motion_of(k));
+            set_group(&mut temporal.motion[i * order..(i + 1) * order], motion);
+            if let Some(rates) = &mut temporal.rotation_rates {
+                let from = from.temporal.as_ref().and_then(|t| t.rotation_rates.as_ref());
+                rates[i] = from.map_or([0.0; 4], |rates| rates[k]);
+            }
+        }
+    }
+
     /// Exchanges two rows.
     ///
     /// # Panics
@@ -334,6 +365,13 @@ fn check_rows<T>(name: &str, rows: &[T], valid: impl Fn(&T) -> bool) -> Result<(
         Some(row) => Err(format!("column {name}, row {row}: value out of range")),
         None => Ok(()),
     }
+}
+
+/// Copies a group of numbers of one row, filled up with zeros or cut.
+#[cfg(feature = "encode")]
+fn set_group(to: &mut [[f32; 3]], from: &[[f32; 3]]) {
+    to.fill([0.0; 3]);
+    to.iter_mut().zip(from).for_each(|(to, from)| *to = *from);
 }
 
 #[cfg(test)]

@@ -22,7 +22,7 @@
 //! | find the Gaussians alive at a time | [`TimeIndex::candidates`] of [`Clip::time_index`] | |
 //! | evaluate one of them | [`Field::position_at`], [`Field::opacity_at`], [`Field::rotation_at`] | |
 //! | look at them | [`Viewpoint::camera`], [`Camera`] | |
-//! | package a field | `encode`, `encode_parallel` | `encode` |
+//! | package a field | `encode`, `encode_parallel`, `encode_rounded` | `encode` |
 //! | cut a long field into segments, write the head of a take | `split`, `encode_take_head`, `take_order` | `encode` |
 //! | size by attribute | `measure` | `encode` |
 //! | camera files | [`Camera`] with serde | `serde` |
@@ -136,7 +136,7 @@ pub use clip::{Clip, ClipInfo, LayerEnd, Viewpoint};
 pub use coder::Coder;
 pub use decode::{decode, decode_parallel};
 #[cfg(feature = "encode")]
-pub use encode::{EncodeOptions, Source, encode, encode_parallel};
+pub use encode::{EncodeOptions, Source, encode, encode_parallel, encode_rounded};
 #[cfg(feature = "encode")]
 pub use error::EncodeError;
 pub use error::{Error, FormatError};

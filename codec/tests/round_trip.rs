@@ -5,9 +5,11 @@
 
 mod common;
 
+use std::num::NonZero;
+
 use codec::{
-    ALPHA_MIN, Clip, Coder, EncodeError, EncodeOptions, Field, LayerEnd, Limits, PixelFilter, Source,
-    contents, decode, encode,
+    ALPHA_MIN, Clip, ClipInfo, Coder, EncodeError, EncodeOptions, Field, LayerEnd, Limits, PixelFilter,
+    Source, Temporal, contents, decode, encode, encode_rounded,
 };
 use common::{
     Parts, Shape, field, info, options, package,
@@ -155,6 +157,44 @@ fn layers_hold_the_most_important_rows_first() {
             assert_eq!(end.total(), total);
             assert!(source_rows(&clip, start, *end).into_iter().eq(start.total()..total));
             start = *end;
+        }
+    }
+}
+
+/// The encoder's own decoded field is the decoded package, row by row of the source.
+#[test]
+fn rounded_rows_are_the_decoded_ones_in_the_order_of_the_source() {
+    let threads = NonZero::new(2).unwrap();
+    for coder in Coder::ALL {
+        for (some_static, rotation_rates) in [(true, true), (true, false), (false, true)] {
+            let shape = Shape { some_static, rotation_rates, ..Shape::full(255) };
+            let field = field(shape, 5);
+            let plate = self::field(Shape { rows: 40, motion_order: 0, ..shape }, 6);
+            let plate = Field { temporal: None, ..plate };
+            let info = ClipInfo::default();
+            let source = Source { info: &info, field: &field, plate: Some(&plate) };
+            let options = exact(coder, &field, &[30, 100]);
+            let (package, rounded) = encode_rounded(&source, &options, threads).unwrap();
+            assert!(package == encode(&source, &options).unwrap());
+            assert!(rounded.check().is_ok() && rounded != field);
+            let clip = decode(&package, &Limits::default()).unwrap();
+            let regions = [&clip.static_field, &clip.dynamic_field];
+            assert_eq!(regions.map(Field::is_empty), [!some_static, false]);
+            for region in regions {
+                for row in 0..region.len() {
+                    let i = source_row(region, row);
+                    let mut expected = region.select(&[row]);
+                    // A static Gaussian has its source's columns.
+                    expected.temporal = expected.temporal.or_else(|| {
+                        let temporal = field.select(&[i]).temporal.unwrap();
+                        let zeros = temporal.motion.iter().map(|_| [0.0; 3]).collect();
+                        let rates = temporal.rotation_rates.map(|rates| vec![[0.0; 4]; rates.len()]);
+                        let s = vec![f32::INFINITY];
+                        Some(Temporal { tau: vec![0.5], s, motion: zeros, rotation_rates: rates, ..temporal })
+                    });
+                    assert_eq!(rounded.select(&[i]), expected, "{coder:?}, row {i}");
+                }
+            }
         }
     }
 }

@@ -48,25 +48,35 @@ pub(crate) fn encode(source: &Prepared, rows: &[usize], columns: Columns) -> Enc
         Chunk { step, footprint, origin: [0.0; 3], cell_size: 0.0, axis_bits: 0, has_neighbors: true };
     choose_grid(&mut chunk, &targets);
 
-    let mut order: Vec<(u64, &Target)> =
-        targets.iter().map(|target| (cell_of(&chunk, target.trajectory[0]), target)).collect();
+    let cells = targets.iter().map(|target| cell_of(&chunk, target.trajectory[0]));
+    let mut ordered: Vec<(u64, &Target, usize)> =
+        cells.zip(&targets).zip(rows).map(|((cell, target), row)| (cell, target, *row)).collect();
     // A stable sort: the order within a cell is defined.
-    order.sort_by_key(|(cell, _)| *cell);
+    ordered.sort_by_key(|(cell, ..)| *cell);
+    let rows = ordered.iter().map(|(.., row)| *row).collect();
+    let order: Vec<(u64, &Target)> = ordered.iter().map(|&(cell, target, _)| (cell, target)).collect();
     let with_neighbors = encode_ordered(&chunk, &order, columns);
     let without = encode_ordered(&Chunk { has_neighbors: false, ..chunk.clone() }, &order, columns);
-    EncodedChunk { chunk, with_neighbors, without }
+    EncodedChunk { chunk, rows, with_neighbors, without }
 }
 
 /// A chunk in both forms of version 2; version 1 has only that with neighbours.
 #[derive(Clone, Debug)]
 pub(crate) struct EncodedChunk {
     chunk: Chunk,
+    /// Source rows of the Gaussians, in coded order.
+    rows: Vec<usize>,
     /// Symbols where neighbours predict, and where they do not.
     with_neighbors: Vec<u8>,
     without: Vec<u8>,
 }
 
 impl EncodedChunk {
+    /// Source rows of the Gaussians, in coded order.
+    pub(crate) fn rows(&self) -> &[usize] {
+        &self.rows
+    }
+
     /// Bytes that the chunk has fewer in version 2 than in version 1, not counting its flags.
     pub(crate) fn saved_by_version_2(&self) -> usize {
         self.with_neighbors.len().saturating_sub(self.without.len())

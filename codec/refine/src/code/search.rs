@@ -16,11 +16,11 @@ pub const SURPLUS_MAX_DB: f64 = 0.3;
 pub const WORST_BELOW_DB: f64 = 6.0;
 
 /// Excess that the search aims at, in dB.
-const AIM_DB: f64 = 0.05;
+pub(super) const AIM_DB: f64 = 0.05;
 
 /// Assumed gain in PSNR per gain in precision. From the first trial to the second it was 0.81 to 0.97 for spinach with
 /// 20,000 and 40,000 Gaussians and all, and 0.86 for the guitar.
-const SLOPE: f64 = 0.83;
+pub(super) const SLOPE: f64 = 0.83;
 
 /// Excess in dB that ends the search; a larger accepted one is improved while trials are cheap.
 const CLOSE_DB: f64 = 0.12;
@@ -65,7 +65,7 @@ pub(super) fn miss_of(fidelity: &Fidelity, target_db: f64) -> Option<Miss> {
 }
 
 /// PSNR above the target in dB, or that of the worst picture above its own, if it is less.
-fn surplus_db(fidelity: &Fidelity, target_db: f64) -> f64 {
+pub(super) fn surplus_db(fidelity: &Fidelity, target_db: f64) -> f64 {
     let worst = fidelity.worst.as_ref().map_or(f64::INFINITY, |worst| worst.psnr_db + WORST_BELOW_DB);
     fidelity.psnr_db.min(worst) - target_db
 }

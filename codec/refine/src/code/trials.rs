@@ -17,8 +17,8 @@ const SMALL_ROWS: usize = 16_384;
 /// Packages of a source, each made once, and their errors, each computed once.
 #[derive(Debug)]
 pub(super) struct Trials<'a> {
-    source: &'a Source<'a>,
-    layers: &'a [usize],
+    pub(super) source: &'a Source<'a>,
+    pub(super) layers: &'a [usize],
     /// All but [`Precision::psnr`].
     precision: Precision,
     pub(super) judge: &'a Pictures,
@@ -53,9 +53,14 @@ impl<'a> Trials<'a> {
         self.source.field.len() <= SMALL_ROWS
     }
 
+    /// The precision of all rows for one in dB.
+    pub(super) fn at(&self, finer_db: f64) -> Precision {
+        Precision { psnr: finer_db, ..self.precision.clone() }
+    }
+
     /// Packages the source at a precision in dB.
     pub(super) fn encode(&self, finer_db: f64) -> Result<Vec<u8>, CodeError> {
-        let precision = Precision { psnr: finer_db, ..self.precision.clone() };
+        let precision = self.at(finer_db);
         let options = EncodeOptions { coder: Coder::Context, layers: self.layers.to_vec(), precision };
         encode_parallel(self.source, &options, threads()).map_err(CodeError::Encode)
     }

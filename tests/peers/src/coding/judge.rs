@@ -66,7 +66,7 @@ impl<'a> Judge<'a> {
         self.progress.set_message(format!("coding to {psnr_db:.1} dB"));
         let source = Source { info: self.info, field: self.field, plate: None };
         let coded =
-            code(&source, &LAYERS, psnr_db, &self.coding_views, &self.pictures, || self.progress.tick());
+            code(&source, &LAYERS, psnr_db, &self.coding_views, &self.pictures, None, || self.progress.tick());
         coded.map_err(|error| match error {
             CodeError::Encode(error) => anyhow!(error),
             CodeError::Decode(error) => anyhow!(error),

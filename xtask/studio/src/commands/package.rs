@@ -21,6 +21,7 @@ use anyhow::bail;
 use clap::{ArgGroup, ValueEnum};
 use program::{Fault, output};
 use refine::capture::Holdout;
+use refine::code::JOINT_ROUNDS;
 use refine::fit::FRAGMENT_WEIGHT;
 use refine::prune::Ranking;
 use serde_json::{Value, json};
@@ -32,6 +33,9 @@ use super::takes::{self, TakeCommand, TakeOptions, part_seconds};
 
 /// Maximum loss in dB of a prefix of a package against a package of its size.
 const PREFIX_LOSS_DB: f64 = 0.5;
+
+/// Most rounds of joint rounding. The gain falls off long before.
+const JOINT_ROUNDS_MAX: usize = 1000;
 
 /// Fidelity in dB below which the report suggests `--recolor`.
 const RECOLOR_BELOW_DB: f64 = 40.0;
@@ -97,6 +101,10 @@ pub struct Args {
     /// Target PSNR of the coder context against the field before coding, in dB: 20 to 100; of a take in every segment
     #[arg(long, value_name = "DB", default_value_t = QUALITY_DB, value_parser = quality)]
     quality: f64,
+    /// Rounds in which the coder context rounds the numbers of all Gaussians jointly, so that their errors cancel in
+    /// pictures; 0 rounds each alone
+    #[arg(long, value_name = "N", default_value_t = JOINT_ROUNDS, value_parser = joint_rounds)]
+    joint_rounds: usize,
     /// Remove a part; repeatable
     #[arg(long, value_enum, value_name = "PART")]
     drop: Vec<DropPart>,
@@ -150,6 +158,11 @@ enum Coder {
 fn quality(text: &str) -> Result<f64, String> {
     let db = text.parse().ok().filter(|db| (20.0..=100.0).contains(db));
     db.ok_or_else(|| "a number of dB from 20 to 100".into())
+}
+
+fn joint_rounds(text: &str) -> Result<usize, String> {
+    let rounds = text.parse().ok().filter(|rounds| *rounds <= JOINT_ROUNDS_MAX);
+    rounds.ok_or_else(|| format!("a number of rounds from 0 to {JOINT_ROUNDS_MAX}"))
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
@@ -288,7 +301,9 @@ impl Args {
             fragments: self.fragments,
             recolor: self.recolor,
             coding: match self.coder {
-                Coder::Context => Coding::Context { quality_db: self.quality },
+                Coder::Context => {
+                    Coding::Context { quality_db: self.quality, joint_rounds: self.joint_rounds }
+                }
                 Coder::Fixed => Coding::Fixed,
             },
             drop: self.drop.clone(),
@@ -587,10 +602,18 @@ fn print_fidelity(report: &PackageReport) {
             "worst view", worst.psnr_db, worst.time_s
         );
     }
-    match report.steering_views {
-        0 => println!("{:16} {} judge", "views", report.judging_views),
-        steering => println!("{:16} {steering} steer, {} others judge", "views", report.judging_views),
+    if let Some(alone) = report.bytes_alone {
+        let saved = 100.0 * (1.0 - report.bytes as f64 / alone as f64);
+        println!("{:16} {saved:.1} % of {alone} bytes saved", "joint rounding");
     }
+    let views =
+        [(report.steering_views, "steer"), (report.rounding_views, "round"), (report.judging_views, "judge")];
+    let views: Vec<String> = views
+        .into_iter()
+        .filter(|(count, _)| *count > 0)
+        .map(|(count, what)| format!("{count} {what}"))
+        .collect();
+    println!("{:16} {}, none in common", "views", views.join(", "));
     if let Some(miss) = &report.miss {
         println!("{:16} {}", "quality", miss.text);
     }

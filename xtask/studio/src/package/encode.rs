@@ -1,16 +1,18 @@
 //! Gaussians in order of importance become bytes: a quick draft to judge by, and the package itself,
 //! which is decoded again and verified.
 
+use std::num::NonZero;
+
 use anyhow::{anyhow, ensure};
 use codec::{Clip, EncodeError, EncodeOptions, Field, Limits, Precision, Source};
 use program::Fault;
-use refine::code::{CodeError, Coded, Miss, TRIALS, WORST_BELOW_DB, code};
+use refine::code::{CodeError, Coded, JointRounding, Miss, WORST_BELOW_DB, code, code_steps};
 use refine::prune::{Fidelity, Pictures};
 use refine::reference::RenderScene;
 
 use super::settings::{Coding, LAYERS, QUALITY_DB};
 use super::snap::{Snapped, snap};
-use super::views::{CODED_SIZE, compared_views, render_scene, visibility_views};
+use super::views::{CODED_SIZE, compared_views, render_scene, rounding_views, visibility_views};
 use crate::progress::StagedProgress;
 use crate::scene::Scene;
 
@@ -28,7 +30,9 @@ pub(crate) struct VerifiedPackage {
     pub(super) snapped: Snapped,
     /// Number of views that measured the visibility of coding errors.
     pub(super) steering_views: usize,
-    /// Number of other views that judged the result.
+    /// Number of other views for which numbers were rounded jointly.
+    pub(super) rounding_views: usize,
+    /// Number of further views that judged the result.
     pub(super) judging_views: usize,
 }
 
@@ -42,7 +46,7 @@ pub(super) fn draft(
 ) -> anyhow::Result<Clip> {
     let precision = match coding {
         Coding::Fixed => Precision { psnr: QUALITY_DB, ..Precision::default() },
-        Coding::Context { quality_db } => {
+        Coding::Context { quality_db, .. } => {
             Precision { psnr: quality_db + DRAFT_MARGIN_DB, ..Precision::default() }
         }
     };
@@ -67,26 +71,32 @@ pub(crate) fn encode(
     let judge = Pictures::take(&render_scene(field, plate), compared, || progress.step());
     let views = visibility_views(scene, field, CODED_SIZE);
     let (field, snapped) = &snap(field, &views, coding);
-    let (coded, steering_views) = match coding {
+    let (coded, steering_views, rounding_views) = match coding {
         Coding::Fixed => {
             let precision = Precision { psnr: QUALITY_DB, ..Precision::default() };
             let (bytes, clip) = encode_once(scene, field, plate, coding, precision)?;
             let fidelity = judge.compare(&RenderScene::from(&clip), || ());
-            (Coded { bytes, clip, fidelity, miss: None }, 0)
+            (Coded { bytes, clip, fidelity, miss: None, bytes_alone: None }, 0, 0)
         }
-        Coding::Context { quality_db } => {
+        Coding::Context { quality_db, joint_rounds } => {
             let source = Source { info: &scene.head_info(), field, plate };
-            progress.stage("coding", views.len() + TRIALS);
-            let coded = code(&source, &LAYERS, quality_db, &views, &judge, || progress.step())
-                .map_err(|error| refused(scene, error))?;
-            (coded, views.len())
+            let rounding = NonZero::new(joint_rounds).map(|rounds| (rounds, rounding_views(scene, field)));
+            let rounding_count = rounding.as_ref().map_or(0, |(_, views)| views.len());
+            progress.stage("pictures to round by", rounding_count);
+            let joint = rounding
+                .map(|(rounds, views)| JointRounding::new(&source, views, rounds, || progress.step()));
+            progress.stage("coding", views.len() + code_steps(joint.as_ref()));
+            let coded =
+                code(&source, &LAYERS, quality_db, &views, &judge, joint.as_ref(), || progress.step())
+                    .map_err(|error| refused(scene, error))?;
+            (coded, views.len(), rounding_count)
         }
     };
     let clip = &coded.clip;
     let decoded_plate = clip.plate.as_ref().map(Field::len);
     let is_whole = (clip.len(), decoded_plate) == (field.len(), plate.map(Field::len));
     ensure!(is_whole, "{}: the package does not decode to all of the field; {DEFECT}", scene.name);
-    Ok(VerifiedPackage { coded, snapped: *snapped, steering_views, judging_views })
+    Ok(VerifiedPackage { coded, snapped: *snapped, steering_views, rounding_views, judging_views })
 }
 
 fn encode_once(

@@ -52,7 +52,7 @@ pub fn package_with(
         visible_scene(scene, settings)?;
     let mut choice = choose(scene, &field, plate.as_ref(), settings, progress)?;
     let refined = refinement.map(|refinement| refine_field(&mut choice.field, refinement, progress));
-    let VerifiedPackage { coded, snapped, steering_views, judging_views } =
+    let VerifiedPackage { coded, snapped, steering_views, rounding_views, judging_views } =
         encode(scene, &choice.field, plate.as_ref(), settings.coding, progress)?;
     let lens_fragments = lens_fragments(&field, plate.as_ref(), &coded.clip);
     let whole_psnr_db = choice.whole_psnr_db(&coded.clip);
@@ -84,7 +84,9 @@ pub fn package_with(
         self_psnr_db: coded.fidelity.psnr_db,
         covered_psnr_db: coded.fidelity.covered_psnr_db,
         worst_view: coded.fidelity.worst.as_ref().map(|worst| WorstView::new(worst, &scene.info)),
+        bytes_alone: coded.bytes_alone,
         steering_views,
+        rounding_views,
         judging_views,
         miss: settings.coding.quality_db().zip(coded.miss).map(|(quality_db, miss)| Shortfall {
             is_below: miss == Miss::Below,

@@ -53,6 +53,8 @@ pub struct PackageReport {
     pub assumed: Vec<&'static str>,
     /// Size of the package.
     pub bytes: usize,
+    /// Size of the package without joint rounding; `None` where numbers were not rounded jointly.
+    pub bytes_alone: Option<usize>,
     /// How the Gaussians are coded.
     pub coder: &'static str,
     /// PSNR in dB between renders of the decoded package and of the field that was coded, over
@@ -64,7 +66,9 @@ pub struct PackageReport {
     pub worst_view: Option<WorstView>,
     /// Number of views that measured the visibility of coding errors; 0 for a coder of one precision.
     pub steering_views: usize,
-    /// Number of other views that judged the result.
+    /// Number of other views for which numbers were rounded jointly; 0 where they were not.
+    pub rounding_views: usize,
+    /// Number of further views that judged the result.
     pub judging_views: usize,
     /// Why the package does not have its target PSNR; `None` where it has.
     pub miss: Option<Shortfall>,

@@ -2,6 +2,7 @@
 
 use clap::ValueEnum;
 use codec::Coder;
+use refine::code::JOINT_ROUNDS;
 use refine::prune::Ranking;
 
 /// Settings of packaging.
@@ -52,12 +53,14 @@ pub enum Coding {
     Context {
         /// Target PSNR in dB against the field before coding.
         quality_db: f64,
+        /// Number of rounds in which numbers are rounded jointly; 0 rounds each alone.
+        joint_rounds: usize,
     },
 }
 
 impl Default for Coding {
     fn default() -> Coding {
-        Coding::Context { quality_db: QUALITY_DB }
+        Coding::Context { quality_db: QUALITY_DB, joint_rounds: JOINT_ROUNDS }
     }
 }
 
@@ -73,7 +76,7 @@ impl Coding {
     pub(super) fn quality_db(self) -> Option<f64> {
         match self {
             Coding::Fixed => None,
-            Coding::Context { quality_db } => Some(quality_db),
+            Coding::Context { quality_db, .. } => Some(quality_db),
         }
     }
 

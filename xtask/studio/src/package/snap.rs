@@ -166,7 +166,7 @@ mod tests {
     use codec::Temporal;
     use refine::reference::{Order, RenderScene, render};
 
-    const AT_DEFAULT: Coding = Coding::Context { quality_db: QUALITY_DB };
+    const AT_DEFAULT: Coding = Coding::Context { quality_db: QUALITY_DB, joint_rounds: 0 };
 
     /// Distance of the cameras from the origin.
     const DISTANCE: f64 = 10.0;
@@ -235,8 +235,11 @@ mod tests {
         temporal(&mut short).s[0] = 0.01;
         assert_eq!(counts(&short, AT_DEFAULT), (0, 1));
         // A higher target allows less.
-        assert_eq!(counts(&shifted(0.09), Coding::Context { quality_db: QUALITY_DB + 6.0 }), (0, 0));
-        assert_eq!(counts(&shifted(0.09), Coding::Context { quality_db: 30.0 }), (1, 0));
+        assert_eq!(
+            counts(&shifted(0.09), Coding::Context { quality_db: QUALITY_DB + 6.0, joint_rounds: 0 }),
+            (0, 0)
+        );
+        assert_eq!(counts(&shifted(0.09), Coding::Context { quality_db: 30.0, joint_rounds: 0 }), (1, 0));
         assert_eq!(counts(&shifted(0.09), Coding::Fixed), (1, 0));
         // The nearest camera decides.
         let mut far = views();
