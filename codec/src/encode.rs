@@ -15,11 +15,13 @@ use crate::{
     columns::Columns,
     context, fixed,
     format::{CHUNK_ROWS, LAYERS_MAX},
+    gaussian,
     header::PlannedSection,
     order::{Layer, along_curve, split},
     parallel::try_for_each,
     precision::Prepared,
     quant::{f16_finite, f16_positive, f16_value, opacity_code, opacity_value},
+    rans,
     section::{Region, Section, SectionKind},
     time_index::CELLS,
 };
@@ -94,7 +96,7 @@ pub fn encode_parallel(
             coded_windows = with_coded_windows(field);
             &coded_windows
         }
-        Coder::Context => {
+        Coder::Context | Coder::Rans => {
             precision.check(field)?;
             field
         }
@@ -139,7 +141,8 @@ pub fn encode_parallel(
     // Flags make every chunk of version 2 longer by a byte. Readers of version 1 are older, and know one filter.
     let saved: usize = payloads.iter().map(Payload::saved_by_version_2).sum();
     let has_other_filter = [contents.filter, contents.plate_filter] != [PixelFilter::Blur; 2];
-    contents.version_major = if has_other_filter || saved > payloads.len() { 2 } else { 1 };
+    let needs_version_2 = has_other_filter || saved > payloads.len();
+    contents.version_major = if needs_version_2 { 2 } else { coder.version_major() };
     let payloads: Vec<(Vec<u8>, usize)> =
         payloads.into_iter().map(|payload| payload.finish(contents.version_major)).collect();
 
@@ -165,6 +168,7 @@ pub fn encode_parallel(
 enum ChunkEncoder<'a> {
     Fixed(&'a Field),
     Context(Prepared<'a>),
+    Rans(Prepared<'a>),
 }
 
 impl<'a> ChunkEncoder<'a> {
@@ -172,6 +176,7 @@ impl<'a> ChunkEncoder<'a> {
         match coder {
             Coder::Fixed => ChunkEncoder::Fixed(field),
             Coder::Context => ChunkEncoder::Context(prepare()),
+            Coder::Rans => ChunkEncoder::Rans(prepare()),
         }
     }
 
@@ -181,7 +186,8 @@ impl<'a> ChunkEncoder<'a> {
                 let chunk = select(field, rows, columns.temporal.is_some());
                 Payload::of_any_version(fixed::encode(&chunk, columns))
             }
-            ChunkEncoder::Context(prepared) => Payload::Context(context::encode(prepared, rows, columns)),
+            ChunkEncoder::Context(prepared) => Payload::Gaussian(context::encode(prepared, rows, columns)),
+            ChunkEncoder::Rans(prepared) => Payload::Gaussian(rans::encode(prepared, rows, columns)),
         }
     }
 
@@ -189,7 +195,9 @@ impl<'a> ChunkEncoder<'a> {
     fn nonzero_columns(&self, rows: &[usize], with_temporal: bool) -> Columns {
         let of_chunk = |rows: &[usize]| match self {
             ChunkEncoder::Fixed(field) => fixed::nonzero_columns(&select(field, rows, with_temporal)),
-            ChunkEncoder::Context(prepared) => Columns::nonzero(prepared.field, rows, with_temporal),
+            ChunkEncoder::Context(prepared) | ChunkEncoder::Rans(prepared) => {
+                Columns::nonzero(prepared.field, rows, with_temporal)
+            }
         };
         rows.chunks(CHUNK_ROWS).map(of_chunk).fold(Columns::default(), Columns::union)
     }
@@ -203,7 +211,7 @@ enum Payload {
         bytes: Vec<u8>,
         raw_length: usize,
     },
-    Context(context::EncodedChunk),
+    Gaussian(gaussian::EncodedChunk),
 }
 
 impl Default for Payload {
@@ -220,7 +228,7 @@ impl Payload {
     fn saved_by_version_2(&self) -> usize {
         match self {
             Payload::Any { .. } => 0,
-            Payload::Context(chunk) => chunk.saved_by_version_2(),
+            Payload::Gaussian(chunk) => chunk.saved_by_version_2(),
         }
     }
 
@@ -228,7 +236,7 @@ impl Payload {
     fn finish(self, version_major: u16) -> (Vec<u8>, usize) {
         match self {
             Payload::Any { bytes, raw_length } => (bytes, raw_length),
-            Payload::Context(chunk) => {
+            Payload::Gaussian(chunk) => {
                 let bytes = chunk.payload(version_major);
                 let length = bytes.len();
                 (bytes, length)
