@@ -29,7 +29,7 @@ const ATTRIBUTES: [(&str, &[Attribute]); 10] = [
     ("position", &[Attribute::Cells, Attribute::Position]),
     ("quantiser indices", &[Attribute::QuantiserIndices]),
     ("opacity", &[Attribute::Opacity]),
-    ("window", &[Attribute::Window]),
+    ("window", &[Attribute::WindowWidth, Attribute::WindowCenter]),
     ("scale", &[Attribute::Scales]),
     ("rotation", &[Attribute::Rotation]),
     ("motion", &[Attribute::Motion]),

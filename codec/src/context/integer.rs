@@ -1,7 +1,7 @@
 //! Models of numbers made of adaptive bits: [`BitTree`] and [`BitInteger`].
 
 use super::{bit::Bit, math::exp, range::BitSymbols};
-use crate::gaussian::{Attribute, CONTEXTS, Integer, Tree, half_octaves};
+use crate::gaussian::{Attribute, CONTEXTS, Integer, Prior, Tree, half_octaves};
 
 /// Number of exponents of an integer: magnitudes are below 2^26. Format.
 const EXPONENTS: usize = 26;
@@ -13,7 +13,7 @@ pub(super) struct BitTree {
 }
 
 impl Tree for BitTree {
-    fn new(bits: u32) -> BitTree {
+    fn new(bits: u32, _: Prior) -> BitTree {
         BitTree { nodes: vec![Bit::default(); 1 << bits] }
     }
 }
@@ -43,6 +43,11 @@ pub(super) struct BitInteger {
 }
 
 impl Integer for BitInteger {
+    /// Every component has its own.
+    fn group(_: Attribute, component: usize) -> usize {
+        component
+    }
+
     fn new(_: Attribute) -> BitInteger {
         let longer = |context: usize, exponent: usize| {
             // Expected magnitude of the context.

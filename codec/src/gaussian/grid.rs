@@ -5,7 +5,7 @@
 
 use super::{
     observer::Attribute,
-    symbols::{Symbols, Tree},
+    symbols::{Prior, Symbols, Tree},
 };
 use crate::counters::Work;
 
@@ -20,8 +20,10 @@ const UPPER_BITS: u32 = 5;
 
 /// Codes the ascending Morton numbers of the cells of a chunk, `3 * axis_bits` bits each.
 pub(super) fn code<S: Symbols>(symbols: &mut S, axis_bits: u32, cells: &mut [u64]) {
-    let mut small: Vec<S::Tree> = (0..SMALL).map(|n| S::Tree::new(bits_of(n))).collect();
-    let mut large: Vec<S::Tree> = (0..=usize::BITS).map(|_| S::Tree::new(UPPER_BITS)).collect();
+    let mut small: Vec<S::Tree> =
+        (0..SMALL).map(|n| S::Tree::new(bits_of(n), Prior::AtMost(n as u32))).collect();
+    let mut large: Vec<S::Tree> =
+        (0..=usize::BITS).map(|_| S::Tree::new(UPPER_BITS, Prior::Nothing)).collect();
     symbols.begin(Attribute::Cells, 0);
     // Simpler codings store a cell per Gaussian.
     cells.iter().for_each(|_| symbols.choice(f64::from(axis_bits).exp2().powi(3)));

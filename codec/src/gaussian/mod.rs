@@ -36,4 +36,4 @@ pub(crate) use observer::{Attribute, BitObserver};
 pub(crate) use quantity::CONTEXTS;
 #[cfg(feature = "encode")]
 pub(crate) use symbols::Writing;
-pub(crate) use symbols::{Integer, Symbols, Tree};
+pub(crate) use symbols::{Integer, Prior, Symbols, Tree};

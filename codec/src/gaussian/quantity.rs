@@ -5,7 +5,6 @@
 
 use super::{
     arithmetic::{Arithmetic, Unit},
-    observer::Attribute,
     symbols::{Integer, Symbols},
 };
 
@@ -16,10 +15,11 @@ pub(crate) const CONTEXTS: usize = 40;
 /// numbers are cut. Format.
 const CODE_MAX: f64 = ((1u32 << 25) - 1) as f64;
 
-/// A number that every Gaussian has: its model and the averages of its last values.
+/// A number that every Gaussian has: the averages of its last values.
 #[derive(Clone, Debug)]
-pub(super) struct Quantity<I> {
-    integer: I,
+pub(super) struct Quantity {
+    /// Number of its model.
+    model: usize,
     /// Mean distance of the last numbers from their predictions: over few and over many.
     fast: f64,
     slow: f64,
@@ -56,9 +56,10 @@ impl Coding {
     }
 }
 
-impl<I: Integer> Quantity<I> {
-    pub(super) fn new(attribute: Attribute) -> Quantity<I> {
-        Quantity { integer: I::new(attribute), fast: 0.0, slow: 0.0, mean: 0.0, seen: 0 }
+impl Quantity {
+    /// A quantity whose numbers are coded with this model of those given to [`Quantity::code`].
+    pub(super) fn new(model: usize) -> Quantity {
+        Quantity { model, fast: 0.0, slow: 0.0, mean: 0.0, seen: 0 }
     }
 
     /// Moving average of the numbers so far.
@@ -74,23 +75,25 @@ impl<I: Integer> Quantity<I> {
 
     /// Codes `number` as a multiple of the step, and returns the multiple.
     #[inline(always)]
-    pub(super) fn code<S: Symbols<Integer = I>>(
+    pub(super) fn code<S: Symbols>(
         &mut self,
         symbols: &mut S,
+        models: &mut [S::Integer],
         number: f64,
         coding: Coding,
     ) -> i32 {
+        let model = &mut models[self.model];
         let Coding { unit, prediction, spread, lambda } = coding;
         let context = S::Arithmetic::context(self.expected::<S::Arithmetic>(unit), spread);
         let predicted = S::Arithmetic::round(S::Arithmetic::in_units(prediction, unit));
         let predicted = predicted.clamp(-CODE_MAX, CODE_MAX);
         let residual = if S::ENCODES {
             let steps = (number / unit.size).clamp(-CODE_MAX, CODE_MAX) - predicted;
-            self.quantise::<S::Arithmetic>(steps, context, lambda)
+            quantise::<S>(model, steps, context, lambda)
         } else {
             0
         };
-        let residual = symbols.integer(&mut self.integer, context, residual);
+        let residual = symbols.integer(model, context, residual);
         let coded = predicted as i32 + residual;
         symbols.number(coded, residual);
 
@@ -104,15 +107,14 @@ impl<I: Integer> Quantity<I> {
         S::Arithmetic::average(&mut self.mean, f64::from(coded) * unit.size, self.seen, MEAN_NUMBERS);
         coded
     }
+}
 
-    /// The code of `steps`: the neighbour with the lower sum of squared error and weighted bits.
-    fn quantise<A: Arithmetic>(&self, steps: f64, context: usize, lambda: f64) -> i32 {
-        if lambda == 0.0 {
-            return A::round(steps) as i32;
-        }
-        let below = steps.floor();
-        let cost =
-            |code: f64| (steps - code) * (steps - code) + lambda * self.integer.cost(context, code as i32);
-        (if cost(below) <= cost(below + 1.0) { below } else { below + 1.0 }) as i32
+/// The code of `steps`: the neighbour with the lower sum of squared error and weighted bits.
+fn quantise<S: Symbols>(model: &S::Integer, steps: f64, context: usize, lambda: f64) -> i32 {
+    if lambda == 0.0 {
+        return S::Arithmetic::round(steps) as i32;
     }
+    let below = steps.floor();
+    let cost = |code: f64| (steps - code) * (steps - code) + lambda * model.cost(context, code as i32);
+    (if cost(below) <= cost(below + 1.0) { below } else { below + 1.0 }) as i32
 }

@@ -8,7 +8,7 @@ use super::{
     observer::Attribute,
     quantity::{Coding, Quantity},
     rotation::{self, RotationQuantiser},
-    symbols::{Symbols, Tree},
+    symbols::{Integer, Prior, Symbols, Tree},
     trajectory::{self, Span},
 };
 use crate::{SH_C0, columns::Columns, rows::Rows, sh_coefficients};
@@ -84,19 +84,21 @@ pub(super) struct Row {
 pub(super) struct RowCoder<'a, S: Symbols> {
     chunk: &'a Chunk,
     columns: Columns,
+    /// Models of the quantities.
+    models: Vec<S::Integer>,
     /// By the last visibility index.
     visibility_indices: Vec<S::Tree>,
     /// By visibility index and last geometry index, a quarter of each.
     geometry_indices: Vec<S::Tree>,
-    opacity: Quantity<S::Integer>,
-    scales: [Quantity<S::Integer>; 3],
+    opacity: Quantity,
+    scales: [Quantity; 3],
     directions: Vec<S::Tree>,
-    width: Quantity<S::Integer>,
-    center: Quantity<S::Integer>,
-    motion: Vec<Quantity<S::Integer>>,
-    angular_rate: Vec<Quantity<S::Integer>>,
-    colors: [Quantity<S::Integer>; 3],
-    sh: Vec<Quantity<S::Integer>>,
+    width: Quantity,
+    center: Quantity,
+    motion: Vec<Quantity>,
+    angular_rate: Vec<Quantity>,
+    colors: [Quantity; 3],
+    harmonics: Vec<Quantity>,
     neighbors: Neighbors<S::Search>,
     last_visibility: u32,
     last_geometry: u32,
@@ -105,26 +107,48 @@ pub(super) struct RowCoder<'a, S: Symbols> {
 
 impl<'a, S: Symbols> RowCoder<'a, S> {
     pub(super) fn new(chunk: &'a Chunk, columns: Columns) -> RowCoder<'a, S> {
-        let quantity = Quantity::new;
         let temporal = columns.temporal.unwrap_or_default();
         let sh = sh_coefficients(columns.sh_degree);
+        let mut models = Vec::new();
+        let mut quantities = |attribute: Attribute, count: usize| -> Vec<Quantity> {
+            let first = models.len();
+            let group = |component| S::Integer::group(attribute, component);
+            let groups = (0..count).map(|component| group(component) + 1).max().unwrap_or(0);
+            models.extend((0..groups).map(|_| S::Integer::new(attribute)));
+            (0..count).map(|component| Quantity::new(first + group(component))).collect()
+        };
+        let [opacity, width, center] = [Attribute::Opacity, Attribute::WindowWidth, Attribute::WindowCenter]
+            .map(|attribute| quantities(attribute, 1).remove(0));
+        let mut three = |attribute| {
+            let quantities = quantities(attribute, 3);
+            std::array::from_fn(|i| quantities[i].clone())
+        };
+        let (scales, colors) = (three(Attribute::Scales), three(Attribute::Color));
+        let motion = quantities(Attribute::Motion, 3 * usize::from(temporal.motion_order));
+        let angular_rate = quantities(Attribute::AngularRate, if temporal.rotation_rates { 4 } else { 0 });
+        let harmonics = quantities(Attribute::Harmonics, 3 * (sh - 1));
         RowCoder {
             chunk,
             columns,
-            visibility_indices: vec![S::Tree::new(VISIBILITY_BITS); 1 << VISIBILITY_BITS],
+            models,
+            visibility_indices: (0..1 << VISIBILITY_BITS)
+                .map(|last| S::Tree::new(VISIBILITY_BITS, Prior::Near(last)))
+                .collect(),
             geometry_indices: vec![
-                S::Tree::new(GEOMETRY_BITS);
+                S::Tree::new(GEOMETRY_BITS, Prior::Nothing);
                 1 << (VISIBILITY_BITS - 2 + GEOMETRY_BITS - 2)
             ],
-            opacity: quantity(Attribute::Opacity),
-            scales: std::array::from_fn(|_| quantity(Attribute::Scales)),
-            directions: (0..2 * (DIRECTION_LEVELS + 1)).map(|i| S::Tree::new(2 * (i / 2))).collect(),
-            width: quantity(Attribute::Window),
-            center: quantity(Attribute::Window),
-            motion: vec![quantity(Attribute::Motion); 3 * usize::from(temporal.motion_order)],
-            angular_rate: vec![quantity(Attribute::AngularRate); if temporal.rotation_rates { 4 } else { 0 }],
-            colors: std::array::from_fn(|_| quantity(Attribute::Color)),
-            sh: vec![quantity(Attribute::Harmonics); 3 * (sh - 1)],
+            opacity,
+            scales,
+            directions: (0..2 * (DIRECTION_LEVELS + 1))
+                .map(|i| S::Tree::new(2 * (i / 2), Prior::MiddleOfSquare))
+                .collect(),
+            width,
+            center,
+            motion,
+            angular_rate,
+            colors,
+            harmonics,
             neighbors: Neighbors::default(),
             last_visibility: 0,
             last_geometry: 0,
@@ -172,20 +196,21 @@ impl<'a, S: Symbols> RowCoder<'a, S> {
         // Code 0 means opaque and, for widths, always on: the most frequent values.
         let unit = Unit::new(opacity_step(step));
         symbols.begin(Attribute::Opacity, 0);
-        let code = self.opacity.code(symbols, opacity, Coding::near(unit, 0.0));
+        let code = self.opacity.code(symbols, &mut self.models, opacity, Coding::near(unit, 0.0));
         self.row.opacity = decoded_opacity::<S::Arithmetic>(f64::from(code) * unit.size);
         if self.columns.temporal.is_none() {
             return;
         }
         let unit = Unit::new(trajectory::width_step(step));
-        symbols.begin(Attribute::Window, 0);
-        let code = self.width.code(symbols, width, Coding::near(unit, 0.0));
+        symbols.begin(Attribute::WindowWidth, 0);
+        let code = self.width.code(symbols, &mut self.models, width, Coding::near(unit, 0.0));
         self.row.s = trajectory::width::<S::Arithmetic>(f64::from(code) * unit.size) as f32;
         self.row.tau = 0.5;
         if self.row.s.is_finite() {
             let unit = Unit::new(trajectory::center_step(f64::from(self.row.s), step));
-            symbols.begin(Attribute::Window, 1);
-            let code = self.center.code(symbols, center, Coding::near(unit, self.center.mean()));
+            symbols.begin(Attribute::WindowCenter, 0);
+            let code =
+                self.center.code(symbols, &mut self.models, center, Coding::near(unit, self.center.mean()));
             self.row.tau = decoded_tau(f64::from(code) * unit.size);
         }
     }
@@ -212,7 +237,7 @@ impl<'a, S: Symbols> RowCoder<'a, S> {
             let offset =
                 SCALE_NEIGHBOR_WEIGHT * (self.neighbors.mean(mean, |history| history.scales[r]) - mean);
             symbols.begin(Attribute::Scales, r);
-            let code = quantity.code(symbols, number, Coding::near(unit, mean + offset));
+            let code = quantity.code(symbols, &mut self.models, number, Coding::near(unit, mean + offset));
             let extent = (last + f64::from(code) * unit.size).max(base);
             if extent > LOG_EXTENT_MAX {
                 return None;
@@ -305,7 +330,7 @@ impl<'a, S: Symbols> RowCoder<'a, S> {
             for (axis, quantity) in quantities.iter_mut().enumerate() {
                 let number = target.map_or(0.0, |t| t.trajectory[power][axis]);
                 symbols.begin(Attribute::Motion, 3 * (power - 1) + axis);
-                let code = energy.code(symbols, quantity, number, unit, 0.0);
+                let code = energy.code(symbols, &mut self.models, quantity, number, unit, 0.0);
                 c[power][axis] = f64::from(code) * unit.size;
             }
         }
@@ -342,7 +367,8 @@ impl<'a, S: Symbols> RowCoder<'a, S> {
         let mut rate = [0.0; 4];
         for i in 0..4 {
             symbols.begin(Attribute::AngularRate, i);
-            let code = self.angular_rate[i].code(symbols, number[i], Coding::near(units[i], 0.0));
+            let code =
+                self.angular_rate[i].code(symbols, &mut self.models, number[i], Coding::near(units[i], 0.0));
             rate[i] = f64::from(code) * units[i].size;
         }
         self.row.rotation_rate = product(q, rate).map(narrowed);
@@ -359,20 +385,26 @@ impl<'a, S: Symbols> RowCoder<'a, S> {
             let offset =
                 COLOR_NEIGHBOR_WEIGHT * (self.neighbors.mean(mean, |history| history.color[i]) - mean);
             symbols.begin(Attribute::Color, i);
-            let code = quantity.code(symbols, color[i], Coding::near(unit, mean + offset));
+            let code = quantity.code(symbols, &mut self.models, color[i], Coding::near(unit, mean + offset));
             history.color[i] = f64::from(code) * unit.size;
         }
         self.row.sh[0] = rgb(history.color).map(|x| narrowed(x / SH_C0));
 
         let unit = Unit::new(SH * step / SH_C0);
         let mut energy = Energy::default();
-        for (k, quantities) in (1..).zip(self.sh.chunks_exact_mut(3)) {
+        for (k, quantities) in (1..).zip(self.harmonics.chunks_exact_mut(3)) {
             let opponents = opponents(number(k));
             let mut coded = [0.0; 3];
             for (i, quantity) in quantities.iter_mut().enumerate() {
-                symbols.begin(Attribute::Harmonics, 3 * k + i);
-                coded[i] =
-                    f64::from(energy.code(symbols, quantity, opponents[i], unit, SH_LAMBDA)) * unit.size;
+                symbols.begin(Attribute::Harmonics, 3 * (k - 1) + i);
+                coded[i] = f64::from(energy.code(
+                    symbols,
+                    &mut self.models,
+                    quantity,
+                    opponents[i],
+                    unit,
+                    SH_LAMBDA,
+                )) * unit.size;
             }
             self.row.sh[k] = channels(coded).map(narrowed);
         }
@@ -474,7 +506,8 @@ impl Energy {
     fn code<S: Symbols>(
         &mut self,
         symbols: &mut S,
-        quantity: &mut Quantity<S::Integer>,
+        models: &mut [S::Integer],
+        quantity: &mut Quantity,
         number: f64,
         unit: Unit,
         lambda: f64,
@@ -482,7 +515,7 @@ impl Energy {
         let expected = quantity.expected::<S::Arithmetic>(unit);
         let weight = expected.max(0.05);
         let spread = [self.coded + weight, self.expected + weight];
-        let code = quantity.code(symbols, number, Coding { unit, prediction: 0.0, spread, lambda });
+        let code = quantity.code(symbols, models, number, Coding { unit, prediction: 0.0, spread, lambda });
         self.coded += f64::from(code.unsigned_abs());
         self.expected += expected;
         code

@@ -47,8 +47,11 @@ pub(crate) trait Writing: Symbols + Default {
 
 /// An adaptive model of signed integers in [`CONTEXTS`](super::CONTEXTS) contexts, each for one expected
 /// magnitude.
-pub(crate) trait Integer: Clone {
-    /// The initial model of a component of an attribute.
+pub(crate) trait Integer {
+    /// Number of the model of a component among those of its attribute: components may share models.
+    fn group(attribute: Attribute, component: usize) -> usize;
+
+    /// The initial model of an attribute.
     fn new(attribute: Attribute) -> Self;
 
     /// Bits that coding `value` takes.
@@ -57,6 +60,18 @@ pub(crate) trait Integer: Clone {
 
 /// An adaptive model of numbers of a few bits.
 pub(crate) trait Tree: Clone {
-    /// A model of numbers of `bits` bits, at most 8.
-    fn new(bits: u32) -> Self;
+    /// The initial model of numbers of `bits` bits, at most 8.
+    fn new(bits: u32, prior: Prior) -> Self;
+}
+
+/// What is known of a number before the first one is coded.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Prior {
+    Nothing,
+    /// It is near another number.
+    Near(u32),
+    /// It is at most another number.
+    AtMost(u32),
+    /// Its bits are those of two coordinates in turn, and the middle of the square is likely.
+    MiddleOfSquare,
 }

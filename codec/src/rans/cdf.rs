@@ -12,12 +12,25 @@ pub(super) const SCALE: u32 = 1 << SCALE_BITS;
 /// Number of symbols.
 pub(super) const SYMBOLS: usize = 16;
 
-/// Weights with which distributions start, in symbols: one that is known roughly, and one that is not. Format.
-pub(super) const KNOWN: u8 = 32;
-pub(super) const UNKNOWN: u8 = 4;
+/// How fast a distribution adapts. Format.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Pace {
+    /// Weight of the start, in symbols, from 3 on.
+    pub(super) first: u8,
+    /// Largest weight: the last symbols move the distribution by the inverse each.
+    pub(super) last: u8,
+}
 
-/// Largest weight: the last symbols move a distribution by 1/128 each. Format.
-const WEIGHT_MAX: u8 = 128;
+/// `2^16 / n`, rounded down, from 3 on: how far a symbol moves a distribution of weight n. Format.
+const PARTS: [i16; 255 + 1] = {
+    let mut parts = [0; 255 + 1];
+    let mut n = 3;
+    while n <= 255 {
+        parts[n] = ((1 << 16) / n as i32) as i16;
+        n += 1;
+    }
+    parts
+};
 
 /// An adaptive distribution of 16 symbols.
 #[derive(Clone, Copy, Debug)]
@@ -25,8 +38,9 @@ pub(super) struct Cdf {
     /// Sum of the frequencies below each symbol, then [`SCALE`], which wraps to a negative number. They rise by at
     /// least 1 from symbol to symbol.
     starts: [i16; SYMBOLS + 1],
-    /// Symbols seen and the weight of the start, up to [`WEIGHT_MAX`].
+    /// Symbols seen and the weight of the start, up to a largest weight.
     weight: u8,
+    weight_max: u8,
 }
 
 /// A symbol and its part of the scale.
@@ -55,20 +69,22 @@ const TARGETS: [[i16; SYMBOLS]; SYMBOLS] = {
 
 impl Cdf {
     /// A distribution that starts from these sums of frequencies.
-    pub(super) fn new(starts: [u16; SYMBOLS], weight: u8) -> Cdf {
+    pub(super) fn new(starts: [u16; SYMBOLS], pace: Pace) -> Cdf {
         let mut all = [SCALE as u16 as i16; SYMBOLS + 1];
         all.iter_mut().zip(starts).for_each(|(all, start)| *all = start as i16);
-        Cdf { starts: all, weight }
+        Cdf { starts: all, weight: pace.first, weight_max: pace.last }
     }
 
-    /// A distribution of `count` equally likely symbols; the others have frequency 1.
-    pub(super) fn uniform(count: usize) -> Cdf {
-        let unused = SYMBOLS - count;
-        let starts = std::array::from_fn(|i| match i < count {
-            true => i * (SCALE as usize - unused) / count,
-            false => SCALE as usize - SYMBOLS + i,
-        });
-        Cdf::new(starts.map(|start| start as u16), UNKNOWN)
+    /// A distribution that starts from frequencies in proportion to `shares`, each at least 1.
+    pub(super) fn of_shares(shares: [u32; SYMBOLS], pace: Pace) -> Cdf {
+        let total = shares.iter().map(|&share| u64::from(share)).sum::<u64>().max(1);
+        let mut below = 0;
+        let mut starts = [0; SYMBOLS];
+        for (i, (start, share)) in starts.iter_mut().zip(shares).enumerate() {
+            *start = (below * u64::from(SCALE - SYMBOLS as u32) / total) as u16 + i as u16;
+            below += u64::from(share);
+        }
+        Cdf::new(starts, pace)
     }
 
     /// The part of a symbol below [`SYMBOLS`].
@@ -90,11 +106,11 @@ impl Cdf {
     /// Adapts to a coded symbol.
     #[inline(always)]
     pub(super) fn update(&mut self, symbol: usize) {
-        let rate = self.weight.ilog2() as i16;
-        self.weight = (self.weight + 1).min(WEIGHT_MAX);
+        let part = PARTS[usize::from(self.weight)];
+        self.weight = self.weight.saturating_add(1).min(self.weight_max);
         // Targets rise by at least 1 from symbol to symbol, and so do starts: so does any mean of both, rounded down.
         for (start, target) in self.starts.iter_mut().zip(&TARGETS[symbol % SYMBOLS]) {
-            *start += (target - *start) >> rate;
+            *start += ((i32::from(target - *start) * i32::from(part)) >> 16) as i16;
         }
     }
 
@@ -107,6 +123,8 @@ impl Cdf {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    const PACE: Pace = Pace { first: 4, last: 128 };
 
     fn check(cdf: &Cdf) {
         let mut end = 0;
@@ -123,12 +141,13 @@ mod tests {
     /// Long runs of one symbol, then of another, are the hardest.
     #[test]
     fn every_frequency_is_at_least_1() {
-        for count in 1..=SYMBOLS {
-            check(&Cdf::uniform(count));
+        for count in 0..=SYMBOLS {
+            check(&Cdf::of_shares(std::array::from_fn(|i| u32::from(i < count)), PACE));
+            check(&Cdf::of_shares(std::array::from_fn(|i| if i < count { u32::MAX } else { 1 }), PACE));
         }
         let mut state = 1u64;
         for first in 0..SYMBOLS {
-            let mut cdf = Cdf::uniform(SYMBOLS);
+            let mut cdf = Cdf::of_shares([1; SYMBOLS], PACE);
             for i in 0..20_000u64 {
                 state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
                 let random = (state >> 33) as usize;
@@ -140,7 +159,7 @@ mod tests {
 
     #[test]
     fn a_distribution_approaches_that_of_its_symbols() {
-        let mut cdf = Cdf::uniform(SYMBOLS);
+        let mut cdf = Cdf::of_shares([1; SYMBOLS], PACE);
         (0..1000).for_each(|_| cdf.update(3));
         assert!(cdf.cost(3) < 0.01 && cdf.cost(4) > 7.0, "{cdf:?}");
     }

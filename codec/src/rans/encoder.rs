@@ -101,7 +101,10 @@ impl Writing for Encoder {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{gaussian::Reading, rans::decoder::Decoder};
+    use crate::{
+        gaussian::Reading,
+        rans::{cdf::Pace, decoder::Decoder},
+    };
 
     /// Codes the same pseudo-random symbols in either direction.
     fn run<S: TokenSymbols>(symbols: &mut S, seed: u32, count: usize) -> Vec<u64> {
@@ -110,7 +113,7 @@ mod tests {
             state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
             state >> 8
         };
-        let mut cdfs = [Cdf::uniform(16); 4];
+        let mut cdfs = [Cdf::of_shares([1; 16], Pace { first: 4, last: 128 }); 4];
         let mut coded = Vec::new();
         for i in 0..count {
             let random = next();
@@ -146,7 +149,7 @@ mod tests {
     #[test]
     fn a_likely_symbol_costs_little() {
         let mut encoder = Encoder::default();
-        let mut cdf = Cdf::uniform(16);
+        let mut cdf = Cdf::of_shares([1; 16], Pace { first: 4, last: 128 });
         for _ in 0..10_000 {
             encoder.token(&mut cdf, 0);
         }
@@ -158,7 +161,7 @@ mod tests {
         for fill in [0x00, 0x55, 0xff] {
             let bytes = [fill; 64];
             let mut decoder = Decoder::new(&bytes, ());
-            let mut cdf = Cdf::uniform(16);
+            let mut cdf = Cdf::of_shares([1; 16], Pace { first: 4, last: 128 });
             for count in 1..2000 {
                 assert!(decoder.token(&mut cdf, 0) < 16);
                 assert!(decoder.uniform(count, 0) < count);

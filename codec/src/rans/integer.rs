@@ -2,10 +2,10 @@
 
 use super::{
     cdf::Cdf,
-    start::start,
-    token::{Split, bypass_bits, joined, split},
+    start::{share, start, tree_pace},
+    token::{Form, Split, bypass_bits, joined, split},
 };
-use crate::gaussian::{Attribute, CONTEXTS, Integer, Symbols, Tree};
+use crate::gaussian::{Attribute, CONTEXTS, Integer, Prior, Symbols, Tree};
 
 /// Codes symbols with adaptive distributions, and bypass bits.
 pub(super) trait TokenSymbols: Symbols {
@@ -19,26 +19,40 @@ pub(super) trait TokenSymbols: Symbols {
 /// Codes signed integers: a token, whose distribution depends on the context, and bypass bits.
 #[derive(Clone, Debug)]
 pub(super) struct TokenInteger {
+    form: Form,
     /// By context.
     cdfs: [Cdf; CONTEXTS],
 }
 
 impl Integer for TokenInteger {
+    /// The axes of a power of motion share one, and harmonics of the same degree and channel. Format.
+    fn group(attribute: Attribute, component: usize) -> usize {
+        match attribute {
+            Attribute::Motion => component / 3,
+            // Degree d begins with coefficient d^2.
+            Attribute::Harmonics => 3 * ((component / 3 + 1).isqrt() - 1) + component % 3,
+            _ => component,
+        }
+    }
+
     fn new(attribute: Attribute) -> TokenInteger {
-        TokenInteger { cdfs: std::array::from_fn(|context| start(attribute, context)) }
+        let cdfs = std::array::from_fn(|context| start(attribute, context));
+        TokenInteger { form: Form::of(attribute), cdfs }
     }
 
     fn cost(&self, context: usize, value: i32) -> f64 {
-        self.cdfs[context].cost(split(value, context).token) + f64::from(bypass_bits(value, context))
+        self.cdfs[context].cost(split(value, self.form, context).token)
+            + f64::from(bypass_bits(value, self.form, context))
     }
 }
 
 impl TokenInteger {
     #[inline(always)]
     pub(super) fn code<S: TokenSymbols>(&mut self, symbols: &mut S, context: usize, value: i32) -> i32 {
-        let Split { token, mut rest } = if S::ENCODES { split(value, context) } else { Split::default() };
+        let Split { token, mut rest } =
+            if S::ENCODES { split(value, self.form, context) } else { Split::default() };
         let token = symbols.token(&mut self.cdfs[context], token);
-        joined(token, context, |count| {
+        joined(token, self.form, context, |count| {
             let part = rest & ((1 << count) - 1);
             rest >>= count;
             symbols.bits(count, part as u32)
@@ -58,17 +72,31 @@ pub(super) struct NibbleTree {
 }
 
 impl Tree for NibbleTree {
-    fn new(bits: u32) -> NibbleTree {
+    fn new(bits: u32, prior: Prior) -> NibbleTree {
         let upper_bits = bits.min(4);
         let lower_bits = bits - upper_bits;
-        let lower = if lower_bits == 0 { 0 } else { 1 << upper_bits };
-        let mut cdfs = vec![Cdf::uniform(1 << upper_bits)];
-        cdfs.resize(1 + lower, Cdf::uniform(1 << lower_bits));
+        let share = |value: u32| if value >> bits == 0 { share(value, bits, prior) } else { 0 };
+        let lower = |upper: u32| -> [u32; 16] {
+            std::array::from_fn(
+                |i| if i >> lower_bits == 0 { share(upper << lower_bits | i as u32) } else { 0 },
+            )
+        };
+        let pace = tree_pace(prior);
+        let uppers: [u32; 16] = std::array::from_fn(|upper| lower(upper as u32).iter().sum());
+        let mut cdfs = vec![Cdf::of_shares(uppers, pace)];
+        if lower_bits > 0 {
+            cdfs.extend((0..1 << upper_bits).map(|upper| Cdf::of_shares(lower(upper), pace)));
+        }
         NibbleTree { upper_bits, lower_bits, cdfs }
     }
 }
 
 impl NibbleTree {
+    #[cfg(test)]
+    pub(super) fn bits(&self) -> u32 {
+        self.upper_bits + self.lower_bits
+    }
+
     #[inline(always)]
     pub(super) fn code<S: TokenSymbols>(&mut self, symbols: &mut S, value: u32) -> u32 {
         if self.upper_bits == 0 {

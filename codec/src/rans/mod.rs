@@ -12,6 +12,8 @@ mod math;
 mod search;
 mod start;
 mod token;
+#[cfg(all(test, feature = "encode"))]
+mod training;
 mod uniform;
 
 use crate::{

@@ -1,7 +1,7 @@
 //! The distributions from which models of integers start.
 
-use super::cdf::{Cdf, KNOWN, SYMBOLS};
-use crate::gaussian::Attribute;
+use super::cdf::{Cdf, Pace, SYMBOLS};
+use crate::gaussian::{Attribute, Prior};
 
 /// Sums of the frequencies below each token, by context: Laplace distributions. From context 13 on, tokens stand for
 /// twice as many numbers in every second context, and the last two rows repeat. Format.
@@ -69,8 +69,51 @@ const STARTS: [[u16; 16]; 15] = [
 ];
 
 /// The distribution from which the tokens of an attribute start in a context.
-pub(super) fn start(_: Attribute, context: usize) -> Cdf {
+pub(super) fn start(attribute: Attribute, context: usize) -> Cdf {
     let row = if context < STARTS.len() { context } else { 13 + (context - 13) % 2 };
     let starts: [u16; SYMBOLS] = STARTS[row];
-    Cdf::new(starts, KNOWN)
+    Cdf::new(starts, pace(attribute))
+}
+
+/// Shares of the cells of a square with 2^level cells along an edge by distance from its middle, for each level.
+/// Format.
+const SQUARES: [&[u32]; 5] = [&[1], &[1], &[10, 8], &[12, 6, 4, 4], &[16, 8, 5, 4, 3, 3, 3, 4]];
+
+/// The share of a number of `bits` bits in the distribution from which a tree starts. Format.
+pub(super) fn share(value: u32, bits: u32, prior: Prior) -> u32 {
+    match prior {
+        Prior::Nothing => 1,
+        // Three quarters for each step away.
+        Prior::Near(other) => (0..value.abs_diff(other)).fold(4096, |share, _| share * 3 / 4).max(1),
+        Prior::AtMost(other) => u32::from(value <= other),
+        Prior::MiddleOfSquare => {
+            let level = bits / 2;
+            let coordinate =
+                |shift: u32| (0..level).map(|bit| (value >> (2 * bit + shift) & 1) << bit).sum::<u32>();
+            let half = (1 << level) / 2;
+            let distance = |x: u32| if x < half { half - 1 - x } else { x - half };
+            let ring = if level == 0 { 0 } else { distance(coordinate(0)).max(distance(coordinate(1))) };
+            SQUARES[level as usize][ring as usize]
+        }
+    }
+}
+
+/// How fast trees adapt. Format.
+pub(super) fn tree_pace(prior: Prior) -> Pace {
+    match prior {
+        Prior::Nothing => Pace { first: 8, last: 112 },
+        Prior::Near(_) | Prior::AtMost(_) => Pace { first: 24, last: 112 },
+        Prior::MiddleOfSquare => Pace { first: 24, last: 48 },
+    }
+}
+
+/// How fast the distribution of the tokens of an attribute adapts. Format.
+fn pace(attribute: Attribute) -> Pace {
+    let last = match attribute {
+        Attribute::Opacity => 64,
+        Attribute::Harmonics => 64,
+        Attribute::Motion | Attribute::AngularRate => 144,
+        _ => 88,
+    };
+    Pace { first: 32, last }
 }

@@ -1,7 +1,34 @@
 //! [`Split`]: an integer as a token, whose distribution adapts, and bypass bits.
 //!
-//! The residual r is halved `k` times, so that its expected magnitude is at most 4; the bits that fall off are bypass
-//! bits. What remains, mapped 0, -1, 1, -2, 2, ... to 0, 1, 2, 3, 4, ..., is the base of its token plus extra bits.
+//! An integer is halved as often as its context says, so that its expected magnitude is at most 4, or 8 without sign;
+//! the bits that fall off are bypass bits. What remains, mapped 0, -1, 1, -2, 2, ... to 0, 1, 2, 3, 4, ... if it has a
+//! sign, is the base of its token plus extra bits.
+
+use crate::gaussian::Attribute;
+
+/// Whether integers have a sign.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Form {
+    Natural,
+    Signed,
+}
+
+impl Form {
+    /// The form of the integers of an attribute. Opacities and widths are coded as distances from the largest. Format.
+    pub(super) fn of(attribute: Attribute) -> Form {
+        match attribute {
+            Attribute::Opacity | Attribute::WindowWidth => Form::Natural,
+            _ => Form::Signed,
+        }
+    }
+
+    /// Number of times that an integer in a context is halved. Format.
+    #[inline(always)]
+    pub(super) fn halvings(self, context: usize) -> u32 {
+        let first = if self == Form::Natural { 19 } else { 11 };
+        (context as u32).saturating_sub(first) / 2
+    }
+}
 
 /// `(base, extra bits)` of each token but [`ESCAPE`]. Format.
 const TOKENS: [(u32, u32); 16] = [
@@ -40,18 +67,15 @@ pub(super) struct Split {
     pub(super) rest: u64,
 }
 
-/// Number of times that a residual in a context is halved.
-#[inline(always)]
-fn halvings(context: usize) -> u32 {
-    (context.max(11) as u32 - 11) / 2
-}
-
 /// The token of an integer in a context, and its bypass bits.
-pub(super) fn split(value: i32, context: usize) -> Split {
-    let k = halvings(context);
+pub(super) fn split(value: i32, form: Form, context: usize) -> Split {
+    let k = form.halvings(context);
     let low = u64::from(value as u32 & ((1 << k) - 1));
     let halved = value >> k;
-    let mapped = (halved << 1 ^ halved >> 31) as u32;
+    let mapped = match form {
+        Form::Natural => halved.max(0) as u32,
+        Form::Signed => (halved << 1 ^ halved >> 31) as u32,
+    };
     let token = TOKENS.partition_point(|&(base, _)| base <= mapped) - 1;
     let (base, _) = TOKENS[token];
     if token < ESCAPE {
@@ -65,72 +89,74 @@ pub(super) fn split(value: i32, context: usize) -> Split {
 
 /// The integer of a token, given a function that reads up to 32 bits.
 #[inline(always)]
-pub(super) fn joined(token: usize, context: usize, mut read: impl FnMut(u32) -> u32) -> i32 {
+pub(super) fn joined(token: usize, form: Form, context: usize, mut read: impl FnMut(u32) -> u32) -> i32 {
     if token >= ESCAPE {
-        return escaped(context, read);
+        return escaped(form, context, read);
     }
-    let k = halvings(context);
+    let k = form.halvings(context);
     let (base, extra) = TOKENS[token];
     let rest = read(extra + k);
-    unmapped(base + (rest >> k)) << k | (rest & ((1 << k) - 1)) as i32
+    let mapped = base + (rest >> k);
+    let halved = match form {
+        Form::Natural => mapped as i32,
+        Form::Signed => (mapped >> 1) as i32 ^ -((mapped & 1) as i32),
+    };
+    halved << k | (rest & ((1 << k) - 1)) as i32
 }
 
 /// The integer of the token [`ESCAPE`]. Larger ones than any that is coded, in damaged streams, are cut.
 #[cold]
-fn escaped(context: usize, mut read: impl FnMut(u32) -> u32) -> i32 {
-    let k = halvings(context);
+fn escaped(form: Form, context: usize, mut read: impl FnMut(u32) -> u32) -> i32 {
+    let k = form.halvings(context);
     let length = read(LENGTH_BITS);
     let mapped = (1u64 << length) + u64::from(read(length)) - 1 + u64::from(TOKENS[ESCAPE].0);
-    let halved = (mapped >> 1) as i64 ^ -((mapped & 1) as i64);
+    let halved = match form {
+        Form::Natural => mapped as i64,
+        Form::Signed => (mapped >> 1) as i64 ^ -((mapped & 1) as i64),
+    };
     (halved << k | i64::from(read(k))).clamp(-INTEGER_MAX, INTEGER_MAX) as i32
 }
 
-/// The integer that is mapped to a number.
-#[inline(always)]
-fn unmapped(mapped: u32) -> i32 {
-    (mapped >> 1) as i32 ^ -((mapped & 1) as i32)
-}
-
 /// Number of bypass bits of an integer in a context.
-pub(super) fn bypass_bits(value: i32, context: usize) -> u32 {
-    let Split { token, rest } = split(value, context);
+pub(super) fn bypass_bits(value: i32, form: Form, context: usize) -> u32 {
+    let Split { token, rest } = split(value, form, context);
     let length = if token == ESCAPE { LENGTH_BITS + (rest as u32 & 31) } else { TOKENS[token].1 };
-    length + halvings(context)
+    length + form.halvings(context)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    const FORMS: [Form; 2] = [Form::Natural, Form::Signed];
+
     #[test]
     fn integers_of_every_size_round_trip() {
-        let powers = (0..27)
-            .flat_map(|e| [1 << e, (1 << e) - 1, (1 << e) - 2])
-            .filter(|x| i64::from(*x) <= INTEGER_MAX);
-        for value in powers.chain(0..300).flat_map(|x| [x, -x]) {
-            for context in 0..40 {
-                let Split { token, mut rest } = split(value, context);
-                let mut bits = 0;
-                let read = |count: u32| {
-                    bits += count;
-                    let part = rest & ((1 << count) - 1);
-                    rest >>= count;
-                    part as u32
-                };
-                assert_eq!(joined(token, context, read), value, "context {context}");
-                assert_eq!((rest, bits), (0, bypass_bits(value, context)));
+        let powers = (0..27).flat_map(|e| [1 << e, (1 << e) - 1, (1 << e) - 2]);
+        for magnitude in powers.filter(|x| (0..=INTEGER_MAX).contains(&i64::from(*x))).chain(0..300) {
+            for (value, form) in [(magnitude, FORMS[0]), (magnitude, FORMS[1]), (-magnitude, FORMS[1])] {
+                for context in 0..40 {
+                    let Split { token, mut rest } = split(value, form, context);
+                    let mut bits = 0;
+                    let read = |count: u32| {
+                        bits += count;
+                        let part = rest & ((1 << count) - 1);
+                        rest >>= count;
+                        part as u32
+                    };
+                    assert_eq!(joined(token, form, context, read), value, "{form:?}, context {context}");
+                    assert_eq!((rest, bits), (0, bypass_bits(value, form, context)));
+                }
             }
         }
     }
 
     #[test]
     fn any_bits_are_an_integer() {
-        for context in 0..40 {
-            for token in 0..16 {
-                for fill in [0, u32::MAX] {
-                    let read = |count: u32| (u64::from(fill) & ((1 << count) - 1)) as u32;
-                    assert!(i64::from(joined(token, context, read)).abs() <= INTEGER_MAX);
-                }
+        for (form, context) in FORMS.into_iter().flat_map(|form| (0..40).map(move |c| (form, c))) {
+            for (token, fill) in (0..16).flat_map(|token| [(token, 0), (token, u32::MAX)]) {
+                let read = |count: u32| (u64::from(fill) & ((1 << count) - 1)) as u32;
+                assert!(i64::from(joined(token, form, context, read)).abs() <= INTEGER_MAX);
             }
         }
     }
