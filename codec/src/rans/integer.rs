@@ -92,11 +92,6 @@ impl Tree for NibbleTree {
 }
 
 impl NibbleTree {
-    #[cfg(test)]
-    pub(super) fn bits(&self) -> u32 {
-        self.upper_bits + self.lower_bits
-    }
-
     #[inline(always)]
     pub(super) fn code<S: TokenSymbols>(&mut self, symbols: &mut S, value: u32) -> u32 {
         if self.upper_bits == 0 {

@@ -25,30 +25,31 @@ impl Form {
     /// Number of times that an integer in a context is halved. Format.
     #[inline(always)]
     pub(super) fn halvings(self, context: usize) -> u32 {
-        let first = if self == Form::Natural { 19 } else { 11 };
-        (context as u32).saturating_sub(first) / 2
+        context.saturating_sub(self.whole_contexts()) as u32 / 2
+    }
+
+    /// Number of contexts below the first one in which integers may be halved. Format.
+    pub(super) fn whole_contexts(self) -> usize {
+        match self {
+            Form::Natural => 19,
+            Form::Signed => 11,
+        }
     }
 }
 
-/// `(base, extra bits)` of each token but [`ESCAPE`]. Format.
-const TOKENS: [(u32, u32); 16] = [
-    (0, 0),
-    (1, 0),
-    (2, 0),
-    (3, 0),
-    (4, 0),
-    (5, 0),
-    (6, 0),
-    (7, 0),
-    (8, 0),
-    (9, 1),
-    (11, 1),
-    (13, 2),
-    (17, 3),
-    (25, 4),
-    (41, 5),
-    (73, 0),
-];
+/// Base of each token. Format.
+pub(super) const BASES: [u32; 16] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 11, 13, 17, 25, 41, 73];
+
+/// Number of extra bits of each token but [`ESCAPE`].
+const EXTRA_BITS: [u32; 16] = {
+    let mut bits = [0; 16];
+    let mut token = 0;
+    while token + 1 < BASES.len() {
+        bits[token] = (BASES[token + 1] - BASES[token]).ilog2();
+        token += 1;
+    }
+    bits
+};
 
 /// Token of numbers from its base on, with Exp-Golomb bits. Format.
 const ESCAPE: usize = 15;
@@ -76,8 +77,8 @@ pub(super) fn split(value: i32, form: Form, context: usize) -> Split {
         Form::Natural => halved.max(0) as u32,
         Form::Signed => (halved << 1 ^ halved >> 31) as u32,
     };
-    let token = TOKENS.partition_point(|&(base, _)| base <= mapped) - 1;
-    let (base, _) = TOKENS[token];
+    let token = BASES.partition_point(|&base| base <= mapped) - 1;
+    let base = BASES[token];
     if token < ESCAPE {
         return Split { token, rest: u64::from(mapped - base) << k | low };
     }
@@ -94,9 +95,8 @@ pub(super) fn joined(token: usize, form: Form, context: usize, mut read: impl Fn
         return escaped(form, context, read);
     }
     let k = form.halvings(context);
-    let (base, extra) = TOKENS[token];
-    let rest = read(extra + k);
-    let mapped = base + (rest >> k);
+    let rest = read(EXTRA_BITS[token] + k);
+    let mapped = BASES[token] + (rest >> k);
     let halved = match form {
         Form::Natural => mapped as i32,
         Form::Signed => (mapped >> 1) as i32 ^ -((mapped & 1) as i32),
@@ -109,7 +109,7 @@ pub(super) fn joined(token: usize, form: Form, context: usize, mut read: impl Fn
 fn escaped(form: Form, context: usize, mut read: impl FnMut(u32) -> u32) -> i32 {
     let k = form.halvings(context);
     let length = read(LENGTH_BITS);
-    let mapped = (1u64 << length) + u64::from(read(length)) - 1 + u64::from(TOKENS[ESCAPE].0);
+    let mapped = (1u64 << length) + u64::from(read(length)) - 1 + u64::from(BASES[ESCAPE]);
     let halved = match form {
         Form::Natural => mapped as i64,
         Form::Signed => (mapped >> 1) as i64 ^ -((mapped & 1) as i64),
@@ -120,7 +120,7 @@ fn escaped(form: Form, context: usize, mut read: impl FnMut(u32) -> u32) -> i32 
 /// Number of bypass bits of an integer in a context.
 pub(super) fn bypass_bits(value: i32, form: Form, context: usize) -> u32 {
     let Split { token, rest } = split(value, form, context);
-    let length = if token == ESCAPE { LENGTH_BITS + (rest as u32 & 31) } else { TOKENS[token].1 };
+    let length = if token == ESCAPE { LENGTH_BITS + (rest as u32 & 31) } else { EXTRA_BITS[token] };
     length + form.halvings(context)
 }
 
