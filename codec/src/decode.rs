@@ -176,7 +176,7 @@ enum ChunkDecoder {
     /// Decompresses into a buffer first.
     Fixed { zstd: zstd::bulk::Decompressor<'static>, raw: Vec<u8> },
     /// Decodes with a model of Gaussians.
-    Gaussian { decode: fn(&[u8], u16, Columns, usize, Rows) -> Result<(), Error>, version_major: u16 },
+    Gaussian { decode: gaussian::DecodeChunk, version_major: u16 },
 }
 
 /// Creates one decoder, and up to `count` if `budget` suffices.

@@ -6,6 +6,9 @@ use crate::{Error, bytes::Reader, columns::Columns, error::FormatError, morton::
 /// Memory that decoding a chunk takes besides the clip: its cells, and the models of all columns.
 pub(crate) const WORK_BYTES: usize = 1 << 20;
 
+/// Decodes a chunk, as [`decode_with`] does with the decoder of a coder.
+pub(crate) type DecodeChunk = fn(&[u8], u16, Columns, usize, Rows) -> Result<(), Error>;
+
 /// A decoder.
 pub(crate) trait Reading: Symbols {
     /// Whether it has read past the end.

@@ -4,13 +4,14 @@
 use super::{
     arithmetic::{Arithmetic, half_octaves},
     chunk::{Chunk, FOOTPRINT, STEP},
+    decode::DecodeChunk,
     grid, rotation,
     row::{self, GEOMETRY_BITS, LOG_EXTENT_MAX, RowCoder, Target, VISIBILITY_BITS},
     symbols::Writing,
     trajectory::{self, Span},
 };
 use crate::{
-    ALPHA_MIN, Error, Field, Limits, Sensitivity, Temporal,
+    ALPHA_MIN, Field, Limits, Sensitivity, Temporal,
     bytes::Writer,
     columns::Columns,
     limits::Budget,
@@ -25,15 +26,12 @@ const CELLS_PER_STEP: f64 = 0.25;
 /// Largest distance from the clip of the centre of an infinite window.
 const TAU_MAX: f64 = 1e5;
 
-/// Decodes a chunk, as [`decode_with`](super::decode_with) does with the decoder of a coder.
-type Decode = fn(&[u8], u16, Columns, usize, Rows) -> Result<(), Error>;
-
 /// Encodes `rows` of a field as a chunk, which `decode` decodes. The chunk orders the rows by grid cell.
 pub(crate) fn encode_with<S: Writing>(
     source: &Prepared,
     rows: &[usize],
     columns: Columns,
-    decode: Decode,
+    decode: DecodeChunk,
 ) -> EncodedChunk {
     let footprint = source.footprint.clamp(*FOOTPRINT.start(), *FOOTPRINT.end());
     let finest = rows
@@ -98,7 +96,7 @@ fn encode_ordered<S: Writing>(
     chunk: &Chunk,
     order: &[(u64, &Target)],
     columns: Columns,
-    decode: Decode,
+    decode: DecodeChunk,
 ) -> Vec<u8> {
     let mut encoder = S::default();
     let mut cells: Vec<u64> = order.iter().map(|(cell, _)| *cell).collect();

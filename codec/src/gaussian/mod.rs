@@ -26,7 +26,7 @@ mod symbols;
 mod trajectory;
 
 pub(crate) use arithmetic::{Arithmetic, Unit, half_octaves};
-pub(crate) use decode::{Reading, WORK_BYTES, decode_with};
+pub(crate) use decode::{DecodeChunk, Reading, WORK_BYTES, decode_with};
 #[cfg(feature = "encode")]
 pub(crate) use encode::{EncodedChunk, encode_with};
 pub(crate) use neighbors::{NEAREST, Search, WINDOW};
