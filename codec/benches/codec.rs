@@ -11,8 +11,7 @@ use std::{hint::black_box, num::NonZero};
 
 fn benches(criterion: &mut Criterion) {
     let info = info();
-    for (coder, sh_degree) in [(Coder::Fixed, 0), (Coder::Fixed, 3), (Coder::Context, 0), (Coder::Context, 3)]
-    {
+    for (coder, sh_degree) in Coder::ALL.into_iter().flat_map(|coder| [(coder, 0), (coder, 3)]) {
         let layers = vec![5_000, 10_000, 20_000];
         let options = EncodeOptions { coder, layers, ..EncodeOptions::default() };
         let shape = Shape { rows: 40_000, sh_degree, rotation_rates: false, ..Shape::full(0) };

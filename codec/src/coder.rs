@@ -9,17 +9,20 @@ pub enum Coder {
     /// Quantisation steps from the visibility of each Gaussian, and an adaptive range coder. Not in
     /// the paper.
     Context,
+    /// The model of `context` with a faster entropy coder and faster arithmetic. Needs version 2. Not in the paper.
+    Rans,
 }
 
 impl Coder {
     /// All coders.
-    pub const ALL: [Coder; 2] = [Coder::Fixed, Coder::Context];
+    pub const ALL: [Coder; 3] = [Coder::Fixed, Coder::Context, Coder::Rans];
 
-    /// Name on command lines and in reports: `fixed` or `context`.
+    /// Name on command lines and in reports: `fixed`, `context` or `rans`.
     pub fn name(self) -> &'static str {
         match self {
             Coder::Fixed => "fixed",
             Coder::Context => "context",
+            Coder::Rans => "rans",
         }
     }
 
@@ -29,6 +32,15 @@ impl Coder {
         match self {
             Coder::Fixed => 1,
             Coder::Context => 2,
+            Coder::Rans => 3,
+        }
+    }
+
+    /// Lowest major version of packages with this coder. Format.
+    pub(crate) fn version_major(self) -> u16 {
+        match self {
+            Coder::Fixed | Coder::Context => 1,
+            Coder::Rans => 2,
         }
     }
 
@@ -37,6 +49,7 @@ impl Coder {
         match id {
             1 => Some(Coder::Fixed),
             2 => Some(Coder::Context),
+            3 => Some(Coder::Rans),
             _ => None,
         }
     }

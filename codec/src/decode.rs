@@ -14,10 +14,11 @@ use crate::{
     columns::{Columns, PackageColumns},
     context,
     error::FormatError,
-    fixed,
+    fixed, gaussian,
     header::{Contents, PlannedSection, contents_within},
     limits::Budget,
     parallel::try_for_each,
+    rans,
     rows::Rows,
     section::{Region, Section, SectionKind},
     time_index::CELLS,
@@ -65,7 +66,9 @@ pub(crate) fn decode_contents(
     let layers = &contents.layers[..complete];
     let row_numbers = match contents.coder {
         Coder::Fixed => Vec::new(),
-        Coder::Context => budget.vec(dynamic_rows(layers).map(|rows| rows.len()).max().unwrap_or(0))?,
+        Coder::Context | Coder::Rans => {
+            budget.vec(dynamic_rows(layers).map(|rows| rows.len()).max().unwrap_or(0))?
+        }
     };
     let Regions { static_field, mut dynamic_field, plate } =
         Regions::decode(bytes, &contents, complete, columns, budget, threads)?;
@@ -75,7 +78,7 @@ pub(crate) fn decode_contents(
                 sections(&contents, complete).filter(|(planned, _)| planned.kind == SectionKind::TimeIndex);
             read_time_index(bytes, &dynamic_field, layers, indices)?
         }
-        Coder::Context => sort_by_cell(&mut dynamic_field, layers, row_numbers),
+        Coder::Context | Coder::Rans => sort_by_cell(&mut dynamic_field, layers, row_numbers),
     };
     Ok(Clip {
         bounds: contents.bounds,
@@ -208,13 +211,9 @@ fn sort_by_cell(dynamic_field: &mut Field, layers: &[LayerEnd], mut row_numbers:
 /// Decodes chunks, one at a time.
 enum ChunkDecoder {
     /// Decompresses into a buffer first.
-    Fixed {
-        zstd: zstd::bulk::Decompressor<'static>,
-        raw: Vec<u8>,
-    },
-    Context {
-        version_major: u16,
-    },
+    Fixed { zstd: zstd::bulk::Decompressor<'static>, raw: Vec<u8> },
+    /// Decodes with a model of Gaussians.
+    Gaussian { decode: gaussian::DecodeChunk, version_major: u16 },
 }
 
 /// Creates one decoder, and up to `count` if `budget` suffices.
@@ -237,9 +236,14 @@ fn chunk_decoders(
 impl ChunkDecoder {
     /// Creates a decoder of chunks of up to `largest` bytes before compression.
     fn new(contents: &Contents, largest: usize, budget: &mut Budget) -> Result<ChunkDecoder, Error> {
-        if contents.coder == Coder::Context {
-            budget.spend(context::WORK_BYTES)?;
-            return Ok(ChunkDecoder::Context { version_major: contents.version_major });
+        let gaussian = |budget: &mut Budget, decode| {
+            budget.spend(gaussian::WORK_BYTES)?;
+            Ok(ChunkDecoder::Gaussian { decode, version_major: contents.version_major })
+        };
+        match contents.coder {
+            Coder::Context => return gaussian(budget, context::decode),
+            Coder::Rans => return gaussian(budget, rans::decode),
+            Coder::Fixed => {}
         }
         let zstd = zstd::bulk::Decompressor::new()
             .map_err(|e| Error::format(0, FormatError::Payload { reason: e.to_string() }))?;
@@ -256,8 +260,8 @@ impl ChunkDecoder {
     ) -> Result<(), Error> {
         let (zstd, raw) = match self {
             ChunkDecoder::Fixed { zstd, raw } => (zstd, raw),
-            ChunkDecoder::Context { version_major } => {
-                return context::decode(payload, *version_major, columns, section.offset, rows);
+            ChunkDecoder::Gaussian { decode, version_major } => {
+                return decode(payload, *version_major, columns, section.offset, rows);
             }
         };
         let damaged = |reason| Error::format(section.offset, FormatError::Payload { reason });

@@ -17,11 +17,13 @@ use crate::{
     decode::decode_regions,
     fixed,
     format::{CHUNK_ROWS, LAYERS_MAX},
+    gaussian,
     header::PlannedSection,
     order::{Layer, along_curve, split},
     parallel::try_for_each,
     precision::Prepared,
     quant::{f16_finite, f16_positive, f16_value, opacity_code, opacity_value},
+    rans,
     section::{Region, Section, SectionKind},
     time_index::CELLS,
 };
@@ -129,7 +131,7 @@ fn encode_sections(
             coded_windows = with_coded_windows(field);
             &coded_windows
         }
-        Coder::Context => {
+        Coder::Context | Coder::Rans => {
             precision.check(field)?;
             field
         }
@@ -174,7 +176,8 @@ fn encode_sections(
     // Flags make every chunk of version 2 longer by a byte. Readers of version 1 are older, and know one filter.
     let saved: usize = payloads.iter().map(Payload::saved_by_version_2).sum();
     let has_other_filter = [contents.filter, contents.plate_filter] != [PixelFilter::Blur; 2];
-    contents.version_major = if has_other_filter || saved > payloads.len() { 2 } else { 1 };
+    let needs_version_2 = has_other_filter || saved > payloads.len();
+    contents.version_major = if needs_version_2 { 2 } else { coder.version_major() };
     let (mut static_rows, mut dynamic_rows) = (Vec::new(), Vec::new());
     for (planned, payload) in plan.iter().zip(&payloads) {
         match planned.region {
@@ -208,6 +211,7 @@ fn encode_sections(
 enum ChunkEncoder<'a> {
     Fixed(&'a Field),
     Context(Prepared<'a>),
+    Rans(Prepared<'a>),
 }
 
 impl<'a> ChunkEncoder<'a> {
@@ -215,6 +219,7 @@ impl<'a> ChunkEncoder<'a> {
         match coder {
             Coder::Fixed => ChunkEncoder::Fixed(field),
             Coder::Context => ChunkEncoder::Context(prepare()),
+            Coder::Rans => ChunkEncoder::Rans(prepare()),
         }
     }
 
@@ -224,7 +229,8 @@ impl<'a> ChunkEncoder<'a> {
                 let chunk = select(field, rows, columns.temporal.is_some());
                 Payload::of_any_version(fixed::encode(&chunk, columns), rows)
             }
-            ChunkEncoder::Context(prepared) => Payload::Context(context::encode(prepared, rows, columns)),
+            ChunkEncoder::Context(prepared) => Payload::Gaussian(context::encode(prepared, rows, columns)),
+            ChunkEncoder::Rans(prepared) => Payload::Gaussian(rans::encode(prepared, rows, columns)),
         }
     }
 
@@ -232,7 +238,9 @@ impl<'a> ChunkEncoder<'a> {
     fn nonzero_columns(&self, rows: &[usize], with_temporal: bool) -> Columns {
         let of_chunk = |rows: &[usize]| match self {
             ChunkEncoder::Fixed(field) => fixed::nonzero_columns(&select(field, rows, with_temporal)),
-            ChunkEncoder::Context(prepared) => Columns::nonzero(prepared.field, rows, with_temporal),
+            ChunkEncoder::Context(prepared) | ChunkEncoder::Rans(prepared) => {
+                Columns::nonzero(prepared.field, rows, with_temporal)
+            }
         };
         rows.chunks(CHUNK_ROWS).map(of_chunk).fold(Columns::default(), Columns::union)
     }
@@ -248,7 +256,7 @@ enum Payload {
         /// Source rows of the Gaussians, in coded order.
         rows: Vec<usize>,
     },
-    Context(context::EncodedChunk),
+    Gaussian(gaussian::EncodedChunk),
 }
 
 impl Default for Payload {
@@ -266,14 +274,14 @@ impl Payload {
     fn rows(&self) -> &[usize] {
         match self {
             Payload::Any { rows, .. } => rows,
-            Payload::Context(chunk) => chunk.rows(),
+            Payload::Gaussian(chunk) => chunk.rows(),
         }
     }
 
     fn saved_by_version_2(&self) -> usize {
         match self {
             Payload::Any { .. } => 0,
-            Payload::Context(chunk) => chunk.saved_by_version_2(),
+            Payload::Gaussian(chunk) => chunk.saved_by_version_2(),
         }
     }
 
@@ -281,7 +289,7 @@ impl Payload {
     fn finish(self, version_major: u16) -> (Vec<u8>, usize) {
         match self {
             Payload::Any { bytes, raw_length, .. } => (bytes, raw_length),
-            Payload::Context(chunk) => {
+            Payload::Gaussian(chunk) => {
                 let bytes = chunk.payload(version_major);
                 let length = bytes.len();
                 (bytes, length)

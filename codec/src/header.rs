@@ -273,7 +273,7 @@ impl Contents {
                 return Err(error(format!("critical {planned:?}"), format!("{section:?}")));
             }
             let raw_length = match (planned.kind, self.coder) {
-                (SectionKind::TimeIndex, _) | (_, Coder::Context) => section.length,
+                (SectionKind::TimeIndex, _) | (_, Coder::Context | Coder::Rans) => section.length,
                 (_, Coder::Fixed) => fixed::raw_bytes(self.columns().of(planned.region), planned.rows),
             };
             if section.raw_length != raw_length {

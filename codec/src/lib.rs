@@ -113,6 +113,7 @@ mod error;
 mod field;
 mod fixed;
 mod format;
+mod gaussian;
 mod header;
 mod limits;
 #[cfg(feature = "encode")]
@@ -126,6 +127,7 @@ mod preamble;
 #[cfg(feature = "encode")]
 mod precision;
 mod quant;
+mod rans;
 mod rows;
 mod section;
 mod take;

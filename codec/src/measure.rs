@@ -1,11 +1,12 @@
 //! [`measure`]: the bytes that each attribute takes, as coded and under simpler codings.
 
 use crate::{
-    Coder, Error, Limits,
-    context::{self, Attribute, BitStats},
+    Coder, Error, Limits, context,
     decode::complete_layers,
+    gaussian::{Attribute, BitStats},
     header::contents_within,
     limits::Budget,
+    rans,
     rows::Rows,
 };
 
@@ -28,7 +29,7 @@ const ATTRIBUTES: [(&str, &[Attribute]); 10] = [
     ("position", &[Attribute::Cells, Attribute::Position]),
     ("quantiser indices", &[Attribute::QuantiserIndices]),
     ("opacity", &[Attribute::Opacity]),
-    ("window", &[Attribute::Window]),
+    ("window", &[Attribute::WindowWidth, Attribute::WindowCenter]),
     ("scale", &[Attribute::Scales]),
     ("rotation", &[Attribute::Rotation]),
     ("motion", &[Attribute::Motion]),
@@ -49,9 +50,6 @@ pub fn measure(bytes: &[u8], limits: &Limits) -> Result<Vec<AttributeSize>, Erro
     let mut budget = Budget::new(limits);
     let contents = contents_within(bytes, limits, &mut budget)?;
     let complete = complete_layers(&contents, bytes.len())?;
-    if contents.coder == Coder::Fixed {
-        return Ok(Vec::new());
-    }
     let mut stats = BitStats::default();
     for (planned, section) in contents.planned_sections() {
         if usize::from(planned.layer) == complete {
@@ -62,7 +60,14 @@ pub fn measure(bytes: &[u8], limits: &Limits) -> Result<Vec<AttributeSize>, Erro
         let payload = section.payload(bytes)?;
         let version = contents.version_major;
         let rows = Rows::all(&mut field);
-        context::decode_observed(payload, version, columns, section.offset, rows, &mut stats)?;
+        let offset = section.offset;
+        match contents.coder {
+            Coder::Fixed => return Ok(Vec::new()),
+            Coder::Context => {
+                context::decode_observed(payload, version, columns, offset, rows, &mut stats)?;
+            }
+            Coder::Rans => rans::decode_observed(payload, version, columns, offset, rows, &mut stats)?,
+        }
     }
     let size = |(name, attributes): (&'static str, &[Attribute])| {
         let mut size = AttributeSize { attribute: name, order_0: 0.0, predicted: 0.0, coded: 0.0 };

@@ -110,7 +110,8 @@ impl<'a> Head<'a> {
             return Err(Error::value(36, "bounds", bounds));
         }
         let coder = reader.u8()?;
-        let coder = Coder::from_id(coder).ok_or_else(|| Error::value(60, "coder", coder))?;
+        let known = Coder::from_id(coder).filter(|coder| self.version_major >= coder.version_major());
+        let coder = known.ok_or_else(|| Error::value(60, "coder", coder))?;
         let at_most = |field, at, value, max| {
             if value > max { Err(Error::value(at, field, value)) } else { Ok(value) }
         };

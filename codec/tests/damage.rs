@@ -390,7 +390,9 @@ fn an_inconsistent_time_index_is_refused() {
 #[test]
 fn mutations_under_valid_checksums_never_break_the_decoder() {
     let mut rng = Rng(7);
-    for (coder, rounds, least) in [(Coder::Fixed, 6_000, 500), (Coder::Context, 20_000, 50)] {
+    for (coder, rounds, least) in
+        [(Coder::Fixed, 6_000, 500), (Coder::Context, 20_000, 50), (Coder::Rans, 20_000, 50)]
+    {
         let parts = Parts::of(&package_by(coder, 60));
         let (mut accepted, mut refused) = (0, 0);
         for _ in 0..rounds {
@@ -421,7 +423,7 @@ fn mutations_under_valid_checksums_never_break_the_decoder() {
 }
 
 /// Mutates the head, an entry of the table, or a section; sections of `fixed` mostly before
-/// compression, sections of `context` half of the time in the head of the chunk.
+/// compression, sections of the others half of the time in the head of the chunk.
 fn mutate_part(parts: &mut Parts, coder: Coder, rng: &mut Rng) {
     let i = rng.below(parts.table.len());
     let is_index = parts.table[i][0] == 2;
@@ -435,7 +437,7 @@ fn mutate_part(parts: &mut Parts, coder: Coder, rng: &mut Rng) {
                 parts.set_raw(i, &raw);
             }
         }
-        (2 | 3, Coder::Context) => mutate(&mut parts.sections[i][..25], rng),
+        (2 | 3, Coder::Context | Coder::Rans) => mutate(&mut parts.sections[i][..25], rng),
         _ => mutate(&mut parts.sections[i], rng),
     }
 }

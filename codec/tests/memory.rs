@@ -106,8 +106,7 @@ fn package_head(bytes: &[u8], limits: &Limits) -> Take {
 #[test]
 fn memory_is_bounded() {
     memory_of_segments_is_bounded();
-    for (coder, sh_degree) in [(Coder::Fixed, 0), (Coder::Fixed, 3), (Coder::Context, 0), (Coder::Context, 3)]
-    {
+    for (coder, sh_degree) in Coder::ALL.into_iter().flat_map(|coder| [(coder, 0), (coder, 3)]) {
         let field = field(Shape { sh_degree, ..Shape::full(40_000) }, 1);
         let plate = static_field(5_000, sh_degree, 2);
         let bytes = package(&field, Some(&plate), &options(coder, &[5_000, 20_000]));

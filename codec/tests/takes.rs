@@ -139,7 +139,10 @@ fn a_clip_is_a_take_of_one_segment() {
         let field = Field { filter, ..field(Shape::full(20), 1) };
         let bytes = segment(coder, &field, Some(&static_field(3, 0, 2)), 1.32);
         let head = contents_of(&bytes);
-        assert_eq!(head.version_major, if filter == PixelFilter::Blur { 1 } else { 2 });
+        assert_eq!(
+            head.version_major,
+            if filter == PixelFilter::Blur && coder != Coder::Rans { 1 } else { 2 }
+        );
         let take = Take::from(&head);
         assert_eq!((take.segments.len(), take.package_bytes()), (1, bytes.len() as u64));
         assert_eq!((take.resident_max(), take.duration_s), (23, f64::from(1.32f32)));

@@ -4,6 +4,8 @@
 //! depend on decoded numbers. These are IEEE additions, multiplications and divisions in the order
 //! written, without fused multiply-add.
 
+use crate::gaussian::{Arithmetic, CONTEXTS, Unit};
+
 /// ln 2, and its split into upper and lower bits, 0.69314718036912382 and 1.9082149292705877e-10,
 /// for argument reduction without rounding.
 const LN_2: f64 = std::f64::consts::LN_2;
@@ -82,15 +84,56 @@ const INVERSE_ODD: [f64; 12] = {
     inverse
 };
 
-/// `2^(halves / 2)`.
-pub(super) fn half_octaves(halves: u32) -> f64 {
-    let octaves = f64::from_bits((1023 + u64::from(halves / 2)) << 52);
-    if halves.is_multiple_of(2) { octaves } else { octaves * std::f64::consts::SQRT_2 }
+/// The arithmetic of the coder `context`. Format.
+pub(super) struct Math;
+
+impl Arithmetic for Math {
+    fn round(x: f64) -> f64 {
+        round(x)
+    }
+
+    fn exp(x: f64) -> f64 {
+        exp(x)
+    }
+
+    fn ln(x: f64) -> f64 {
+        ln(x)
+    }
+
+    fn sin_cos(x: f64) -> (f64, f64) {
+        sin_cos(x)
+    }
+
+    fn in_units(x: f64, unit: Unit) -> f64 {
+        x / unit.size
+    }
+
+    fn average(mean: &mut f64, number: f64, seen: u32, window: u32) {
+        let difference = number - *mean;
+        // Exact for a power of two, and faster than a division.
+        let part = |count: u32| 1.0 / f64::from(count);
+        *mean += if seen < window { difference / f64::from(seen) } else { difference * part(window) };
+    }
+
+    fn context(expected: f64, spread: [f64; 2]) -> usize {
+        context_of(expected * (spread[0] / spread[1]))
+    }
+}
+
+/// The context of an expected magnitude: half octaves above 2^-4, rounded to nearest.
+fn context_of(expected: f64) -> usize {
+    // Half of a half octave, for rounding: the fourth root of 2.
+    const QUARTER_OCTAVE: f64 = 1.189_207_115_002_721;
+    let bits = (expected * (16.0 * QUARTER_OCTAVE)).clamp(1.0, 1_048_576.0).to_bits();
+    let octaves = (bits >> 52) as usize - 1023;
+    let upper = bits & 0x000f_ffff_ffff_ffff >= std::f64::consts::SQRT_2.to_bits() & 0x000f_ffff_ffff_ffff;
+    (2 * octaves + usize::from(upper)).min(CONTEXTS - 1)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::gaussian::half_octaves;
 
     #[test]
     fn functions_agree_with_the_system() {
@@ -105,9 +148,6 @@ mod tests {
             let (sin, cos) = sin_cos(x);
             assert!((sin - x.sin()).abs() < 4e-16 && (cos - x.cos()).abs() < 4e-16, "{x}");
         }
-        for halves in 0..60 {
-            assert!((half_octaves(halves) / 2f64.powf(f64::from(halves) / 2.0) - 1.0).abs() < 4e-16);
-        }
     }
 
     #[test]
@@ -121,5 +161,18 @@ mod tests {
     #[test]
     fn halves_round_up() {
         assert_eq!([-1.5, -0.5, 0.5, 1.5, 0.4, -0.6].map(round), [-1.0, 0.0, 1.0, 2.0, 0.0, -1.0]);
+    }
+
+    #[test]
+    fn contexts_are_half_octaves() {
+        for context in 0..CONTEXTS {
+            let mean = half_octaves(context as u32) / 16.0;
+            for factor in [0.85, 1.0, 1.18] {
+                assert_eq!(context_of(mean * factor), context);
+            }
+        }
+        assert_eq!(context_of(0.0), 0);
+        assert_eq!(context_of(f64::INFINITY), CONTEXTS - 1);
+        assert!(context_of(f64::NAN) < CONTEXTS);
     }
 }

@@ -1,34 +1,58 @@
-//! The coder `context`: quantisation steps from the visibility of each Gaussian, and an adaptive
-//! range coder.
+//! The coder `context`: the model of a Gaussian of [`gaussian`](crate::gaussian) with an adaptive binary range
+//! coder.
 //!
-//! The encoder quantises the visibility of every Gaussian to half octaves. This index and the
-//! numbers already decoded determine all other steps, so that errors of all numbers are
-//! equally visible. Gaussians come along a Morton curve; each number is coded under an expectation of its
-//! magnitude that adapts to the last ones. [`row`] codes one Gaussian, with the same code for both
-//! directions.
-//!
-//! Chunks are independent. Decoded numbers are the same on every machine: they are integers or
-//! binary64 IEEE arithmetic in the order written.
+//! A number is coded under an expectation of its magnitude as the bit length of the magnitude in unary, the sign,
+//! then the bits below the top one.
 
 mod bit;
-mod chunk;
-mod decode;
-#[cfg(feature = "encode")]
-mod encode;
-mod grid;
+mod integer;
 mod math;
-mod model;
-mod neighbors;
-mod observer;
 mod range;
-mod rotation;
-mod row;
-mod trajectory;
+mod search;
 
+use crate::{
+    Error,
+    columns::Columns,
+    gaussian::{BitObserver, decode_with},
+    rows::Rows,
+};
 #[cfg(feature = "encode")]
-pub(crate) use decode::decode_observed;
-pub(crate) use decode::{WORK_BYTES, decode};
+use crate::{
+    gaussian::{EncodedChunk, encode_with},
+    precision::Prepared,
+};
+
+/// Decodes a chunk; see [`decode_with`].
+///
+/// # Errors
+/// See [`decode_with`].
+pub(crate) fn decode(
+    payload: &[u8],
+    version_major: u16,
+    columns: Columns,
+    offset: usize,
+    out: Rows,
+) -> Result<(), Error> {
+    decode_observed(payload, version_major, columns, offset, out, ())
+}
+
+/// Decodes as [`decode`] does, while `observer` sees the symbols.
+///
+/// # Errors
+/// See [`decode`].
+pub(crate) fn decode_observed(
+    payload: &[u8],
+    version_major: u16,
+    columns: Columns,
+    offset: usize,
+    out: Rows,
+    observer: impl BitObserver,
+) -> Result<(), Error> {
+    decode_with(payload, version_major, columns, offset, out, |bytes| range::Decoder::new(bytes, observer))
+}
+
+/// Encodes `rows` of a field as a chunk.
 #[cfg(feature = "encode")]
-pub(crate) use encode::{EncodedChunk, encode};
-#[cfg(feature = "encode")]
-pub(crate) use observer::{Attribute, BitStats};
+pub(crate) fn encode(source: &Prepared, rows: &[usize], columns: Columns) -> EncodedChunk {
+    encode_with::<range::Encoder>(source, rows, columns, decode)
+}

@@ -1,50 +1,38 @@
-//! An adaptive binary range coder: [`Decoder`] and `Encoder` behind one trait, [`Symbols`].
-//!
-//! The code for a Gaussian is written once, against the trait. Every method takes the symbol to code
-//! and returns the coded symbol: the encoder returns its argument, the decoder ignores it and returns
-//! the symbol it reads. So the two directions cannot drift apart.
+//! An adaptive binary range coder: [`Decoder`] and `Encoder`.
 
 use super::{
     bit::Bit,
-    observer::{Attribute, BitObserver},
+    integer::{BitInteger, BitTree},
+    math::Math,
+    search::LastCells,
 };
-use crate::counters::Work;
+#[cfg(feature = "encode")]
+use crate::gaussian::Writing;
+use crate::{
+    counters::Work,
+    gaussian::{Attribute, BitObserver, Reading, Symbols},
+};
 
 /// Smallest range; below it the coder shifts by a byte.
 const LOW: u32 = 1 << 24;
 
-/// Codes symbols, to bytes or from bytes.
-pub(super) trait Symbols {
-    /// Whether the arguments are coded (encoder) or ignored (decoder).
-    const ENCODES: bool;
-
+/// Codes bits.
+pub(super) trait BitSymbols: Symbols {
     /// Codes a bit with its model, and updates the model.
     fn bit(&mut self, model: &mut Bit, bit: bool) -> bool;
+}
 
-    /// Codes one of `count` equally likely numbers, `1 <= count <= 65536`.
-    fn uniform(&mut self, count: u32, value: u32) -> u32;
-
-    /// Codes `bits` bypass bits, at most 48: equally likely, without a model.
-    fn bypass(&mut self, bits: u32, value: u64) -> u64 {
-        let mut coded = 0;
-        let mut left = bits;
-        while left > 0 {
-            let taken = left.min(16);
-            left -= taken;
-            let part = (value >> left) as u32 & ((1 << taken) - 1);
-            coded = coded << taken | u64::from(self.uniform(1 << taken, part));
-        }
-        coded
+/// Codes bypass bits as uniform numbers of up to 16 bits.
+fn bypass(symbols: &mut impl Symbols, bits: u32, value: u64) -> u64 {
+    let mut coded = 0;
+    let mut left = bits;
+    while left > 0 {
+        let taken = left.min(16);
+        left -= taken;
+        let part = (value >> left) as u32 & ((1 << taken) - 1);
+        coded = coded << taken | u64::from(symbols.uniform(1 << taken, part));
     }
-
-    /// See [`BitObserver::begin`].
-    fn begin(&mut self, _: Attribute, _component: usize) {}
-
-    /// See [`BitObserver::number`].
-    fn number(&mut self, _: i32, _residual: i32) {}
-
-    /// See [`BitObserver::choice`].
-    fn choice(&mut self, _count: f64) {}
+    coded
 }
 
 /// Reads symbols. Past the end it reads zeros, which [`Decoder::overrun`] reports.
@@ -78,21 +66,24 @@ impl<'a, O: BitObserver> Decoder<'a, O> {
             self.shift();
         }
     }
+}
 
-    /// Whether it has read past the end.
-    pub(super) fn overrun(&self) -> bool {
+impl<O: BitObserver> Reading for Decoder<'_, O> {
+    fn overrun(&self) -> bool {
         self.taken > self.bytes.len()
     }
 
-    /// Number of bytes not read.
-    pub(super) fn left(&self) -> usize {
+    fn left(&self) -> usize {
         self.bytes.len().saturating_sub(self.taken)
+    }
+
+    /// A range coder has no final state.
+    fn is_complete(&self) -> bool {
+        true
     }
 }
 
-impl<O: BitObserver> Symbols for Decoder<'_, O> {
-    const ENCODES: bool = false;
-
+impl<O: BitObserver> BitSymbols for Decoder<'_, O> {
     fn bit(&mut self, model: &mut Bit, _: bool) -> bool {
         Work::Symbols.count(1);
         let bound = model.split(self.range);
@@ -107,6 +98,27 @@ impl<O: BitObserver> Symbols for Decoder<'_, O> {
         model.update(bit);
         self.normalize();
         bit
+    }
+}
+
+impl<O: BitObserver> Symbols for Decoder<'_, O> {
+    const ENCODES: bool = false;
+
+    type Arithmetic = Math;
+    type Integer = BitInteger;
+    type Tree = BitTree;
+    type Search = LastCells;
+
+    fn integer(&mut self, model: &mut BitInteger, context: usize, value: i32) -> i32 {
+        model.code(self, context, value)
+    }
+
+    fn tree(&mut self, model: &mut BitTree, value: u32) -> u32 {
+        model.code(self, value)
+    }
+
+    fn bypass(&mut self, bits: u32, value: u64) -> u64 {
+        bypass(self, bits, value)
     }
 
     fn begin(&mut self, attribute: Attribute, component: usize) {
@@ -148,11 +160,14 @@ pub(super) struct Encoder {
 }
 
 #[cfg(feature = "encode")]
-impl Encoder {
-    pub(super) fn new(bytes: Vec<u8>) -> Encoder {
-        Encoder { bytes, low: 0, range: u32::MAX, pending: None, run: 0 }
+impl Default for Encoder {
+    fn default() -> Encoder {
+        Encoder { bytes: Vec::new(), low: 0, range: u32::MAX, pending: None, run: 0 }
     }
+}
 
+#[cfg(feature = "encode")]
+impl Encoder {
     fn shift(&mut self) {
         let carry = (self.low >> 32) as u8;
         let top = (self.low >> 24) as u8;
@@ -175,9 +190,12 @@ impl Encoder {
             self.shift();
         }
     }
+}
 
+#[cfg(feature = "encode")]
+impl Writing for Encoder {
     /// Writes the pending bytes, so that there are as many as a decoder reads.
-    pub(super) fn finish(mut self) -> Vec<u8> {
+    fn finish(mut self) -> Vec<u8> {
         for _ in 0..5 {
             self.shift();
         }
@@ -189,6 +207,34 @@ impl Encoder {
 impl Symbols for Encoder {
     const ENCODES: bool = true;
 
+    type Arithmetic = Math;
+    type Integer = BitInteger;
+    type Tree = BitTree;
+    type Search = LastCells;
+
+    fn integer(&mut self, model: &mut BitInteger, context: usize, value: i32) -> i32 {
+        model.code(self, context, value)
+    }
+
+    fn tree(&mut self, model: &mut BitTree, value: u32) -> u32 {
+        model.code(self, value)
+    }
+
+    fn bypass(&mut self, bits: u32, value: u64) -> u64 {
+        bypass(self, bits, value)
+    }
+
+    fn uniform(&mut self, count: u32, value: u32) -> u32 {
+        let unit = self.range / count;
+        self.low += u64::from(unit) * u64::from(value);
+        self.range = unit;
+        self.normalize();
+        value
+    }
+}
+
+#[cfg(feature = "encode")]
+impl BitSymbols for Encoder {
     fn bit(&mut self, model: &mut Bit, bit: bool) -> bool {
         let bound = model.split(self.range);
         if bit {
@@ -201,14 +247,6 @@ impl Symbols for Encoder {
         self.normalize();
         bit
     }
-
-    fn uniform(&mut self, count: u32, value: u32) -> u32 {
-        let unit = self.range / count;
-        self.low += u64::from(unit) * u64::from(value);
-        self.range = unit;
-        self.normalize();
-        value
-    }
 }
 
 #[cfg(all(test, feature = "encode"))]
@@ -216,7 +254,7 @@ mod tests {
     use super::*;
 
     /// Codes the same pseudo-random symbols in either direction.
-    fn run<S: Symbols>(symbols: &mut S, seed: u32, count: usize) -> Vec<u64> {
+    fn run<S: BitSymbols>(symbols: &mut S, seed: u32, count: usize) -> Vec<u64> {
         let mut state = seed;
         let mut next = move || {
             state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
@@ -243,7 +281,7 @@ mod tests {
     fn symbols_round_trip_and_use_every_byte() {
         for seed in 0..200 {
             let count = 1 + seed as usize * 7;
-            let mut encoder = Encoder::new(Vec::new());
+            let mut encoder = Encoder::default();
             let coded = run(&mut encoder, seed, count);
             let bytes = encoder.finish();
             let mut decoder = Decoder::new(&bytes, ());
@@ -255,7 +293,7 @@ mod tests {
 
     #[test]
     fn a_likely_bit_costs_little() {
-        let mut encoder = Encoder::new(Vec::new());
+        let mut encoder = Encoder::default();
         let mut model = Bit::default();
         for _ in 0..10_000 {
             encoder.bit(&mut model, true);

@@ -133,7 +133,7 @@ pub(crate) fn left_out(contents: &Contents, clip: &Clip) -> Vec<LeftOut> {
             gaussians,
             bytes_saved: match contents.coder {
                 Coder::Fixed => gaussians * bits / 8,
-                Coder::Context => chunks * numbers * ZEROS_BYTES,
+                Coder::Context | Coder::Rans => chunks * numbers * ZEROS_BYTES,
             },
             gpu_bytes_saved: gaussians * gpu_words * 4,
         });

@@ -2,13 +2,13 @@
 //! decoded row.
 
 use super::{
+    arithmetic::{Arithmetic, Unit, half_octaves},
     chunk::Chunk,
-    math::{exp, half_octaves, ln, round},
-    model::{BitTree, Coding, Quantity},
     neighbors::{History, Neighbors},
     observer::Attribute,
-    range::Symbols,
+    quantity::{Coding, Quantity},
     rotation::{self, RotationQuantiser},
+    symbols::{Integer, Prior, Symbols, Tree},
     trajectory::{self, Span},
 };
 use crate::{SH_C0, columns::Columns, rows::Rows, sh_coefficients};
@@ -81,50 +81,74 @@ pub(super) struct Row {
 }
 
 /// The models of a chunk.
-pub(super) struct RowCoder<'a> {
+pub(super) struct RowCoder<'a, S: Symbols> {
     chunk: &'a Chunk,
     columns: Columns,
+    /// Models of the quantities.
+    models: Vec<S::Integer>,
     /// By the last visibility index.
-    visibility_indices: Vec<BitTree>,
+    visibility_indices: Vec<S::Tree>,
     /// By visibility index and last geometry index, a quarter of each.
-    geometry_indices: Vec<BitTree>,
+    geometry_indices: Vec<S::Tree>,
     opacity: Quantity,
     scales: [Quantity; 3],
-    directions: Vec<BitTree>,
+    directions: Vec<S::Tree>,
     width: Quantity,
     center: Quantity,
     motion: Vec<Quantity>,
     angular_rate: Vec<Quantity>,
     colors: [Quantity; 3],
-    sh: Vec<Quantity>,
-    neighbors: Neighbors,
+    harmonics: Vec<Quantity>,
+    neighbors: Neighbors<S::Search>,
     last_visibility: u32,
     last_geometry: u32,
     row: Row,
 }
 
-impl<'a> RowCoder<'a> {
-    pub(super) fn new(chunk: &'a Chunk, columns: Columns) -> RowCoder<'a> {
-        let quantity = Quantity::new();
+impl<'a, S: Symbols> RowCoder<'a, S> {
+    pub(super) fn new(chunk: &'a Chunk, columns: Columns) -> RowCoder<'a, S> {
         let temporal = columns.temporal.unwrap_or_default();
         let sh = sh_coefficients(columns.sh_degree);
+        let mut models = Vec::new();
+        let mut quantities = |attribute: Attribute, count: usize| -> Vec<Quantity> {
+            let first = models.len();
+            let group = |component| S::Integer::group(attribute, component);
+            let groups = (0..count).map(|component| group(component) + 1).max().unwrap_or(0);
+            models.extend((0..groups).map(|_| S::Integer::new(attribute)));
+            (0..count).map(|component| Quantity::new(first + group(component))).collect()
+        };
+        let [opacity, width, center] = [Attribute::Opacity, Attribute::WindowWidth, Attribute::WindowCenter]
+            .map(|attribute| quantities(attribute, 1).remove(0));
+        let mut three = |attribute| {
+            let quantities = quantities(attribute, 3);
+            std::array::from_fn(|i| quantities[i].clone())
+        };
+        let (scales, colors) = (three(Attribute::Scales), three(Attribute::Color));
+        let motion = quantities(Attribute::Motion, 3 * usize::from(temporal.motion_order));
+        let angular_rate = quantities(Attribute::AngularRate, if temporal.rotation_rates { 4 } else { 0 });
+        let harmonics = quantities(Attribute::Harmonics, 3 * (sh - 1));
         RowCoder {
             chunk,
             columns,
-            visibility_indices: vec![BitTree::new(VISIBILITY_BITS); 1 << VISIBILITY_BITS],
+            models,
+            visibility_indices: (0..1 << VISIBILITY_BITS)
+                .map(|last| S::Tree::new(VISIBILITY_BITS, Prior::Near(last)))
+                .collect(),
             geometry_indices: vec![
-                BitTree::new(GEOMETRY_BITS);
+                S::Tree::new(GEOMETRY_BITS, Prior::Nothing);
                 1 << (VISIBILITY_BITS - 2 + GEOMETRY_BITS - 2)
             ],
-            opacity: quantity.clone(),
-            scales: std::array::from_fn(|_| quantity.clone()),
-            directions: (0..2 * (DIRECTION_LEVELS + 1)).map(|i| BitTree::new(2 * (i / 2))).collect(),
-            width: quantity.clone(),
-            center: quantity.clone(),
-            motion: vec![quantity.clone(); 3 * usize::from(temporal.motion_order)],
-            angular_rate: vec![quantity.clone(); if temporal.rotation_rates { 4 } else { 0 }],
-            colors: std::array::from_fn(|_| quantity.clone()),
-            sh: vec![quantity; 3 * (sh - 1)],
+            opacity,
+            scales,
+            directions: (0..2 * (DIRECTION_LEVELS + 1))
+                .map(|i| S::Tree::new(2 * (i / 2), Prior::MiddleOfSquare))
+                .collect(),
+            width,
+            center,
+            motion,
+            angular_rate,
+            colors,
+            harmonics,
             neighbors: Neighbors::default(),
             last_visibility: 0,
             last_geometry: 0,
@@ -134,37 +158,32 @@ impl<'a> RowCoder<'a> {
 
     /// Codes the Gaussian in `cell` and returns it as decoded; `None` if a number is out of range,
     /// in damaged streams only. The encoder passes `target`.
-    pub(super) fn code<S: Symbols>(
-        &mut self,
-        symbols: &mut S,
-        cell: [u32; 3],
-        target: Option<&Target>,
-    ) -> Option<&Row> {
+    pub(super) fn code(&mut self, symbols: &mut S, cell: [u32; 3], target: Option<&Target>) -> Option<&Row> {
         if self.chunk.has_neighbors {
             self.neighbors.find(cell);
         }
-        let mut history = History { cell, ..History::default() };
+        let mut history = History::default();
         let (color_step, step) = self.code_indices(symbols, target);
         self.code_window(symbols, step, target);
         let (extents, quantiser) = self.code_shape(symbols, step, target, &mut history)?;
         self.code_trajectory(symbols, extents, &quantiser, step, cell, target);
         self.code_colors(symbols, color_step, target, &mut history);
         if self.chunk.has_neighbors {
-            self.neighbors.push(history);
+            self.neighbors.push(cell, history);
         }
         self.row.is_valid().then_some(&self.row)
     }
 
     /// Codes the quantiser indices, and returns the steps of colour and geometry.
-    fn code_indices<S: Symbols>(&mut self, symbols: &mut S, target: Option<&Target>) -> (f64, f64) {
+    fn code_indices(&mut self, symbols: &mut S, target: Option<&Target>) -> (f64, f64) {
         symbols.begin(Attribute::QuantiserIndices, 0);
-        let visibility = self.visibility_indices[self.last_visibility as usize]
-            .code(symbols, target.map_or(0, |t| t.visibility_index));
+        let tree = &mut self.visibility_indices[self.last_visibility as usize];
+        let visibility = symbols.tree(tree, target.map_or(0, |t| t.visibility_index));
         symbols.number(visibility as i32, visibility as i32);
         symbols.begin(Attribute::QuantiserIndices, 1);
         let context = 4 * (visibility / 4) + self.last_geometry / 4;
-        let geometry =
-            self.geometry_indices[context as usize].code(symbols, target.map_or(0, |t| t.geometry_index));
+        let tree = &mut self.geometry_indices[context as usize];
+        let geometry = symbols.tree(tree, target.map_or(0, |t| t.geometry_index));
         symbols.number(geometry as i32, geometry as i32);
         (self.last_visibility, self.last_geometry) = (visibility, geometry);
         let color_step = f64::from(self.chunk.step) * half_octaves(visibility);
@@ -172,32 +191,33 @@ impl<'a> RowCoder<'a> {
     }
 
     /// Codes opacity and window.
-    fn code_window<S: Symbols>(&mut self, symbols: &mut S, step: f64, target: Option<&Target>) {
+    fn code_window(&mut self, symbols: &mut S, step: f64, target: Option<&Target>) {
         let [opacity, width, center] = target.map_or([0.0; 3], |t| t.window);
         // Code 0 means opaque and, for widths, always on: the most frequent values.
-        let unit = opacity_step(step);
+        let unit = Unit::new(opacity_step(step));
         symbols.begin(Attribute::Opacity, 0);
-        let code = self.opacity.code(symbols, opacity, Coding::near(unit, 0.0));
-        self.row.opacity = decoded_opacity(f64::from(code) * unit);
+        let code = self.opacity.code(symbols, &mut self.models, opacity, Coding::near(unit, 0.0));
+        self.row.opacity = decoded_opacity::<S::Arithmetic>(f64::from(code) * unit.size);
         if self.columns.temporal.is_none() {
             return;
         }
-        let unit = trajectory::width_step(step);
-        symbols.begin(Attribute::Window, 0);
-        let code = self.width.code(symbols, width, Coding::near(unit, 0.0));
-        self.row.s = trajectory::width(f64::from(code) * unit) as f32;
+        let unit = Unit::new(trajectory::width_step(step));
+        symbols.begin(Attribute::WindowWidth, 0);
+        let code = self.width.code(symbols, &mut self.models, width, Coding::near(unit, 0.0));
+        self.row.s = trajectory::width::<S::Arithmetic>(f64::from(code) * unit.size) as f32;
         self.row.tau = 0.5;
         if self.row.s.is_finite() {
-            let unit = trajectory::center_step(f64::from(self.row.s), step);
-            symbols.begin(Attribute::Window, 1);
-            let code = self.center.code(symbols, center, Coding::near(unit, self.center.mean()));
-            self.row.tau = decoded_tau(f64::from(code) * unit);
+            let unit = Unit::new(trajectory::center_step(f64::from(self.row.s), step));
+            symbols.begin(Attribute::WindowCenter, 0);
+            let code =
+                self.center.code(symbols, &mut self.models, center, Coding::near(unit, self.center.mean()));
+            self.row.tau = decoded_tau(f64::from(code) * unit.size);
         }
     }
 
     /// Codes scales and rotation, and returns the standard deviations blurred by the footprint, widest
     /// first.
-    fn code_shape<S: Symbols>(
+    fn code_shape(
         &mut self,
         symbols: &mut S,
         step: f64,
@@ -205,30 +225,31 @@ impl<'a> RowCoder<'a> {
         history: &mut History,
     ) -> Option<([f64; 3], RotationQuantiser)> {
         let footprint = f64::from(self.chunk.footprint);
-        let base = ln(footprint);
-        let unit = step.min(SCALE_STEP_MAX);
+        let base = S::Arithmetic::ln(footprint);
+        let unit = Unit::new(step.min(SCALE_STEP_MAX));
         let mut extents = [0.0; 3];
         let mut log_scales = [0.0; 3];
         let mut last = base;
         for (r, quantity) in self.scales.iter_mut().enumerate() {
-            let number = target.map_or(0.0, |t| log_extent(t.log_scales[r], footprint) - last);
+            let number =
+                target.map_or(0.0, |t| log_extent::<S::Arithmetic>(t.log_scales[r], footprint) - last);
             let mean = quantity.mean();
             let offset =
                 SCALE_NEIGHBOR_WEIGHT * (self.neighbors.mean(mean, |history| history.scales[r]) - mean);
             symbols.begin(Attribute::Scales, r);
-            let code = quantity.code(symbols, number, Coding::near(unit, mean + offset));
-            let extent = (last + f64::from(code) * unit).max(base);
+            let code = quantity.code(symbols, &mut self.models, number, Coding::near(unit, mean + offset));
+            let extent = (last + f64::from(code) * unit.size).max(base);
             if extent > LOG_EXTENT_MAX {
                 return None;
             }
             history.scales[r] = extent - last;
             last = extent;
-            extents[r] = exp(extent);
+            extents[r] = S::Arithmetic::exp(extent);
             let variance = extents[r] * extents[r] - footprint * footprint;
-            log_scales[r] = 0.5 * ln(variance.max(footprint * footprint / 1024.0));
+            log_scales[r] = 0.5 * S::Arithmetic::ln(variance.max(footprint * footprint / 1024.0));
         }
 
-        let quantiser = RotationQuantiser::new(extents, ROTATION * step);
+        let quantiser = RotationQuantiser::new::<S::Arithmetic>(extents, ROTATION * step);
         symbols.begin(Attribute::Rotation, 0);
         symbols.choice(f64::from(quantiser.direction_codes).powi(2) * f64::from(quantiser.roll_codes));
         let pole = self.neighbors.nearest().map_or(rotation::FIRST_POLE, |history| history.direction);
@@ -238,13 +259,14 @@ impl<'a> RowCoder<'a> {
         let roll = target_axes.map_or(0, |axes| roll_code(direction, axes[0], quantiser.roll_codes));
         let roll = symbols.uniform(quantiser.roll_codes, roll);
         history.direction = direction;
-        self.row.rotation = rotation::quaternion(direction, roll, quantiser.roll_codes).map(|x| x as f32);
+        self.row.rotation =
+            rotation::quaternion::<S::Arithmetic>(direction, roll, quantiser.roll_codes).map(|x| x as f32);
         self.row.log_scales = quantiser.axes.map(|axis| log_scales[axis] as f32);
         Some((extents, quantiser))
     }
 
     /// Codes a direction: a square of the octahedral map by a tree, then the position within it.
-    fn code_direction<S: Symbols>(
+    fn code_direction(
         &mut self,
         symbols: &mut S,
         quantiser: &RotationQuantiser,
@@ -259,7 +281,7 @@ impl<'a> RowCoder<'a> {
         let morton =
             (0..level).rev().fold(0, |m, bit| m << 2 | (part[0] >> bit & 1) << 1 | part[1] >> bit & 1);
         let tree = &mut self.directions[(2 * level + u32::from(quantiser.is_needle())) as usize];
-        let morton = tree.code(symbols, morton);
+        let morton = symbols.tree(tree, morton);
         let axis = |shift: u32| (0..level).fold(0, |x, bit| x | (morton >> (2 * bit + shift) & 1) << bit);
         let mut direction_codes = [axis(1), axis(0)];
         for (x, target) in direction_codes.iter_mut().zip(target) {
@@ -271,7 +293,7 @@ impl<'a> RowCoder<'a> {
     }
 
     /// Codes position, motion and angular rate.
-    fn code_trajectory<S: Symbols>(
+    fn code_trajectory(
         &mut self,
         symbols: &mut S,
         extents: [f64; 3],
@@ -282,7 +304,7 @@ impl<'a> RowCoder<'a> {
     ) {
         let unit = (step * size_of(extents)).min(POSITION_STEP_MAX);
         let cell_size = f64::from(self.chunk.cell_size);
-        let parts = round(cell_size / unit).clamp(1.0, 65536.0);
+        let parts = S::Arithmetic::round(cell_size / unit).clamp(1.0, 65536.0);
         symbols.begin(Attribute::Position, 0);
         symbols.choice(parts.powi(3));
         let mut c = [[0.0; 3]; 4];
@@ -301,15 +323,16 @@ impl<'a> RowCoder<'a> {
             return;
         };
         let (tau, s) = (f64::from(self.row.tau), f64::from(self.row.s));
-        let span = Span::new(f64::from(self.row.opacity), tau, s);
+        let span = Span::new::<S::Arithmetic>(f64::from(self.row.opacity), tau, s);
         let mut energy = Energy::default();
-        for (i, quantity) in self.motion.iter_mut().enumerate() {
-            let (power, axis) = (1 + i / 3, i % 3);
-            let unit = unit / span.size[power];
-            let number = target.map_or(0.0, |t| t.trajectory[power][axis]);
-            symbols.begin(Attribute::Motion, i);
-            let code = energy.code(symbols, quantity, number, unit, 0.0);
-            c[power][axis] = f64::from(code) * unit;
+        for (power, quantities) in (1..).zip(self.motion.chunks_exact_mut(3)) {
+            let unit = Unit::new(unit / span.size[power]);
+            for (axis, quantity) in quantities.iter_mut().enumerate() {
+                let number = target.map_or(0.0, |t| t.trajectory[power][axis]);
+                symbols.begin(Attribute::Motion, 3 * (power - 1) + axis);
+                let code = energy.code(symbols, &mut self.models, quantity, number, unit, 0.0);
+                c[power][axis] = f64::from(code) * unit.size;
+            }
         }
         for axis in 0..3 {
             let [p0, powers @ ..] = span.powers([0, 1, 2, 3].map(|power| c[power][axis]), tau);
@@ -324,7 +347,7 @@ impl<'a> RowCoder<'a> {
     }
 
     /// Codes the rotation rate as an angular rate in the Gaussian's own axes.
-    fn code_angular_rate<S: Symbols>(
+    fn code_angular_rate(
         &mut self,
         symbols: &mut S,
         quantiser: &RotationQuantiser,
@@ -340,45 +363,48 @@ impl<'a> RowCoder<'a> {
             let [x, y, z] = rotation::rotate(rotation::inverse(q), rest);
             [scalar, x, y, z]
         });
-        let units = [direction.min(roll), direction, direction, roll];
+        let units = [direction.min(roll), direction, direction, roll].map(Unit::new);
         let mut rate = [0.0; 4];
         for i in 0..4 {
             symbols.begin(Attribute::AngularRate, i);
-            let code = self.angular_rate[i].code(symbols, number[i], Coding::near(units[i], 0.0));
-            rate[i] = f64::from(code) * units[i];
+            let code =
+                self.angular_rate[i].code(symbols, &mut self.models, number[i], Coding::near(units[i], 0.0));
+            rate[i] = f64::from(code) * units[i].size;
         }
         self.row.rotation_rate = product(q, rate).map(narrowed);
     }
 
     /// Codes colour and spherical harmonics.
-    fn code_colors<S: Symbols>(
-        &mut self,
-        symbols: &mut S,
-        step: f64,
-        target: Option<&Target>,
-        history: &mut History,
-    ) {
+    fn code_colors(&mut self, symbols: &mut S, step: f64, target: Option<&Target>, history: &mut History) {
         let number = |k: usize| target.map_or([0.0; 3], |t| t.sh[k].map(f64::from));
         let color = luma_chroma(number(0).map(|x| x * SH_C0));
+        let units = [COLOR, COLOR * CHROMA].map(|factor| Unit::new((step * factor).min(COLOR_STEP_MAX)));
         for (i, quantity) in self.colors.iter_mut().enumerate() {
-            let unit = (step * if i == 0 { COLOR } else { COLOR * CHROMA }).min(COLOR_STEP_MAX);
+            let unit = units[i.min(1)];
             let mean = quantity.mean();
             let offset =
                 COLOR_NEIGHBOR_WEIGHT * (self.neighbors.mean(mean, |history| history.color[i]) - mean);
             symbols.begin(Attribute::Color, i);
-            let code = quantity.code(symbols, color[i], Coding::near(unit, mean + offset));
-            history.color[i] = f64::from(code) * unit;
+            let code = quantity.code(symbols, &mut self.models, color[i], Coding::near(unit, mean + offset));
+            history.color[i] = f64::from(code) * unit.size;
         }
         self.row.sh[0] = rgb(history.color).map(|x| narrowed(x / SH_C0));
 
-        let unit = SH * step / SH_C0;
+        let unit = Unit::new(SH * step / SH_C0);
         let mut energy = Energy::default();
-        for (k, quantities) in (1..).zip(self.sh.chunks_exact_mut(3)) {
+        for (k, quantities) in (1..).zip(self.harmonics.chunks_exact_mut(3)) {
             let opponents = opponents(number(k));
             let mut coded = [0.0; 3];
             for (i, quantity) in quantities.iter_mut().enumerate() {
-                symbols.begin(Attribute::Harmonics, 3 * k + i);
-                coded[i] = f64::from(energy.code(symbols, quantity, opponents[i], unit, SH_LAMBDA)) * unit;
+                symbols.begin(Attribute::Harmonics, 3 * (k - 1) + i);
+                coded[i] = f64::from(energy.code(
+                    symbols,
+                    &mut self.models,
+                    quantity,
+                    opponents[i],
+                    unit,
+                    SH_LAMBDA,
+                )) * unit.size;
             }
             self.row.sh[k] = channels(coded).map(narrowed);
         }
@@ -433,8 +459,8 @@ pub(super) fn opacity_step(step: f64) -> f64 {
 }
 
 /// The opacity of a coded number.
-pub(super) fn decoded_opacity(number: f64) -> f32 {
-    (exp(-number) as f32).min(1.0)
+pub(super) fn decoded_opacity<A: Arithmetic>(number: f64) -> f32 {
+    (A::exp(-number) as f32).min(1.0)
 }
 
 /// The window centre of a coded number.
@@ -449,10 +475,10 @@ fn size_of(extents: [f64; 3]) -> f64 {
 
 /// Quantisation step of the position, before the scales are rounded.
 #[cfg(feature = "encode")]
-pub(super) fn position_step(chunk: &Chunk, target: &Target) -> f64 {
+pub(super) fn position_step<A: Arithmetic>(chunk: &Chunk, target: &Target) -> f64 {
     let step =
         f64::from(chunk.step) * half_octaves(target.visibility_index) * half_octaves(target.geometry_index);
-    step * size_of(target.log_scales.map(|x| exp(log_extent(x, f64::from(chunk.footprint)))))
+    step * size_of(target.log_scales.map(|x| A::exp(log_extent::<A>(x, f64::from(chunk.footprint)))))
 }
 
 /// [`Target::angular_rate`] of a quaternion `q` and its rate.
@@ -464,9 +490,9 @@ pub(super) fn angular_rate(q: [f64; 4], rate: [f64; 4]) -> [f64; 4] {
 }
 
 /// Logarithm of a standard deviation, given by its logarithm, once blurred by the footprint.
-fn log_extent(log_scale: f64, footprint: f64) -> f64 {
-    let sigma = exp(log_scale);
-    0.5 * ln(sigma * sigma + footprint * footprint)
+fn log_extent<A: Arithmetic>(log_scale: f64, footprint: f64) -> f64 {
+    let sigma = A::exp(log_scale);
+    0.5 * A::ln(sigma * sigma + footprint * footprint)
 }
 
 /// Ratio of coded to expected magnitudes in a Gaussian, which predicts its next numbers.
@@ -480,15 +506,16 @@ impl Energy {
     fn code<S: Symbols>(
         &mut self,
         symbols: &mut S,
+        models: &mut [S::Integer],
         quantity: &mut Quantity,
         number: f64,
-        step: f64,
+        unit: Unit,
         lambda: f64,
     ) -> i32 {
-        let expected = quantity.expected(step);
+        let expected = quantity.expected::<S::Arithmetic>(unit);
         let weight = expected.max(0.05);
-        let spread = (self.coded + weight) / (self.expected + weight);
-        let code = quantity.code(symbols, number, Coding { step, prediction: 0.0, spread, lambda });
+        let spread = [self.coded + weight, self.expected + weight];
+        let code = quantity.code(symbols, models, number, Coding { unit, prediction: 0.0, spread, lambda });
         self.coded += f64::from(code.unsigned_abs());
         self.expected += expected;
         code

@@ -1,14 +1,13 @@
-//! Encodes chunks with the coder `context`: chooses quantiser indices and the grid, and converts
+//! Encodes chunks with the encoder of any coder: chooses quantiser indices and the grid, and converts
 //! Gaussians to the coordinates that are coded.
 
 use super::{
+    arithmetic::{Arithmetic, half_octaves},
     chunk::{Chunk, FOOTPRINT, STEP},
-    decode::decode,
-    grid,
-    math::{half_octaves, ln, round},
-    range::Encoder,
-    rotation,
+    decode::DecodeChunk,
+    grid, rotation,
     row::{self, GEOMETRY_BITS, LOG_EXTENT_MAX, RowCoder, Target, VISIBILITY_BITS},
+    symbols::Writing,
     trajectory::{self, Span},
 };
 use crate::{
@@ -27,26 +26,35 @@ const CELLS_PER_STEP: f64 = 0.25;
 /// Largest distance from the clip of the centre of an infinite window.
 const TAU_MAX: f64 = 1e5;
 
-/// Encodes `rows` of a field as a chunk. The chunk orders the rows by grid cell.
-pub(crate) fn encode(source: &Prepared, rows: &[usize], columns: Columns) -> EncodedChunk {
+/// Encodes `rows` of a field as a chunk, which `decode` decodes. The chunk orders the rows by grid cell.
+pub(crate) fn encode_with<S: Writing>(
+    source: &Prepared,
+    rows: &[usize],
+    columns: Columns,
+    decode: DecodeChunk,
+) -> EncodedChunk {
     let footprint = source.footprint.clamp(*FOOTPRINT.start(), *FOOTPRINT.end());
-    let finest = rows.iter().map(|&i| half_octaves_below_1(source.sensitivities[i].color)).min().unwrap_or(0);
+    let finest = rows
+        .iter()
+        .map(|&i| half_octaves_below_1::<S::Arithmetic>(source.sensitivities[i].color))
+        .min()
+        .unwrap_or(0);
     let step =
         (source.step * half_octaves_signed(finest)).clamp(f64::from(*STEP.start()), f64::from(*STEP.end()));
     let step = step as f32;
 
     let prepare = |&i: &usize| {
         let Sensitivity { color, geometry } = source.sensitivities[i];
-        let [color, geometry] = [color, geometry].map(half_octaves_below_1);
+        let [color, geometry] = [color, geometry].map(half_octaves_below_1::<S::Arithmetic>);
         let visibility_index = (color - finest).clamp(0, (1 << VISIBILITY_BITS) - 1) as u32;
         let geometry_index = (geometry - color).clamp(0, (1 << GEOMETRY_BITS) - 1) as u32;
         let step = f64::from(step) * half_octaves(visibility_index) * half_octaves(geometry_index);
-        Target { visibility_index, geometry_index, ..target(source.field, i, step, columns) }
+        Target { visibility_index, geometry_index, ..target::<S::Arithmetic>(source.field, i, step, columns) }
     };
     let targets: Vec<Target> = rows.iter().map(prepare).collect();
     let mut chunk =
         Chunk { step, footprint, origin: [0.0; 3], cell_size: 0.0, axis_bits: 0, has_neighbors: true };
-    choose_grid(&mut chunk, &targets);
+    choose_grid::<S::Arithmetic>(&mut chunk, &targets);
 
     let cells = targets.iter().map(|target| cell_of(&chunk, target.trajectory[0]));
     let mut ordered: Vec<(u64, &Target, usize)> =
@@ -55,8 +63,9 @@ pub(crate) fn encode(source: &Prepared, rows: &[usize], columns: Columns) -> Enc
     ordered.sort_by_key(|(cell, ..)| *cell);
     let rows = ordered.iter().map(|(.., row)| *row).collect();
     let order: Vec<(u64, &Target)> = ordered.iter().map(|&(cell, target, _)| (cell, target)).collect();
-    let with_neighbors = encode_ordered(&chunk, &order, columns);
-    let without = encode_ordered(&Chunk { has_neighbors: false, ..chunk.clone() }, &order, columns);
+    let with_neighbors = encode_ordered::<S>(&chunk, &order, columns, decode);
+    let chunk_without = Chunk { has_neighbors: false, ..chunk.clone() };
+    let without = encode_ordered::<S>(&chunk_without, &order, columns, decode);
     EncodedChunk { chunk, rows, with_neighbors, without }
 }
 
@@ -93,11 +102,16 @@ impl EncodedChunk {
 }
 
 /// Encodes rows, which are in the order of their cells, as symbols.
-fn encode_ordered(chunk: &Chunk, order: &[(u64, &Target)], columns: Columns) -> Vec<u8> {
-    let mut encoder = Encoder::new(Vec::new());
+fn encode_ordered<S: Writing>(
+    chunk: &Chunk,
+    order: &[(u64, &Target)],
+    columns: Columns,
+    decode: DecodeChunk,
+) -> Vec<u8> {
+    let mut encoder = S::default();
     let mut cells: Vec<u64> = order.iter().map(|(cell, _)| *cell).collect();
     grid::code(&mut encoder, u32::from(chunk.axis_bits), &mut cells);
-    let mut coder = RowCoder::new(chunk, columns);
+    let mut coder = RowCoder::<S>::new(chunk, columns);
     let zeros =
         || columns.zeros(order.len(), &mut Budget::new(&Limits::default())).expect("a chunk is small");
     let mut expected = cfg!(debug_assertions).then(zeros);
@@ -121,9 +135,9 @@ fn encode_ordered(chunk: &Chunk, order: &[(u64, &Target)], columns: Columns) -> 
 }
 
 /// Half octaves from a sensitivity up to 1.
-fn half_octaves_below_1(sensitivity: f32) -> i32 {
+fn half_octaves_below_1<A: Arithmetic>(sensitivity: f32) -> i32 {
     let x = f64::from(sensitivity).clamp(1e-12, 1e12);
-    round(-2.0 * ln(x) / std::f64::consts::LN_2) as i32
+    A::round(-2.0 * A::ln(x) / std::f64::consts::LN_2) as i32
 }
 
 /// `2^(halves / 2)`.
@@ -133,23 +147,23 @@ fn half_octaves_signed(halves: i32) -> f64 {
 }
 
 /// The multiple of `step` nearest to `number`.
-fn multiple(number: f64, step: f64) -> f64 {
-    round(number / step) * step
+fn multiple<A: Arithmetic>(number: f64, step: f64) -> f64 {
+    A::round(number / step) * step
 }
 
 /// Converts row `i` to the coordinates that are coded, for a geometry step of `step`, without
 /// quantiser indices.
-fn target<'a>(field: &'a Field, i: usize, step: f64, columns: Columns) -> Target<'a> {
-    let opacity_number = opacity_number(f64::from(field.opacities[i]), row::opacity_step(step));
+fn target<'a, A: Arithmetic>(field: &'a Field, i: usize, step: f64, columns: Columns) -> Target<'a> {
+    let opacity_number = opacity_number::<A>(f64::from(field.opacities[i]), row::opacity_step(step));
     let mut window = [opacity_number, 0.0, 0.0];
     let (mut rotation, mut rate) = (field.rotations[i].map(f64::from), [0.0; 4]);
     let mut trajectory = [[0.0; 3]; 4];
     trajectory[0] = field.centers[i].map(f64::from);
     if let (Some(temporal), Some(_)) = (&field.temporal, columns.temporal) {
-        let CodedWindow { numbers, tau, decoded_tau, decoded_s } = coded_window(temporal, i, step);
+        let CodedWindow { numbers, tau, decoded_tau, decoded_s } = coded_window::<A>(temporal, i, step);
         [window[1], window[2]] = numbers;
-        let opacity = f64::from(row::decoded_opacity(opacity_number));
-        let span = Span::new(opacity, decoded_tau, decoded_s);
+        let opacity = f64::from(row::decoded_opacity::<A>(opacity_number));
+        let span = Span::new::<A>(opacity, decoded_tau, decoded_s);
         for axis in 0..3 {
             let mut powers = [trajectory[0][axis], 0.0, 0.0, 0.0];
             for (power, v) in powers[1..].iter_mut().zip(temporal.motion_of(i)) {
@@ -189,10 +203,10 @@ fn target<'a>(field: &'a Field, i: usize, step: f64, columns: Columns) -> Target
 
 /// The coded number of an opacity: a multiple of `step`. Rounding makes no visible Gaussian
 /// invisible, and no invisible one visible.
-fn opacity_number(opacity: f64, step: f64) -> f64 {
+fn opacity_number<A: Arithmetic>(opacity: f64, step: f64) -> f64 {
     // All invisible opacities are coded as half the least visible one.
-    let number = multiple(-ln(opacity.max(0.5 * ALPHA_MIN)), step);
-    let is_visible = f64::from(row::decoded_opacity(number)) >= ALPHA_MIN;
+    let number = multiple::<A>(-A::ln(opacity.max(0.5 * ALPHA_MIN)), step);
+    let is_visible = f64::from(row::decoded_opacity::<A>(number)) >= ALPHA_MIN;
     match (opacity >= ALPHA_MIN, is_visible) {
         (true, false) => number - step,
         (false, true) => number + step,
@@ -210,10 +224,11 @@ struct CodedWindow {
     decoded_s: f64,
 }
 
-fn coded_window(temporal: &Temporal, i: usize, step: f64) -> CodedWindow {
+fn coded_window<A: Arithmetic>(temporal: &Temporal, i: usize, step: f64) -> CodedWindow {
     let tau = f64::from(temporal.tau[i]);
-    let width = multiple(trajectory::width_number(f64::from(temporal.s[i])), trajectory::width_step(step));
-    let decoded_s = f64::from(trajectory::width(width) as f32);
+    let width =
+        multiple::<A>(trajectory::width_number::<A>(f64::from(temporal.s[i])), trajectory::width_step(step));
+    let decoded_s = f64::from(trajectory::width::<A>(width) as f32);
     if decoded_s.is_infinite() {
         // No farther than TAU_MAX, where cubic powers keep their precision.
         let tau = tau.clamp(-TAU_MAX, TAU_MAX);
@@ -221,14 +236,14 @@ fn coded_window(temporal: &Temporal, i: usize, step: f64) -> CodedWindow {
     }
     // Farther than 4 widths from the clip no opacity is visible.
     let tau = tau.clamp(-4.0 * decoded_s, 1.0 + 4.0 * decoded_s);
-    let center = multiple(tau - 0.5, trajectory::center_step(decoded_s, step));
+    let center = multiple::<A>(tau - 0.5, trajectory::center_step(decoded_s, step));
     let decoded_tau = f64::from(row::decoded_tau(center));
     CodedWindow { numbers: [width, center], tau, decoded_tau, decoded_s }
 }
 
 /// Chooses the grid of a chunk: a cube around its Gaussians, with cells of a few position steps of a
 /// median Gaussian.
-fn choose_grid(chunk: &mut Chunk, targets: &[Target]) {
+fn choose_grid<A: Arithmetic>(chunk: &mut Chunk, targets: &[Target]) {
     let mut low = [f64::INFINITY; 3];
     let mut high = [f64::NEG_INFINITY; 3];
     for target in targets {
@@ -238,7 +253,7 @@ fn choose_grid(chunk: &mut Chunk, targets: &[Target]) {
         }
     }
     let size = (0..3).map(|axis| high[axis] - low[axis]).fold(0.0, f64::max);
-    let mut steps: Vec<f64> = targets.iter().map(|target| row::position_step(chunk, target)).collect();
+    let mut steps: Vec<f64> = targets.iter().map(|target| row::position_step::<A>(chunk, target)).collect();
     let median = steps.len() / 2;
     let cell_size = *steps.select_nth_unstable_by(median, f64::total_cmp).1 / CELLS_PER_STEP;
     let mut bits = 0;

@@ -14,7 +14,8 @@ pub(crate) enum Attribute {
     /// Quantiser indices of visibility and geometry.
     QuantiserIndices,
     Opacity,
-    Window,
+    WindowWidth,
+    WindowCenter,
     Scales,
     Rotation,
     Motion,

@@ -4,7 +4,7 @@
 //! does not matter, so it lies on a hemisphere: around z, or around the main axis of a neighbour,
 //! which may lie on the same surface. The roll has a period of half a turn.
 
-use super::math::{round, sin_cos};
+use super::arithmetic::Arithmetic;
 
 use std::f64::consts::PI;
 
@@ -33,7 +33,7 @@ pub(super) struct RotationQuantiser {
 impl RotationQuantiser {
     /// The quantiser for these standard deviations, the widest first. `step` is the allowed error of
     /// the surface in standard deviations.
-    pub(super) fn new(sigma: [f64; 3], step: f64) -> RotationQuantiser {
+    pub(super) fn new<A: Arithmetic>(sigma: [f64; 3], step: f64) -> RotationQuantiser {
         let is_needle = sigma[0] / sigma[1] > sigma[1] / sigma[2];
         let axes = if is_needle { [1, 2, 0] } else { [0, 1, 2] };
         // Relative change of the covariance per radian of rotation.
@@ -44,7 +44,7 @@ impl RotationQuantiser {
         RotationQuantiser {
             axes,
             direction_codes: (2.0 / direction_step).ceil().clamp(1.0, CODES_MAX) as u32,
-            roll_codes: round(PI / roll_step).clamp(1.0, CODES_MAX) as u32,
+            roll_codes: A::round(PI / roll_step).clamp(1.0, CODES_MAX) as u32,
             direction_step,
             roll_step,
         }
@@ -82,9 +82,9 @@ pub(super) fn roll_axes(direction: [f64; 3]) -> [[f64; 3]; 2] {
 }
 
 /// Unit quaternion w, x, y, z that rolls about z by `code`, then rotates z to `direction`.
-pub(super) fn quaternion(direction: [f64; 3], code: u32, codes: u32) -> [f64; 4] {
+pub(super) fn quaternion<A: Arithmetic>(direction: [f64; 3], code: u32, codes: u32) -> [f64; 4] {
     let half = (f64::from(code) + 0.5) / f64::from(codes) * (PI * 0.5);
-    let (sin, cos) = sin_cos(half);
+    let (sin, cos) = A::sin_cos(half);
     let [w, x, y, _] = arc(direction);
     [w * cos, x * cos + y * sin, y * cos - x * sin, w * sin]
 }

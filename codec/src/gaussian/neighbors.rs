@@ -1,0 +1,73 @@
+//! [`Neighbors`]: the nearest of the Gaussians coded shortly before, which predict the next one.
+
+/// Number of last Gaussians to search; they come along a Morton curve. Format.
+pub(crate) const WINDOW: usize = 24;
+
+/// Number of nearest Gaussians that predict. Format.
+pub(crate) const NEAREST: usize = 3;
+
+/// Finds the nearest of the last cells in a ring buffer. Format: implementations differ at equal distances.
+pub(crate) trait Search: Default {
+    /// Puts a cell at a position of the ring, below [`WINDOW`].
+    fn put(&mut self, position: usize, cell: [u32; 3]);
+
+    /// Positions of the cells nearest to `cell`, nearest first, of the first `count` of the ring; `next` is the
+    /// position of the oldest one in a full ring. Without as many as [`NEAREST`], the last positions are undefined.
+    fn nearest(&self, cell: [u32; 3], count: usize, next: usize) -> [usize; NEAREST];
+}
+
+/// Decoded numbers of a Gaussian that predict later ones.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct History {
+    /// Logarithm of the largest blurred scale, relative to the footprint, and the differences between
+    /// each next one and the one before.
+    pub(super) scales: [f64; 3],
+    /// Direction of the main axis.
+    pub(super) direction: [f64; 3],
+    pub(super) color: [f64; 3],
+}
+
+/// The last Gaussians, and the nearest of them to the current one.
+#[derive(Default)]
+pub(super) struct Neighbors<S> {
+    search: S,
+    /// Ring buffer of the last [`WINDOW`] Gaussians.
+    last: Vec<History>,
+    /// Position of the next Gaussian in the ring.
+    next: usize,
+    /// Positions in the ring, nearest first.
+    nearest: [usize; NEAREST],
+    found: usize,
+}
+
+impl<S: Search> Neighbors<S> {
+    /// Finds the Gaussians nearest to `cell`.
+    pub(super) fn find(&mut self, cell: [u32; 3]) {
+        self.nearest = self.search.nearest(cell, self.last.len(), self.next);
+        self.found = self.last.len().min(NEAREST);
+    }
+
+    /// The nearest Gaussian found.
+    pub(super) fn nearest(&self) -> Option<&History> {
+        (self.found > 0).then(|| &self.last[self.nearest[0]])
+    }
+
+    /// Mean of a number over the nearest Gaussians; `default` without any.
+    pub(super) fn mean(&self, default: f64, number: impl Fn(&History) -> f64) -> f64 {
+        if self.found == 0 {
+            return default;
+        }
+        let sum: f64 = self.nearest[..self.found].iter().map(|&position| number(&self.last[position])).sum();
+        sum / self.found as f64
+    }
+
+    pub(super) fn push(&mut self, cell: [u32; 3], history: History) {
+        self.search.put(self.next, cell);
+        if self.last.len() < WINDOW {
+            self.last.push(history);
+        } else {
+            self.last[self.next] = history;
+        }
+        self.next = (self.next + 1) % WINDOW;
+    }
+}

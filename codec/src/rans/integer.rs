@@ -1,0 +1,111 @@
+//! Models of numbers made of adaptive distributions: [`TokenInteger`] and [`NibbleTree`].
+
+use super::{
+    cdf::Cdf,
+    start::{share, start, tree_pace},
+    token::{Form, Split, bypass_bits, joined, split},
+};
+use crate::gaussian::{Attribute, CONTEXTS, Integer, Prior, Symbols, Tree};
+
+/// Codes symbols with adaptive distributions, and bypass bits.
+pub(super) trait TokenSymbols: Symbols {
+    /// Codes a symbol below 16 and adapts its distribution.
+    fn token(&mut self, cdf: &mut Cdf, symbol: usize) -> usize;
+
+    /// Codes up to 32 bypass bits.
+    fn bits(&mut self, count: u32, value: u32) -> u32;
+}
+
+/// Codes signed integers: a token, whose distribution depends on the context, and bypass bits.
+#[derive(Clone, Debug)]
+pub(super) struct TokenInteger {
+    form: Form,
+    /// By context.
+    cdfs: [Cdf; CONTEXTS],
+}
+
+impl Integer for TokenInteger {
+    /// The axes of a power of motion share one, and harmonics of the same degree and channel. Format.
+    fn group(attribute: Attribute, component: usize) -> usize {
+        match attribute {
+            Attribute::Motion => component / 3,
+            // Degree d begins with coefficient d^2.
+            Attribute::Harmonics => 3 * ((component / 3 + 1).isqrt() - 1) + component % 3,
+            _ => component,
+        }
+    }
+
+    fn new(attribute: Attribute) -> TokenInteger {
+        let cdfs = std::array::from_fn(|context| start(attribute, context));
+        TokenInteger { form: Form::of(attribute), cdfs }
+    }
+
+    fn cost(&self, context: usize, value: i32) -> f64 {
+        self.cdfs[context].cost(split(value, self.form, context).token)
+            + f64::from(bypass_bits(value, self.form, context))
+    }
+}
+
+impl TokenInteger {
+    #[inline(always)]
+    pub(super) fn code<S: TokenSymbols>(&mut self, symbols: &mut S, context: usize, value: i32) -> i32 {
+        let Split { token, mut rest } =
+            if S::ENCODES { split(value, self.form, context) } else { Split::default() };
+        let token = symbols.token(&mut self.cdfs[context], token);
+        joined(token, self.form, context, |count| {
+            let part = rest & ((1 << count) - 1);
+            rest >>= count;
+            symbols.bits(count, part as u32)
+        })
+    }
+}
+
+/// Codes unsigned numbers of up to 8 bits: the upper 4 as a symbol, then the others as one whose distribution depends
+/// on the upper.
+#[derive(Clone, Debug)]
+pub(super) struct NibbleTree {
+    /// Numbers of bits of both symbols.
+    upper_bits: u32,
+    lower_bits: u32,
+    /// The distribution of the upper symbol, then that of the lower one for each upper one.
+    cdfs: Vec<Cdf>,
+}
+
+impl Tree for NibbleTree {
+    fn new(bits: u32, prior: Prior) -> NibbleTree {
+        let upper_bits = bits.min(4);
+        let lower_bits = bits - upper_bits;
+        let share = |value: u32| if value >> bits == 0 { share(value, bits, prior) } else { 0 };
+        let lower = |upper: u32| -> [u32; 16] {
+            std::array::from_fn(
+                |i| if i >> lower_bits == 0 { share(upper << lower_bits | i as u32) } else { 0 },
+            )
+        };
+        let pace = tree_pace(prior);
+        let uppers: [u32; 16] = std::array::from_fn(|upper| lower(upper as u32).iter().sum());
+        let mut cdfs = vec![Cdf::of_shares(uppers, pace)];
+        if lower_bits > 0 {
+            cdfs.extend((0..1 << upper_bits).map(|upper| Cdf::of_shares(lower(upper), pace)));
+        }
+        NibbleTree { upper_bits, lower_bits, cdfs }
+    }
+}
+
+impl NibbleTree {
+    #[inline(always)]
+    pub(super) fn code<S: TokenSymbols>(&mut self, symbols: &mut S, value: u32) -> u32 {
+        if self.upper_bits == 0 {
+            return 0;
+        }
+        // In a damaged stream a symbol can be one of those that are never coded.
+        let mut code = |cdf: &mut Cdf, bits: u32, value: u32| {
+            symbols.token(cdf, value as usize) as u32 & ((1 << bits) - 1)
+        };
+        let upper = code(&mut self.cdfs[0], self.upper_bits, value >> self.lower_bits);
+        if self.lower_bits == 0 {
+            return upper;
+        }
+        let lower = value & ((1 << self.lower_bits) - 1);
+        upper << self.lower_bits | code(&mut self.cdfs[1 + upper as usize], self.lower_bits, lower)
+    }
+}
