@@ -1,6 +1,13 @@
-//! [`Bit`]: an adaptive model of a binary symbol.
+//! [`Bit`]: an adaptive model of a binary symbol; [`BitSymbols`]: what codes one.
 
 use super::math::{ln, round};
+use crate::gaussian::Symbols;
+
+/// Codes bits.
+pub(super) trait BitSymbols: Symbols {
+    /// Codes a bit with its model, and updates the model.
+    fn bit(&mut self, model: &mut Bit, bit: bool) -> bool;
+}
 
 /// An adaptive bit model: the mean of two probabilities, one adapting fast and one slowly.
 #[derive(Clone, Copy, Debug)]

@@ -1,6 +1,9 @@
 //! Models of numbers made of adaptive bits: [`BitTree`] and [`BitInteger`].
 
-use super::{bit::Bit, math::exp, range::BitSymbols};
+use super::{
+    bit::{Bit, BitSymbols},
+    math::exp,
+};
 use crate::gaussian::{Attribute, CONTEXTS, Integer, Prior, Tree, half_octaves};
 
 /// Number of exponents of an integer: magnitudes are below 2^26. Format.
@@ -108,46 +111,5 @@ impl BitInteger {
         let rest = symbols.bypass(left, u64::from(magnitude) & ((1 << left) - 1));
         let coded = (coded << left | rest as u32) as i32;
         if negative { -coded } else { coded }
-    }
-}
-
-#[cfg(all(test, feature = "encode"))]
-mod tests {
-    use super::*;
-    use crate::{
-        context::range::{Decoder, Encoder},
-        gaussian::{Reading, Writing},
-    };
-
-    #[test]
-    fn integers_of_every_size_round_trip() {
-        let values: Vec<i32> =
-            (0..26).flat_map(|e| [1 << e, -(1 << e), (1 << e) - 1]).chain([0, (1 << 26) - 1]).collect();
-        let mut encoder = Encoder::default();
-        let mut integer = BitInteger::new(Attribute::Color);
-        for (i, &value) in values.iter().enumerate() {
-            assert_eq!(integer.code(&mut encoder, i % CONTEXTS, value), value);
-        }
-        let bytes = encoder.finish();
-        let mut decoder = Decoder::new(&bytes, ());
-        let mut integer = BitInteger::new(Attribute::Color);
-        for (i, &value) in values.iter().enumerate() {
-            assert_eq!(integer.code(&mut decoder, i % CONTEXTS, 0), value);
-        }
-        assert_eq!((decoder.overrun(), decoder.left()), (false, 0));
-    }
-
-    #[test]
-    fn the_cost_predicts_the_coded_bits() {
-        let mut integer = BitInteger::new(Attribute::Color);
-        let mut encoder = Encoder::default();
-        let mut cost = 0.0;
-        for i in 0..5000i32 {
-            let value = (i * 7919) % 23 - 11;
-            cost += integer.cost(12, value);
-            integer.code(&mut encoder, 12, value);
-        }
-        let bits = 8.0 * encoder.finish().len() as f64;
-        assert!((bits - cost).abs() < 0.002 * bits + 40.0, "{bits} bits, {cost} expected");
     }
 }

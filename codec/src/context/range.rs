@@ -1,7 +1,7 @@
 //! An adaptive binary range coder: [`Decoder`] and `Encoder`.
 
 use super::{
-    bit::Bit,
+    bit::{Bit, BitSymbols},
     integer::{BitInteger, BitTree},
     math::Math,
     search::LastCells,
@@ -15,12 +15,6 @@ use crate::{
 
 /// Smallest range; below it the coder shifts by a byte.
 const LOW: u32 = 1 << 24;
-
-/// Codes bits.
-pub(super) trait BitSymbols: Symbols {
-    /// Codes a bit with its model, and updates the model.
-    fn bit(&mut self, model: &mut Bit, bit: bool) -> bool;
-}
 
 /// Codes bypass bits as uniform numbers of up to 16 bits.
 fn bypass(symbols: &mut impl Symbols, bits: u32, value: u64) -> u64 {
@@ -252,6 +246,7 @@ impl BitSymbols for Encoder {
 #[cfg(all(test, feature = "encode"))]
 mod tests {
     use super::*;
+    use crate::gaussian::{CONTEXTS, Integer};
 
     /// Codes the same pseudo-random symbols in either direction.
     fn run<S: BitSymbols>(symbols: &mut S, seed: u32, count: usize) -> Vec<u64> {
@@ -313,5 +308,37 @@ mod tests {
             }
             assert!(decoder.overrun());
         }
+    }
+
+    #[test]
+    fn integers_of_every_size_round_trip() {
+        let values: Vec<i32> =
+            (0..26).flat_map(|e| [1 << e, -(1 << e), (1 << e) - 1]).chain([0, (1 << 26) - 1]).collect();
+        let mut encoder = Encoder::default();
+        let mut integer = BitInteger::new(Attribute::Color);
+        for (i, &value) in values.iter().enumerate() {
+            assert_eq!(integer.code(&mut encoder, i % CONTEXTS, value), value);
+        }
+        let bytes = encoder.finish();
+        let mut decoder = Decoder::new(&bytes, ());
+        let mut integer = BitInteger::new(Attribute::Color);
+        for (i, &value) in values.iter().enumerate() {
+            assert_eq!(integer.code(&mut decoder, i % CONTEXTS, 0), value);
+        }
+        assert_eq!((decoder.overrun(), decoder.left()), (false, 0));
+    }
+
+    #[test]
+    fn the_cost_predicts_the_coded_bits() {
+        let mut integer = BitInteger::new(Attribute::Color);
+        let mut encoder = Encoder::default();
+        let mut cost = 0.0;
+        for i in 0..5000i32 {
+            let value = (i * 7919) % 23 - 11;
+            cost += integer.cost(12, value);
+            integer.code(&mut encoder, 12, value);
+        }
+        let bits = 8.0 * encoder.finish().len() as f64;
+        assert!((bits - cost).abs() < 0.002 * bits + 40.0, "{bits} bits, {cost} expected");
     }
 }

@@ -141,7 +141,7 @@ impl<'a, S: Symbols> RowCoder<'a, S> {
             opacity,
             scales,
             directions: (0..2 * (DIRECTION_LEVELS + 1))
-                .map(|i| S::Tree::new(2 * (i / 2), Prior::MiddleOfSquare))
+                .map(|i| S::Tree::new(2 * (i / 2), Prior::NearCenterOfSquare))
                 .collect(),
             width,
             center,

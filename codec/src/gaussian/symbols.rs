@@ -73,5 +73,5 @@ pub(crate) enum Prior {
     /// It is at most another number.
     AtMost(u32),
     /// Its bits are those of two coordinates in turn, and the middle of the square is likely.
-    MiddleOfSquare,
+    NearCenterOfSquare,
 }

@@ -45,7 +45,7 @@ pub(super) struct Cdf {
 
 /// A symbol and its part of the scale.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Part {
+pub(super) struct CodedInterval {
     pub(super) symbol: usize,
     pub(super) start: u32,
     pub(super) frequency: u32,
@@ -89,15 +89,15 @@ impl Cdf {
 
     /// The part of a symbol below [`SYMBOLS`].
     #[inline(always)]
-    pub(super) fn part(&self, symbol: usize) -> Part {
+    pub(super) fn part(&self, symbol: usize) -> CodedInterval {
         let symbol = symbol % SYMBOLS;
         let start = u32::from(self.starts[symbol] as u16);
-        Part { symbol, start, frequency: u32::from(self.starts[symbol + 1] as u16) - start }
+        CodedInterval { symbol, start, frequency: u32::from(self.starts[symbol + 1] as u16) - start }
     }
 
     /// The part in which `slot`, below [`SCALE`], lies.
     #[inline(always)]
-    pub(super) fn find(&self, slot: u32) -> Part {
+    pub(super) fn find(&self, slot: u32) -> CodedInterval {
         let slot = slot as i16;
         let below: u8 = self.starts[..SYMBOLS].iter().map(|&start| u8::from(start <= slot)).sum();
         self.part(usize::from(below.wrapping_sub(1)))

@@ -176,7 +176,7 @@ pub(super) fn share(value: u32, bits: u32, prior: Prior) -> u32 {
         // Three quarters for each step away.
         Prior::Near(other) => (0..value.abs_diff(other)).fold(4096, |share, _| share * 3 / 4).max(1),
         Prior::AtMost(other) => u32::from(value <= other),
-        Prior::MiddleOfSquare => {
+        Prior::NearCenterOfSquare => {
             let level = bits / 2;
             let coordinate =
                 |shift: u32| (0..level).map(|bit| (value >> (2 * bit + shift) & 1) << bit).sum::<u32>();
@@ -193,7 +193,7 @@ pub(super) fn tree_pace(prior: Prior) -> Pace {
     match prior {
         Prior::Nothing => Pace { first: 8, last: 112 },
         Prior::Near(_) | Prior::AtMost(_) => Pace { first: 24, last: 112 },
-        Prior::MiddleOfSquare => Pace { first: 24, last: 48 },
+        Prior::NearCenterOfSquare => Pace { first: 24, last: 48 },
     }
 }
 
