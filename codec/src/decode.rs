@@ -21,7 +21,7 @@ use crate::{
     rans,
     rows::Rows,
     section::{Region, Section, SectionKind},
-    time_index::CELLS,
+    time_index::{CELLS, SORTING_NUMBERS},
 };
 
 /// Decodes a package, or the complete layers of a prefix of a package.
@@ -64,10 +64,10 @@ pub(crate) fn decode_contents(
 ) -> Result<Clip, Error> {
     let complete = complete_layers(&contents, bytes.len())?;
     let layers = &contents.layers[..complete];
-    let row_numbers = match contents.coder {
+    let scratch = match contents.coder {
         Coder::Fixed => Vec::new(),
         Coder::Context | Coder::Rans => {
-            budget.vec(dynamic_rows(layers).map(|rows| rows.len()).max().unwrap_or(0))?
+            budget.vec(SORTING_NUMBERS * dynamic_rows(layers).map(|rows| rows.len()).max().unwrap_or(0))?
         }
     };
     let Regions { static_field, mut dynamic_field, plate } =
@@ -78,7 +78,7 @@ pub(crate) fn decode_contents(
                 sections(&contents, complete).filter(|(planned, _)| planned.kind == SectionKind::TimeIndex);
             read_time_index(bytes, &dynamic_field, layers, indices)?
         }
-        Coder::Context | Coder::Rans => sort_by_cell(&mut dynamic_field, layers, row_numbers),
+        Coder::Context | Coder::Rans => sort_by_cell(&mut dynamic_field, layers, scratch),
     };
     Ok(Clip {
         bounds: contents.bounds,
@@ -198,12 +198,12 @@ fn read_time_index<'a>(
     Ok(time_index)
 }
 
-/// Sorts the rows of each layer by cell and indexes them. `row_numbers` has the capacity of the
-/// largest layer.
-fn sort_by_cell(dynamic_field: &mut Field, layers: &[LayerEnd], mut row_numbers: Vec<u32>) -> TimeIndex {
+/// Sorts the rows of each layer by cell and indexes them. `scratch` has a capacity of
+/// [`SORTING_NUMBERS`] for each row of the largest layer.
+fn sort_by_cell(dynamic_field: &mut Field, layers: &[LayerEnd], mut scratch: Vec<u32>) -> TimeIndex {
     let mut time_index = TimeIndex::default();
     for rows in dynamic_rows(layers) {
-        time_index.sort_layer(dynamic_field, rows, &mut row_numbers);
+        time_index.sort_layer(dynamic_field, rows, &mut scratch);
     }
     time_index
 }

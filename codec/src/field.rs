@@ -267,26 +267,32 @@ impl Field {
         }
     }
 
-    /// Exchanges two rows.
-    ///
-    /// # Panics
-    /// If a row is out of range.
-    pub(crate) fn swap_rows(&mut self, a: usize, b: usize) {
-        Work::Rows.count(2);
-        fn swap_groups<T>(column: &mut [T], size: usize, a: usize, b: usize) {
-            (0..size).for_each(|k| column.swap(a * size + k, b * size + k));
+    /// Moves row `first + i` to row `first + positions[i]`, for each of `positions`, a permutation of the numbers below
+    /// its length. `scratch` has the same length.
+    pub(crate) fn move_rows(&mut self, first: usize, positions: &[u32], scratch: &mut [u32]) {
+        Work::Rows.count(positions.len());
+        let Field { centers, rotations, log_scales, opacities, sh_degree, sh, filter: _, temporal } = self;
+        let mut columns = vec![
+            (centers.as_flattened_mut(), 3),
+            (rotations.as_flattened_mut(), 4),
+            (log_scales.as_flattened_mut(), 3),
+            (opacities, 1),
+            (sh.as_flattened_mut(), 3 * sh_coefficients(*sh_degree)),
+        ];
+        if let Some(Temporal { tau, s, motion_order, motion, rotation_rates }) = temporal {
+            let motion = (motion.as_flattened_mut(), 3 * usize::from(*motion_order));
+            columns.extend([(&mut tau[..], 1), (s, 1), motion]);
+            columns.extend(rotation_rates.as_mut().map(|rates| (rates.as_flattened_mut(), 4)));
         }
-        self.centers.swap(a, b);
-        self.rotations.swap(a, b);
-        self.log_scales.swap(a, b);
-        self.opacities.swap(a, b);
-        swap_groups(&mut self.sh, sh_coefficients(self.sh_degree), a, b);
-        if let Some(temporal) = &mut self.temporal {
-            temporal.tau.swap(a, b);
-            temporal.s.swap(a, b);
-            swap_groups(&mut temporal.motion, usize::from(temporal.motion_order), a, b);
-            if let Some(rates) = &mut temporal.rotation_rates {
-                rates.swap(a, b);
+        for (numbers, row_len) in columns {
+            let numbers = &mut numbers[first * row_len..];
+            // One number of each row at a time: they fit into the cache.
+            for k in 0..row_len {
+                let rows = numbers.iter().skip(k).step_by(row_len);
+                scratch.iter_mut().zip(rows).for_each(|(copy, number)| *copy = number.to_bits());
+                for (&position, &number) in positions.iter().zip(&*scratch) {
+                    numbers[position as usize * row_len + k] = f32::from_bits(number);
+                }
             }
         }
     }

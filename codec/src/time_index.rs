@@ -68,6 +68,9 @@ fn bin_of(t: f64) -> usize {
     ((t * BINS as f64) as usize).min(BINS - 1)
 }
 
+/// Numbers per row that sorting a layer needs as scratch space.
+pub(crate) const SORTING_NUMBERS: usize = 2;
+
 impl TimeIndex {
     /// Returns an index of one layer that excludes no row: each of `rows` rows is a candidate at any
     /// time, in any order.
@@ -100,31 +103,25 @@ impl TimeIndex {
     }
 
     /// Sorts the rows of another layer of the dynamic region by cell, stably, and adds the layer.
-    /// `scratch` has the capacity of one number per row.
+    /// `scratch` has a capacity of [`SORTING_NUMBERS`] per row.
     pub(crate) fn sort_layer(&mut self, field: &mut Field, rows: Range<usize>, scratch: &mut Vec<u32>) {
         let mut counts = [0; CELLS];
         scratch.clear();
-        scratch.extend(rows.clone().map(|row| cell_of(field, row) as u32));
-        scratch.iter().for_each(|&cell| counts[cell as usize] += 1);
+        scratch.resize(SORTING_NUMBERS * rows.len(), 0);
+        let (positions, scratch) = scratch.split_at_mut(rows.len());
+        positions.iter_mut().zip(rows.clone()).for_each(|(cell, row)| *cell = cell_of(field, row) as u32);
+        positions.iter().for_each(|&cell| counts[cell as usize] += 1);
         let mut next = [0; CELLS];
         for cell in 1..CELLS {
             next[cell] = next[cell - 1] + counts[cell - 1];
         }
         // Replaces cells by positions within the layer.
-        for cell in scratch.iter_mut() {
+        for cell in positions.iter_mut() {
             let next = &mut next[*cell as usize];
             *cell = *next;
             *next += 1;
         }
-        let positions = scratch;
-        // Each exchange moves a row to its position.
-        for i in 0..positions.len() {
-            while positions[i] as usize != i {
-                let position = positions[i] as usize;
-                field.swap_rows(rows.start + i, rows.start + position);
-                positions.swap(i, position);
-            }
-        }
+        field.move_rows(rows.start, positions, scratch);
         self.push_layer(&counts);
     }
 

@@ -16,7 +16,7 @@ mod scan;
 mod search;
 mod trials;
 
-use codec::{Clip, Coder, EncodeOptions, Precision, Sensitivity, Source};
+use codec::{Clip, Coder, Precision, Sensitivity, Source};
 
 use crate::prune::{Fidelity, Pictures, PosedView};
 use crate::reference::{RenderScene, sensitivities};
@@ -54,25 +54,35 @@ const JOINT_TRIALS: usize = 3;
 /// Excess in dB over the target PSNR that ends joint rounding: 0.1 dB is 0.4 % of the bytes.
 const JOINT_CLOSE_DB: f64 = 0.2;
 
-/// Packages `source` with the coder `context` at a PSNR of `psnr_db` to [`SURPLUS_MAX_DB`] above, no
-/// picture more than [`WORST_BELOW_DB`] below `psnr_db`, or as close as possible. `layers` are the layer
-/// ends in rows. Sensitivities are taken from the views `seen`; `judge` holds pictures of the source to
-/// compare with; `joint` rounds the numbers jointly. `on_step` is called after each of `seen` and each of
-/// [`code_steps`].
+/// What to make of a source.
+#[derive(Clone, Copy, Debug)]
+pub struct PackageTarget<'a> {
+    /// A coder with a choice of precision: any but [`Coder::Fixed`].
+    pub coder: Coder,
+    /// Layer ends in rows.
+    pub layers: &'a [usize],
+    /// PSNR in dB against the field before coding.
+    pub psnr_db: f64,
+}
+
+/// Packages `source` at a PSNR of `target.psnr_db` to [`SURPLUS_MAX_DB`] above, no picture more than
+/// [`WORST_BELOW_DB`] below it, or as close as possible. Sensitivities are taken from the views `seen`; `judge` holds
+/// pictures of the source to compare with; `joint` rounds the numbers jointly. `on_step` is called after each of `seen`
+/// and each of [`code_steps`].
 ///
 /// # Errors
 /// Errors of [`codec::encode`] and [`codec::decode`].
 pub fn code(
     source: &Source,
-    layers: &[usize],
-    psnr_db: f64,
+    target: PackageTarget,
     seen: &[PosedView],
     judge: &Pictures,
     joint: Option<&JointRounding>,
     mut on_step: impl FnMut(),
 ) -> Result<Coded, CodeError> {
     let known = sensitivities(source.field, source.plate, seen, &mut on_step);
-    let mut coder = TargetCoder::new(source, layers, known, judge);
+    let PackageTarget { coder, layers, psnr_db } = target;
+    let mut coder = TargetCoder::new(source, coder, layers, known, judge);
     match joint {
         None => coder.code(psnr_db, on_step),
         Some(joint) => coder.code_jointly(psnr_db, joint, on_step),
@@ -106,23 +116,25 @@ pub struct TargetCoder<'a> {
 }
 
 impl<'a> TargetCoder<'a> {
-    /// A coder of `source` in `layers`, given by their ends in rows. `sensitivities` are those of its rows, and
-    /// its footprint, as computed by [`sensitivities`]; `judge` holds pictures of the source.
+    /// A coder of `source` by any `coder` but [`Coder::Fixed`], in `layers`, given by their ends in rows.
+    /// `sensitivities` are those of its rows, and its footprint, as computed by [`sensitivities`]; `judge` holds
+    /// pictures of the source.
     pub fn new(
         source: &'a Source<'a>,
+        coder: Coder,
         layers: &'a [usize],
         sensitivities: Option<(Vec<Sensitivity>, f32)>,
         judge: &'a Pictures,
     ) -> TargetCoder<'a> {
         let Some((rows, footprint)) = sensitivities else {
             return TargetCoder {
-                own: Trials::new(source, layers, Precision::default(), judge),
+                own: Trials::new(source, coder, layers, Precision::default(), judge),
                 equal: None,
             };
         };
         let trials = |sensitivities: Vec<Sensitivity>| {
             let precision = Precision { sensitivities, footprint: Some(footprint), ..Precision::default() };
-            Trials::new(source, layers, precision, judge)
+            Trials::new(source, coder, layers, precision, judge)
         };
         let equal = Some(equal_sensitivities(&rows)).filter(|equal| *equal != rows);
         TargetCoder { equal: equal.map(trials), own: trials(rows) }
@@ -150,9 +162,9 @@ impl<'a> TargetCoder<'a> {
         let Met { coded: alone, precision } = self.meet(psnr_db, &mut on_step)?;
         let bytes_alone = Some(alone.bytes.len());
         let mut best = Coded { bytes_alone, ..alone };
-        let Trials { source, layers, judge, .. } = self.own;
+        let Trials { source, judge, .. } = self.own;
         let gain_db = if best.miss == Some(Miss::Below) { 0.0 } else { JOINT_GAIN_DB };
-        let mut options = EncodeOptions { coder: Coder::Context, layers: layers.to_vec(), precision };
+        let mut options = self.own.options(precision);
         options.precision.psnr -= gain_db / SLOPE;
         let mut state = RoundingState::new(source.field);
         let mut steps = 0;
@@ -311,7 +323,7 @@ mod tests {
         let views = posed_views(&cameras, &[0.5]);
         let known = sensitivities(&field, None, &views, || ());
         let judge = Pictures::take(&RenderScene::from(&field), views, || ());
-        let coder = || TargetCoder::new(&source, &[], known.clone(), &judge);
+        let coder = || TargetCoder::new(&source, Coder::Rans, &[], known.clone(), &judge);
         let [mut alone, mut after] = [coder(), coder()];
         let first = after.code(40.0, || ()).unwrap();
         let before = after.own.known.len();
@@ -337,7 +349,7 @@ mod tests {
         let judge = Pictures::take(&scene, views(0.5), || ());
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
-            let mut coder = TargetCoder::new(&source, &[], known.clone(), &judge);
+            let mut coder = TargetCoder::new(&source, Coder::Rans, &[], known.clone(), &judge);
             let rounds = std::num::NonZero::new(4).unwrap();
             let joint = JointRounding::new(&source, views(0.25), rounds, || ());
             let mut steps = 0;

@@ -18,7 +18,7 @@ pub(crate) trait Arithmetic {
     /// Sine and cosine of `x` in `[0, pi / 2]`.
     fn sin_cos(x: f64) -> (f64, f64);
 
-    /// `x` in units.
+    /// `x / unit`.
     fn in_units(x: f64, unit: Unit) -> f64;
 
     /// Adds the `seen`-th number to a moving average over `window` numbers, a power of two up to 256.
@@ -28,7 +28,7 @@ pub(crate) trait Arithmetic {
     fn context(expected: f64, spread: [f64; 2]) -> usize;
 }
 
-/// Quantisation step of a number.
+/// A quantisation step or another divisor, with its inverse: several quotients then take one division.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Unit {
     pub(crate) size: f64,
@@ -37,8 +37,20 @@ pub(crate) struct Unit {
 
 impl Unit {
     #[inline(always)]
-    pub(crate) fn new(size: f64) -> Unit {
+    pub(crate) const fn new(size: f64) -> Unit {
         Unit { size, inverse: 1.0 / size }
+    }
+
+    /// The product of two units.
+    #[inline(always)]
+    pub(crate) fn times(self, factor: Unit) -> Unit {
+        Unit { size: self.size * factor.size, inverse: self.inverse * factor.inverse }
+    }
+
+    /// The quotient of two units.
+    #[inline(always)]
+    pub(crate) fn over<A: Arithmetic>(self, divisor: Unit) -> Unit {
+        Unit { size: A::in_units(self.size, divisor), inverse: self.inverse * divisor.size }
     }
 }
 

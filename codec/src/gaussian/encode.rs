@@ -236,7 +236,7 @@ fn coded_window<A: Arithmetic>(temporal: &Temporal, i: usize, step: f64) -> Code
     }
     // Farther than 4 widths from the clip no opacity is visible.
     let tau = tau.clamp(-4.0 * decoded_s, 1.0 + 4.0 * decoded_s);
-    let center = multiple::<A>(tau - 0.5, trajectory::center_step(decoded_s, step));
+    let center = multiple::<A>(tau - 0.5, trajectory::center_step::<A>(decoded_s, step));
     let decoded_tau = f64::from(row::decoded_tau(center));
     CodedWindow { numbers: [width, center], tau, decoded_tau, decoded_s }
 }

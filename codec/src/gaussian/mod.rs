@@ -13,7 +13,9 @@
 
 mod arithmetic;
 mod chunk;
+mod color;
 mod decode;
+mod decoded;
 #[cfg(feature = "encode")]
 mod encode;
 mod grid;

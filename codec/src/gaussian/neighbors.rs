@@ -1,5 +1,7 @@
 //! [`Neighbors`]: the nearest of the Gaussians coded shortly before, which predict the next one.
 
+use super::arithmetic::{Arithmetic, Unit};
+
 /// Number of last Gaussians to search; they come along a Morton curve. Format.
 pub(crate) const WINDOW: usize = 24;
 
@@ -53,12 +55,13 @@ impl<S: Search> Neighbors<S> {
     }
 
     /// Mean of a number over the nearest Gaussians; `default` without any.
-    pub(super) fn mean(&self, default: f64, number: impl Fn(&History) -> f64) -> f64 {
+    pub(super) fn mean<A: Arithmetic>(&self, default: f64, number: impl Fn(&History) -> f64) -> f64 {
+        const COUNTS: [Unit; NEAREST + 1] = [Unit::new(1.0), Unit::new(1.0), Unit::new(2.0), Unit::new(3.0)];
         if self.found == 0 {
             return default;
         }
         let sum: f64 = self.nearest[..self.found].iter().map(|&position| number(&self.last[position])).sum();
-        sum / self.found as f64
+        A::in_units(sum, COUNTS[self.found])
     }
 
     pub(super) fn push(&mut self, cell: [u32; 3], history: History) {

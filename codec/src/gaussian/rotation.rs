@@ -4,7 +4,7 @@
 //! does not matter, so it lies on a hemisphere: around z, or around the main axis of a neighbour,
 //! which may lie on the same surface. The roll has a period of half a turn.
 
-use super::arithmetic::Arithmetic;
+use super::arithmetic::{Arithmetic, Unit};
 
 use std::f64::consts::PI;
 
@@ -34,16 +34,19 @@ impl RotationQuantiser {
     /// The quantiser for these standard deviations, the widest first. `step` is the allowed error of
     /// the surface in standard deviations.
     pub(super) fn new<A: Arithmetic>(sigma: [f64; 3], step: f64) -> RotationQuantiser {
-        let is_needle = sigma[0] / sigma[1] > sigma[1] / sigma[2];
+        let units = sigma.map(Unit::new);
+        let is_needle = A::in_units(sigma[0], units[1]) > A::in_units(sigma[1], units[2]);
         let axes = if is_needle { [1, 2, 0] } else { [0, 1, 2] };
         // Relative change of the covariance per radian of rotation.
-        let ratio = |a: usize, b: usize| (sigma[a] / sigma[b] - sigma[b] / sigma[a]).abs().max(1e-3);
+        let ratio = |a: usize, b: usize| {
+            (A::in_units(sigma[a], units[b]) - A::in_units(sigma[b], units[a])).abs().max(1e-3)
+        };
         let [a, b, main] = axes;
         let direction_step = (step / ratio(a, main).max(ratio(b, main))).min(DIRECTION_STEP_MAX);
         let roll_step = (step / ratio(a, b)).min(ROLL_STEP_MAX);
         RotationQuantiser {
             axes,
-            direction_codes: (2.0 / direction_step).ceil().clamp(1.0, CODES_MAX) as u32,
+            direction_codes: rounded_up((2.0 / direction_step).clamp(1.0, CODES_MAX)),
             roll_codes: A::round(PI / roll_step).clamp(1.0, CODES_MAX) as u32,
             direction_step,
             roll_step,
@@ -56,9 +59,15 @@ impl RotationQuantiser {
     }
 }
 
+/// The lowest integer that is not below `x`. The system's function is a call on some machines.
+fn rounded_up(x: f64) -> u32 {
+    let truncated = x as u32;
+    truncated + u32::from(f64::from(truncated) < x)
+}
+
 /// Codes of a direction in the hemisphere around `pole`, by octahedral mapping to a square.
-pub(super) fn direction_codes(direction: [f64; 3], pole: [f64; 3], codes: u32) -> [u32; 2] {
-    let d = rotate(inverse(arc(pole)), direction);
+pub(super) fn direction_codes<A: Arithmetic>(direction: [f64; 3], pole: [f64; 3], codes: u32) -> [u32; 2] {
+    let d = rotate(inverse(arc::<A>(pole)), direction);
     let d = if d[2] < 0.0 { d.map(|x| -x) } else { d };
     let norm = d[0].abs() + d[1].abs() + d[2];
     [d[0] + d[1], d[0] - d[1]].map(|x| {
@@ -68,16 +77,17 @@ pub(super) fn direction_codes(direction: [f64; 3], pole: [f64; 3], codes: u32) -
 }
 
 /// The direction of two codes, with z at least 0.
-pub(super) fn direction(direction_codes: [u32; 2], pole: [f64; 3], codes: u32) -> [f64; 3] {
-    let [u, v] = direction_codes.map(|x| (f64::from(x) + 0.5) / f64::from(codes) * 2.0 - 1.0);
+pub(super) fn direction<A: Arithmetic>(direction_codes: [u32; 2], pole: [f64; 3], codes: u32) -> [f64; 3] {
+    let codes = Unit::new(f64::from(codes));
+    let [u, v] = direction_codes.map(|x| A::in_units(f64::from(x) + 0.5, codes) * 2.0 - 1.0);
     let (x, y) = ((u + v) * 0.5, (u - v) * 0.5);
-    let d = rotate(arc(pole), normalized([x, y, 1.0 - x.abs() - y.abs()]));
+    let d = rotate(arc::<A>(pole), normalized::<A>([x, y, 1.0 - x.abs() - y.abs()]));
     if d[2] < 0.0 { d.map(|x| -x) } else { d }
 }
 
 /// The axes of roll 0: world axes x and y, rotated by the shortest rotation of z to `direction`.
-pub(super) fn roll_axes(direction: [f64; 3]) -> [[f64; 3]; 2] {
-    let q = arc(direction);
+pub(super) fn roll_axes<A: Arithmetic>(direction: [f64; 3]) -> [[f64; 3]; 2] {
+    let q = arc::<A>(direction);
     [rotate(q, [1.0, 0.0, 0.0]), rotate(q, [0.0, 1.0, 0.0])]
 }
 
@@ -85,15 +95,15 @@ pub(super) fn roll_axes(direction: [f64; 3]) -> [[f64; 3]; 2] {
 pub(super) fn quaternion<A: Arithmetic>(direction: [f64; 3], code: u32, codes: u32) -> [f64; 4] {
     let half = (f64::from(code) + 0.5) / f64::from(codes) * (PI * 0.5);
     let (sin, cos) = A::sin_cos(half);
-    let [w, x, y, _] = arc(direction);
+    let [w, x, y, _] = arc::<A>(direction);
     [w * cos, x * cos + y * sin, y * cos - x * sin, w * sin]
 }
 
 /// Unit quaternion of the shortest rotation of z to a direction with z >= 0.
-fn arc([x, y, z]: [f64; 3]) -> [f64; 4] {
+fn arc<A: Arithmetic>([x, y, z]: [f64; 3]) -> [f64; 4] {
     let w = 1.0 + z;
-    let norm = (w * w + x * x + y * y).sqrt();
-    [w / norm, -y / norm, x / norm, 0.0]
+    let norm = Unit::new((w * w + x * x + y * y).sqrt());
+    [A::in_units(w, norm), A::in_units(-y, norm), A::in_units(x, norm), 0.0]
 }
 
 /// Inverse of a unit quaternion.
@@ -111,9 +121,9 @@ pub(super) fn rotate([w, x, y, z]: [f64; 4], v: [f64; 3]) -> [f64; 3] {
     ]
 }
 
-fn normalized(v: [f64; 3]) -> [f64; 3] {
-    let norm = (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt();
-    v.map(|x| x / norm)
+fn normalized<A: Arithmetic>(v: [f64; 3]) -> [f64; 3] {
+    let norm = Unit::new((v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt());
+    v.map(|x| A::in_units(x, norm))
 }
 
 /// Pole of the first Gaussian of a chunk.

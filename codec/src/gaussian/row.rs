@@ -4,6 +4,8 @@
 use super::{
     arithmetic::{Arithmetic, Unit, half_octaves},
     chunk::Chunk,
+    color::{channels, luma_chroma, opponents, rgb},
+    decoded::{Row, narrowed},
     neighbors::{History, Neighbors},
     observer::Attribute,
     quantity::{Coding, Quantity},
@@ -11,7 +13,7 @@ use super::{
     symbols::{Integer, Prior, Symbols, Tree},
     trajectory::{self, Span},
 };
-use crate::{SH_C0, columns::Columns, rows::Rows, sh_coefficients};
+use crate::{SH_C0, columns::Columns, sh_coefficients};
 
 /// Steps of the attributes relative to the step that the quantiser indices give. Found by minimising
 /// size at equal fidelity on captured fields. Format.
@@ -26,10 +28,10 @@ const OPACITY_STEP_MAX: f64 = 0.4;
 const SCALE_STEP_MAX: f64 = 0.5;
 const COLOR_STEP_MAX: f64 = 0.5;
 
-/// Coarsest step of a position in source units, and magnitude to which the numbers of a Gaussian are
-/// cut. Format.
+/// Coarsest step of a position in source units. Format.
 const POSITION_STEP_MAX: f64 = 1e10;
-const NUMBER_MAX: f64 = 1e30;
+
+const SH_C0_UNIT: Unit = Unit::new(SH_C0);
 
 /// Largest logarithm of a blurred standard deviation. Format.
 pub(super) const LOG_EXTENT_MAX: f64 = 44.0;
@@ -66,24 +68,12 @@ pub(super) struct Target<'a> {
     pub(super) sh: &'a [[f32; 3]],
 }
 
-/// A decoded Gaussian.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Row {
-    pub(super) center: [f32; 3],
-    pub(super) rotation: [f32; 4],
-    pub(super) log_scales: [f32; 3],
-    pub(super) opacity: f32,
-    pub(super) sh: Vec<[f32; 3]>,
-    pub(super) tau: f32,
-    pub(super) s: f32,
-    pub(super) motion: [[f32; 3]; 3],
-    pub(super) rotation_rate: [f32; 4],
-}
-
 /// The models of a chunk.
 pub(super) struct RowCoder<'a, S: Symbols> {
     chunk: &'a Chunk,
     columns: Columns,
+    /// Logarithm of the footprint.
+    base_extent: f64,
     /// Models of the quantities.
     models: Vec<S::Integer>,
     /// By the last visibility index.
@@ -130,6 +120,7 @@ impl<'a, S: Symbols> RowCoder<'a, S> {
         RowCoder {
             chunk,
             columns,
+            base_extent: S::Arithmetic::ln(f64::from(chunk.footprint)),
             models,
             visibility_indices: (0..1 << VISIBILITY_BITS)
                 .map(|last| S::Tree::new(VISIBILITY_BITS, Prior::Near(last)))
@@ -165,8 +156,20 @@ impl<'a, S: Symbols> RowCoder<'a, S> {
         let mut history = History::default();
         let (color_step, step) = self.code_indices(symbols, target);
         self.code_window(symbols, step, target);
+        // Needed for the motion; a processor computes it while it waits for the symbols of the shape.
+        let temporal = self.columns.temporal.map(|temporal| (temporal, self.row.span::<S::Arithmetic>()));
         let (extents, quantiser) = self.code_shape(symbols, step, target, &mut history)?;
-        self.code_trajectory(symbols, extents, &quantiser, step, cell, target);
+        let unit = Unit::new((step * size_of(extents)).min(POSITION_STEP_MAX));
+        let position = self.code_position(symbols, unit, cell, target);
+        match temporal {
+            None => self.row.center = position.map(narrowed),
+            Some((temporal, span)) => {
+                self.code_motion(symbols, &span, position, unit, target);
+                if temporal.rotation_rates {
+                    self.code_angular_rate(symbols, &quantiser, span.support_radius, target);
+                }
+            }
+        }
         self.code_colors(symbols, color_step, target, &mut history);
         if self.chunk.has_neighbors {
             self.neighbors.push(cell, history);
@@ -207,7 +210,7 @@ impl<'a, S: Symbols> RowCoder<'a, S> {
         self.row.s = trajectory::width::<S::Arithmetic>(f64::from(code) * unit.size) as f32;
         self.row.tau = 0.5;
         if self.row.s.is_finite() {
-            let unit = Unit::new(trajectory::center_step(f64::from(self.row.s), step));
+            let unit = Unit::new(trajectory::center_step::<S::Arithmetic>(f64::from(self.row.s), step));
             symbols.begin(Attribute::WindowCenter, 0);
             let code =
                 self.center.code(symbols, &mut self.models, center, Coding::near(unit, self.center.mean()));
@@ -225,7 +228,7 @@ impl<'a, S: Symbols> RowCoder<'a, S> {
         history: &mut History,
     ) -> Option<([f64; 3], RotationQuantiser)> {
         let footprint = f64::from(self.chunk.footprint);
-        let base = S::Arithmetic::ln(footprint);
+        let base = self.base_extent;
         let unit = Unit::new(step.min(SCALE_STEP_MAX));
         let mut extents = [0.0; 3];
         let mut log_scales = [0.0; 3];
@@ -234,8 +237,8 @@ impl<'a, S: Symbols> RowCoder<'a, S> {
             let number =
                 target.map_or(0.0, |t| log_extent::<S::Arithmetic>(t.log_scales[r], footprint) - last);
             let mean = quantity.mean();
-            let offset =
-                SCALE_NEIGHBOR_WEIGHT * (self.neighbors.mean(mean, |history| history.scales[r]) - mean);
+            let offset = SCALE_NEIGHBOR_WEIGHT
+                * (self.neighbors.mean::<S::Arithmetic>(mean, |history| history.scales[r]) - mean);
             symbols.begin(Attribute::Scales, r);
             let code = quantity.code(symbols, &mut self.models, number, Coding::near(unit, mean + offset));
             let extent = (last + f64::from(code) * unit.size).max(base);
@@ -255,8 +258,10 @@ impl<'a, S: Symbols> RowCoder<'a, S> {
         let pole = self.neighbors.nearest().map_or(rotation::FIRST_POLE, |history| history.direction);
         let target_axes = target.map(|t| quantiser.axes.map(|axis| t.axes[axis]));
         let direction_codes = self.code_direction(symbols, &quantiser, target_axes.map(|axes| axes[2]), pole);
-        let direction = rotation::direction(direction_codes, pole, quantiser.direction_codes);
-        let roll = target_axes.map_or(0, |axes| roll_code(direction, axes[0], quantiser.roll_codes));
+        let direction =
+            rotation::direction::<S::Arithmetic>(direction_codes, pole, quantiser.direction_codes);
+        let roll = target_axes
+            .map_or(0, |axes| roll_code::<S::Arithmetic>(direction, axes[0], quantiser.roll_codes));
         let roll = symbols.uniform(quantiser.roll_codes, roll);
         history.direction = direction;
         self.row.rotation =
@@ -274,7 +279,8 @@ impl<'a, S: Symbols> RowCoder<'a, S> {
         pole: [f64; 3],
     ) -> [u32; 2] {
         let codes = quantiser.direction_codes;
-        let target = target.map_or([0; 2], |direction| rotation::direction_codes(direction, pole, codes));
+        let target = target
+            .map_or([0; 2], |direction| rotation::direction_codes::<S::Arithmetic>(direction, pole, codes));
         let level = codes.ilog2().min(DIRECTION_LEVELS);
         let part = target.map(|x| (x << level) / codes);
         // Interleaves the bits of both coordinates, so that the tree halves the map both ways.
@@ -292,41 +298,46 @@ impl<'a, S: Symbols> RowCoder<'a, S> {
         direction_codes
     }
 
-    /// Codes position, motion and angular rate.
-    fn code_trajectory(
+    /// Codes the position within a cell: the centre at the middle of the span.
+    fn code_position(
         &mut self,
         symbols: &mut S,
-        extents: [f64; 3],
-        quantiser: &RotationQuantiser,
-        step: f64,
+        unit: Unit,
         cell: [u32; 3],
         target: Option<&Target>,
-    ) {
-        let unit = (step * size_of(extents)).min(POSITION_STEP_MAX);
+    ) -> [f64; 3] {
         let cell_size = f64::from(self.chunk.cell_size);
-        let parts = S::Arithmetic::round(cell_size / unit).clamp(1.0, 65536.0);
+        let parts =
+            Unit::new(S::Arithmetic::round(S::Arithmetic::in_units(cell_size, unit)).clamp(1.0, 65536.0));
         symbols.begin(Attribute::Position, 0);
-        symbols.choice(parts.powi(3));
-        let mut c = [[0.0; 3]; 4];
+        symbols.choice(parts.size.powi(3));
+        let mut position = [0.0; 3];
         for axis in 0..3 {
             let origin = f64::from(self.chunk.origin[axis]);
             let corner = origin + f64::from(cell[axis]) * cell_size;
             let part = target.map_or(0, |t| {
-                let position = (t.trajectory[0][axis] - corner) / cell_size * parts;
-                (position.max(0.0) as u32).min(parts as u32 - 1)
+                let position = (t.trajectory[0][axis] - corner) / cell_size * parts.size;
+                (position.max(0.0) as u32).min(parts.size as u32 - 1)
             });
-            let part = symbols.uniform(parts as u32, part);
-            c[0][axis] = corner + (f64::from(part) + 0.5) / parts * cell_size;
+            let part = symbols.uniform(parts.size as u32, part);
+            position[axis] = corner + S::Arithmetic::in_units(f64::from(part) + 0.5, parts) * cell_size;
         }
-        let Some(temporal) = self.columns.temporal else {
-            self.row.center = c[0].map(narrowed);
-            return;
-        };
-        let (tau, s) = (f64::from(self.row.tau), f64::from(self.row.s));
-        let span = Span::new::<S::Arithmetic>(f64::from(self.row.opacity), tau, s);
+        position
+    }
+
+    /// Codes the motion, given the position and its step.
+    fn code_motion(
+        &mut self,
+        symbols: &mut S,
+        span: &Span,
+        position: [f64; 3],
+        unit: Unit,
+        target: Option<&Target>,
+    ) {
+        let mut c = [position, [0.0; 3], [0.0; 3], [0.0; 3]];
         let mut energy = Energy::default();
         for (power, quantities) in (1..).zip(self.motion.chunks_exact_mut(3)) {
-            let unit = Unit::new(unit / span.size[power]);
+            let unit = unit.over::<S::Arithmetic>(span.size[power]);
             for (axis, quantity) in quantities.iter_mut().enumerate() {
                 let number = target.map_or(0.0, |t| t.trajectory[power][axis]);
                 symbols.begin(Attribute::Motion, 3 * (power - 1) + axis);
@@ -335,14 +346,12 @@ impl<'a, S: Symbols> RowCoder<'a, S> {
             }
         }
         for axis in 0..3 {
-            let [p0, powers @ ..] = span.powers([0, 1, 2, 3].map(|power| c[power][axis]), tau);
+            let [p0, powers @ ..] =
+                span.powers::<S::Arithmetic>(c.map(|numbers| numbers[axis]), f64::from(self.row.tau));
             self.row.center[axis] = narrowed(p0);
             for (v, power) in self.row.motion.iter_mut().zip(powers) {
                 v[axis] = narrowed(power);
             }
-        }
-        if temporal.rotation_rates {
-            self.code_angular_rate(symbols, quantiser, span.support_radius, target);
         }
     }
 
@@ -356,14 +365,16 @@ impl<'a, S: Symbols> RowCoder<'a, S> {
     ) {
         let q = self.row.rotation.map(f64::from);
         // Root mean square of |t - tau| over a symmetric span: the radius / sqrt 3.
-        let time = 0.577 * support_radius.max(1e-3);
-        let (direction, roll) = (0.5 * quantiser.direction_step / time, 0.5 * quantiser.roll_step / time);
+        let time = Unit::new(0.577 * support_radius.max(1e-3));
+        let [direction, roll] = [quantiser.direction_step, quantiser.roll_step]
+            .map(|step| Unit::new(0.5 * step).over::<S::Arithmetic>(time));
         let number = target.map_or([0.0; 4], |t| {
             let [scalar, rest @ ..] = t.angular_rate;
             let [x, y, z] = rotation::rotate(rotation::inverse(q), rest);
             [scalar, x, y, z]
         });
-        let units = [direction.min(roll), direction, direction, roll].map(Unit::new);
+        let finer = if direction.size < roll.size { direction } else { roll };
+        let units = [finer, direction, direction, roll];
         let mut rate = [0.0; 4];
         for i in 0..4 {
             symbols.begin(Attribute::AngularRate, i);
@@ -382,15 +393,15 @@ impl<'a, S: Symbols> RowCoder<'a, S> {
         for (i, quantity) in self.colors.iter_mut().enumerate() {
             let unit = units[i.min(1)];
             let mean = quantity.mean();
-            let offset =
-                COLOR_NEIGHBOR_WEIGHT * (self.neighbors.mean(mean, |history| history.color[i]) - mean);
+            let offset = COLOR_NEIGHBOR_WEIGHT
+                * (self.neighbors.mean::<S::Arithmetic>(mean, |history| history.color[i]) - mean);
             symbols.begin(Attribute::Color, i);
             let code = quantity.code(symbols, &mut self.models, color[i], Coding::near(unit, mean + offset));
             history.color[i] = f64::from(code) * unit.size;
         }
-        self.row.sh[0] = rgb(history.color).map(|x| narrowed(x / SH_C0));
+        self.row.sh[0] = rgb(history.color).map(|x| narrowed(S::Arithmetic::in_units(x, SH_C0_UNIT)));
 
-        let unit = Unit::new(SH * step / SH_C0);
+        let unit = Unit::new(S::Arithmetic::in_units(SH * step, SH_C0_UNIT));
         let mut energy = Energy::default();
         for (k, quantities) in (1..).zip(self.harmonics.chunks_exact_mut(3)) {
             let opponents = opponents(number(k));
@@ -406,48 +417,9 @@ impl<'a, S: Symbols> RowCoder<'a, S> {
                     SH_LAMBDA,
                 )) * unit.size;
             }
-            self.row.sh[k] = channels(coded).map(narrowed);
+            self.row.sh[k] = channels::<S::Arithmetic>(coded).map(narrowed);
         }
     }
-}
-
-impl Row {
-    /// Writes the row to row `i` of `out`, which has the columns of the chunk or more: of those, spherical
-    /// harmonics keep their zeros.
-    pub(super) fn write_to(&self, out: &mut Rows, i: usize) {
-        out.centers[i] = self.center;
-        out.rotations[i] = self.rotation;
-        out.log_scales[i] = self.log_scales;
-        out.opacities[i] = self.opacity;
-        out.sh[i * sh_coefficients(out.sh_degree)..][..self.sh.len()].copy_from_slice(&self.sh);
-        if let Some(temporal) = &mut out.temporal {
-            temporal.tau[i] = self.tau;
-            temporal.s[i] = self.s;
-            let order = usize::from(temporal.motion_order);
-            temporal.motion[i * order..][..order].copy_from_slice(&self.motion[..order]);
-            if let Some(rates) = &mut temporal.rotation_rates {
-                rates[i] = self.rotation_rate;
-            }
-        }
-    }
-
-    /// Whether every number satisfies [`Field::check`](crate::Field::check).
-    fn is_valid(&self) -> bool {
-        let finite = |numbers: &[f32]| numbers.iter().all(|x| x.is_finite());
-        finite(&self.center)
-            && finite(&self.rotation)
-            && finite(&self.log_scales)
-            && (0.0..=1.0).contains(&self.opacity)
-            && finite(self.sh.as_flattened())
-            && finite(&[self.tau])
-            && finite(self.motion.as_flattened())
-            && finite(&self.rotation_rate)
-    }
-}
-
-/// Rounds a number of a Gaussian to `f32`, cut to [`NUMBER_MAX`].
-fn narrowed(x: f64) -> f32 {
-    x.clamp(-NUMBER_MAX, NUMBER_MAX) as f32
 }
 
 /// Upper bits of both coordinates of a direction that adapt. Format.
@@ -522,32 +494,6 @@ impl Energy {
     }
 }
 
-/// Luma and two colour differences, by a lifting transform.
-fn luma_chroma([r, g, b]: [f64; 3]) -> [f64; 3] {
-    [(r + 2.0 * g + b) * 0.25, r - b, g - (r + b) * 0.5]
-}
-
-/// Inverse of [`luma_chroma`].
-fn rgb([y, red_blue, green]: [f64; 3]) -> [f64; 3] {
-    let g = y + green * 0.5;
-    let sum = 2.0 * (g - green);
-    [(sum + red_blue) * 0.5, g, (sum - red_blue) * 0.5]
-}
-
-const SQRT_3: f64 = 1.732_050_807_568_877_2;
-const SQRT_6: f64 = 2.449_489_742_783_178;
-
-/// Sum and two differences of the channels, by an orthonormal transform.
-fn opponents([r, g, b]: [f64; 3]) -> [f64; 3] {
-    [(r + g + b) / SQRT_3, (r - b) / std::f64::consts::SQRT_2, (r - 2.0 * g + b) / SQRT_6]
-}
-
-/// Inverse of [`opponents`].
-fn channels([sum, red_blue, green]: [f64; 3]) -> [f64; 3] {
-    let (s, d, e) = (sum / SQRT_3, red_blue / std::f64::consts::SQRT_2, green / SQRT_6);
-    [s + d + e, s - 2.0 * e, s - d + e]
-}
-
 /// Product of two quaternions.
 fn product([aw, ax, ay, az]: [f64; 4], [bw, bx, by, bz]: [f64; 4]) -> [f64; 4] {
     [
@@ -560,9 +506,9 @@ fn product([aw, ax, ay, az]: [f64; 4], [bw, bx, by, bz]: [f64; 4]) -> [f64; 4] {
 
 /// The roll that brings the first axis nearest to `axis`. Runs in the encoder only, so the last bits
 /// of the arc tangent may differ between machines.
-fn roll_code(direction: [f64; 3], axis: [f64; 3], codes: u32) -> u32 {
-    let [x, y] =
-        rotation::roll_axes(direction).map(|e: [f64; 3]| e[0] * axis[0] + e[1] * axis[1] + e[2] * axis[2]);
+fn roll_code<A: Arithmetic>(direction: [f64; 3], axis: [f64; 3], codes: u32) -> u32 {
+    let [x, y] = rotation::roll_axes::<A>(direction)
+        .map(|e: [f64; 3]| e[0] * axis[0] + e[1] * axis[1] + e[2] * axis[2]);
     let turn = (libm::atan2(y, x) / std::f64::consts::PI).rem_euclid(1.0);
     ((turn * f64::from(codes)) as u32).min(codes - 1)
 }

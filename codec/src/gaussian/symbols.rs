@@ -65,7 +65,7 @@ pub(crate) trait Tree: Clone {
 }
 
 /// What is known of a number before the first one is coded.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Prior {
     Nothing,
     /// It is near another number.

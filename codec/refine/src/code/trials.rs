@@ -18,6 +18,7 @@ const SMALL_ROWS: usize = 16_384;
 #[derive(Debug)]
 pub(super) struct Trials<'a> {
     pub(super) source: &'a Source<'a>,
+    pub(super) coder: Coder,
     pub(super) layers: &'a [usize],
     /// All but [`Precision::psnr`].
     precision: Precision,
@@ -40,12 +41,13 @@ pub(super) struct Trial {
 impl<'a> Trials<'a> {
     pub(super) fn new(
         source: &'a Source<'a>,
+        coder: Coder,
         layers: &'a [usize],
         precision: Precision,
         judge: &'a Pictures,
     ) -> Trials<'a> {
         let errors = vec![f64::INFINITY; judge.len()];
-        Trials { source, layers, precision, judge, known: BTreeMap::new(), errors }
+        Trials { source, coder, layers, precision, judge, known: BTreeMap::new(), errors }
     }
 
     /// Whether the PSNR of a package may jump between neighbouring precisions.
@@ -58,10 +60,14 @@ impl<'a> Trials<'a> {
         Precision { psnr: finer_db, ..self.precision.clone() }
     }
 
+    /// The options of a package at a precision.
+    pub(super) fn options(&self, precision: Precision) -> EncodeOptions {
+        EncodeOptions { coder: self.coder, layers: self.layers.to_vec(), precision }
+    }
+
     /// Packages the source at a precision in dB.
     pub(super) fn encode(&self, finer_db: f64) -> Result<Vec<u8>, CodeError> {
-        let precision = self.at(finer_db);
-        let options = EncodeOptions { coder: Coder::Context, layers: self.layers.to_vec(), precision };
+        let options = self.options(self.at(finer_db));
         encode_parallel(self.source, &options, threads()).map_err(CodeError::Encode)
     }
 

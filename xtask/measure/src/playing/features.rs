@@ -397,5 +397,5 @@ fn package_bytes(clip: &Clip, packable: &Packable) -> anyhow::Result<Vec<(String
         let options = EncodeOptions { coder, layers: packable.layers.clone(), ..EncodeOptions::default() };
         Ok((name.to_owned(), codec::encode(&source, &options)?.len() as f64))
     };
-    [("package_bytes", Coder::Context), ("package_bytes_fixed", Coder::Fixed)].into_iter().map(size).collect()
+    [("package_bytes", Coder::Rans), ("package_bytes_fixed", Coder::Fixed)].into_iter().map(size).collect()
 }

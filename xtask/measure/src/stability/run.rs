@@ -28,7 +28,7 @@ const BYTES_MAX: u64 = 64 << 20;
 const BYTES_PER_GAUSSIAN: u64 = 1 << 10;
 
 /// The coders of packages.
-const CODERS: [Coder; 2] = [Coder::Fixed, Coder::Context];
+const CODERS: [Coder; 3] = Coder::ALL;
 
 /// Alpha in 255ths above which a pixel is not blank.
 const SHOWS: f64 = 10.0;

@@ -96,13 +96,13 @@ pub struct Args {
     #[arg(long, value_name = "S", value_parser = part_seconds)]
     split: Option<f64>,
     /// Coder of the Gaussians
-    #[arg(long, value_enum, default_value_t = Coder::Context)]
+    #[arg(long, value_enum, default_value_t = Coder::Rans)]
     coder: Coder,
-    /// Target PSNR of the coder context against the field before coding, in dB: 20 to 100; of a take in every segment
+    /// Target PSNR of the coders rans and context against the field before coding, in dB: 20 to 100; of a take in every segment
     #[arg(long, value_name = "DB", default_value_t = QUALITY_DB, value_parser = quality)]
     quality: f64,
-    /// Rounds in which the coder context rounds the numbers of all Gaussians jointly, so that their errors cancel in
-    /// pictures; 0 rounds each alone
+    /// Rounds in which the numbers of all Gaussians are rounded jointly, so that their errors cancel in pictures; 0
+    /// rounds each alone
     #[arg(long, value_name = "N", default_value_t = JOINT_ROUNDS, value_parser = joint_rounds)]
     joint_rounds: usize,
     /// Remove a part; repeatable
@@ -149,7 +149,9 @@ fn rank(text: &str) -> Result<Rank, String> {
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum Coder {
-    /// Adaptive range coder, quantisation below visibility
+    /// Quantisation below visibility, fast adaptive entropy coder; needs players that read version 2
+    Rans,
+    /// Quantisation below visibility, adaptive range coder: decodes in twice the time of rans
     Context,
     /// FP16 and INT8 attributes, motion at 10 bits, zstd
     Fixed,
@@ -301,14 +303,17 @@ impl Args {
             fragments: self.fragments,
             recolor: self.recolor,
             coding: match self.coder {
-                Coder::Context => {
-                    Coding::Context { quality_db: self.quality, joint_rounds: self.joint_rounds }
-                }
+                Coder::Rans => self.to_quality(codec::Coder::Rans),
+                Coder::Context => self.to_quality(codec::Coder::Context),
                 Coder::Fixed => Coding::Fixed,
             },
             drop: self.drop.clone(),
             strict: self.strict,
         }
+    }
+
+    fn to_quality(&self, coder: codec::Coder) -> Coding {
+        Coding::ToQuality { coder, quality_db: self.quality, joint_rounds: self.joint_rounds }
     }
 
     /// The options that apply to every take.

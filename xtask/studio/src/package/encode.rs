@@ -6,7 +6,7 @@ use std::num::NonZero;
 use anyhow::{anyhow, ensure};
 use codec::{Clip, EncodeError, EncodeOptions, Field, Limits, Precision, Source};
 use program::Fault;
-use refine::code::{CodeError, Coded, JointRounding, Miss, WORST_BELOW_DB, code, code_steps};
+use refine::code::{CodeError, Coded, JointRounding, Miss, PackageTarget, WORST_BELOW_DB, code, code_steps};
 use refine::prune::{Fidelity, Pictures};
 use refine::reference::RenderScene;
 
@@ -46,7 +46,7 @@ pub(super) fn draft(
 ) -> anyhow::Result<Clip> {
     let precision = match coding {
         Coding::Fixed => Precision { psnr: QUALITY_DB, ..Precision::default() },
-        Coding::Context { quality_db, .. } => {
+        Coding::ToQuality { quality_db, .. } => {
             Precision { psnr: quality_db + DRAFT_MARGIN_DB, ..Precision::default() }
         }
     };
@@ -78,7 +78,7 @@ pub(crate) fn encode(
             let fidelity = judge.compare(&RenderScene::from(&clip), || ());
             (Coded { bytes, clip, fidelity, miss: None, bytes_alone: None }, 0, 0)
         }
-        Coding::Context { quality_db, joint_rounds } => {
+        Coding::ToQuality { coder, quality_db, joint_rounds } => {
             let source = Source { info: &scene.head_info(), field, plate };
             let rounding = NonZero::new(joint_rounds).map(|rounds| (rounds, rounding_views(scene, field)));
             let rounding_count = rounding.as_ref().map_or(0, |(_, views)| views.len());
@@ -86,9 +86,9 @@ pub(crate) fn encode(
             let joint = rounding
                 .map(|(rounds, views)| JointRounding::new(&source, views, rounds, || progress.step()));
             progress.stage("coding", views.len() + code_steps(joint.as_ref()));
-            let coded =
-                code(&source, &LAYERS, quality_db, &views, &judge, joint.as_ref(), || progress.step())
-                    .map_err(|error| refused(scene, error))?;
+            let target = PackageTarget { coder, layers: &LAYERS, psnr_db: quality_db };
+            let coded = code(&source, target, &views, &judge, joint.as_ref(), || progress.step())
+                .map_err(|error| refused(scene, error))?;
             (coded, views.len(), rounding_count)
         }
     };

@@ -40,7 +40,7 @@ pub enum DropPart {
 /// Numbers of Gaussians at which layers end; the last layer ends at the last Gaussian.
 pub const LAYERS: [usize; 5] = [5_000, 10_000, 20_000, 40_000, 80_000];
 
-/// Default of [`Coding::Context::quality_db`]: coding then costs 0.01 dB of a field that fits its
+/// Default of [`Coding::ToQuality::quality_db`]: coding then costs 0.01 dB of a field that fits its
 /// photographs to 24.3 dB.
 pub const QUALITY_DB: f64 = 50.7;
 
@@ -49,8 +49,10 @@ pub const QUALITY_DB: f64 = 50.7;
 pub enum Coding {
     /// The paper's numbers of bits.
     Fixed,
-    /// The coder `context`.
-    Context {
+    /// As coarsely as a PSNR allows.
+    ToQuality {
+        /// Any but [`Coder::Fixed`].
+        coder: Coder,
         /// Target PSNR in dB against the field before coding.
         quality_db: f64,
         /// Number of rounds in which numbers are rounded jointly; 0 rounds each alone.
@@ -60,7 +62,7 @@ pub enum Coding {
 
 impl Default for Coding {
     fn default() -> Coding {
-        Coding::Context { quality_db: QUALITY_DB, joint_rounds: JOINT_ROUNDS }
+        Coding::ToQuality { coder: Coder::Rans, quality_db: QUALITY_DB, joint_rounds: JOINT_ROUNDS }
     }
 }
 
@@ -68,7 +70,7 @@ impl Coding {
     pub(crate) fn coder(self) -> Coder {
         match self {
             Coding::Fixed => Coder::Fixed,
-            Coding::Context { .. } => Coder::Context,
+            Coding::ToQuality { coder, .. } => coder,
         }
     }
 
@@ -76,7 +78,7 @@ impl Coding {
     pub(super) fn quality_db(self) -> Option<f64> {
         match self {
             Coding::Fixed => None,
-            Coding::Context { quality_db, .. } => Some(quality_db),
+            Coding::ToQuality { quality_db, .. } => Some(quality_db),
         }
     }
 

@@ -163,10 +163,12 @@ impl Viewer {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use codec::Temporal;
+    use codec::{Coder, Temporal};
     use refine::reference::{Order, RenderScene, render};
 
-    const AT_DEFAULT: Coding = Coding::Context { quality_db: QUALITY_DB, joint_rounds: 0 };
+    fn at(quality_db: f64) -> Coding {
+        Coding::ToQuality { coder: Coder::Rans, quality_db, joint_rounds: 0 }
+    }
 
     /// Distance of the cameras from the origin.
     const DISTANCE: f64 = 10.0;
@@ -223,34 +225,31 @@ mod tests {
 
     #[test]
     fn motion_below_a_tenth_of_a_pixel_over_the_life_is_none() {
-        assert_eq!(counts(&shifted(0.09), AT_DEFAULT), (1, 0));
-        assert_eq!(counts(&shifted(0.11), AT_DEFAULT), (0, 0));
+        assert_eq!(counts(&shifted(0.09), at(QUALITY_DB)), (1, 0));
+        assert_eq!(counts(&shifted(0.11), at(QUALITY_DB)), (0, 0));
         // Back and forth: at the ends of the clip it is where it was.
         let mut there_and_back = shifted(0.0);
         temporal(&mut there_and_back).tau[0] = 0.5;
         temporal(&mut there_and_back).motion[1] = [0.0, (4.0 * 0.11 / scale()) as f32, 0.0];
-        assert_eq!(counts(&there_and_back, AT_DEFAULT), (0, 0));
+        assert_eq!(counts(&there_and_back, at(QUALITY_DB)), (0, 0));
         // A tenth of the motion falls into a tenth of the clip.
         let mut short = shifted(0.5);
         temporal(&mut short).s[0] = 0.01;
-        assert_eq!(counts(&short, AT_DEFAULT), (0, 1));
+        assert_eq!(counts(&short, at(QUALITY_DB)), (0, 1));
         // A higher target allows less.
-        assert_eq!(
-            counts(&shifted(0.09), Coding::Context { quality_db: QUALITY_DB + 6.0, joint_rounds: 0 }),
-            (0, 0)
-        );
-        assert_eq!(counts(&shifted(0.09), Coding::Context { quality_db: 30.0, joint_rounds: 0 }), (1, 0));
+        assert_eq!(counts(&shifted(0.09), at(QUALITY_DB + 6.0)), (0, 0));
+        assert_eq!(counts(&shifted(0.09), at(30.0)), (1, 0));
         assert_eq!(counts(&shifted(0.09), Coding::Fixed), (1, 0));
         // The nearest camera decides.
         let mut far = views();
         far.truncate(1);
         far[0].camera.camera_from_world[2][3] += DISTANCE;
-        assert_eq!(snap(&shifted(0.15), &far, AT_DEFAULT).1.made_static, 1);
-        assert_eq!(counts(&shifted(0.15), AT_DEFAULT), (0, 0));
+        assert_eq!(snap(&shifted(0.15), &far, at(QUALITY_DB)).1.made_static, 1);
+        assert_eq!(counts(&shifted(0.15), at(QUALITY_DB)), (0, 0));
         // Nothing is known of what is behind all cameras.
         let mut behind = shifted(0.01);
         behind.centers[0] = [2.0 * DISTANCE as f32, 0.0, -2.0 * DISTANCE as f32];
-        assert_eq!(counts(&behind, AT_DEFAULT), (0, 0));
+        assert_eq!(counts(&behind, at(QUALITY_DB)), (0, 0));
     }
 
     #[test]
@@ -259,7 +258,7 @@ mod tests {
             let mut field = balls(&[[0.0; 3]]);
             field.log_scales[0] = [length.ln(), -5.0, -5.0];
             temporal(&mut field).rotation_rates.as_mut().unwrap()[0] = [0.0, 0.0, 0.0, 1e-3];
-            counts(&field, AT_DEFAULT)
+            counts(&field, at(QUALITY_DB))
         };
         // Its ends, 3.3 deviations away, move by 2e-3 of that.
         let limit = 0.1 / scale() / 2e-3 / 3.3;
@@ -279,13 +278,13 @@ mod tests {
             field
         };
         for tau in [0.0, 0.5, 1.3] {
-            assert_eq!(counts(&fading(0.9 / 510.0, tau), AT_DEFAULT), (1, 0), "{tau}");
-            assert_eq!(counts(&fading(1.1 / 510.0, tau), AT_DEFAULT), (0, 1), "{tau}");
+            assert_eq!(counts(&fading(0.9 / 510.0, tau), at(QUALITY_DB)), (1, 0), "{tau}");
+            assert_eq!(counts(&fading(1.1 / 510.0, tau), at(QUALITY_DB)), (0, 1), "{tau}");
         }
         // Far outside the clip: constant, but at much less than its peak.
         let mut far = fading(1e-3, 20.0);
         temporal(&mut far).s[0] = 8000.0f32.sqrt() * 10.0;
-        let (snapped, _) = snap(&far, &views(), AT_DEFAULT);
+        let (snapped, _) = snap(&far, &views(), at(QUALITY_DB));
         assert!(snapped.temporal.is_none());
         let error = |t: f64| (f64::from(snapped.opacities[0]) - far.opacity_at(0, t)).abs();
         assert!(error(0.0).max(error(1.0)) < 0.25 / 255.0, "{} {}", error(0.0), error(1.0));
@@ -297,13 +296,13 @@ mod tests {
         temporal(&mut field).motion[0] = [1e-5; 3];
         temporal(&mut field).motion[2] = [0.3; 3];
         temporal(&mut field).s[2] = 0.1;
-        let (snapped, counts) = snap(&field, &views(), AT_DEFAULT);
+        let (snapped, counts) = snap(&field, &views(), at(QUALITY_DB));
         assert_eq!(counts, Snapped { made_static: 1, made_motionless: 0 });
         assert_eq!(snapped.select(&[1, 2]), field.select(&[1, 2]));
         snapped.check().unwrap();
         let columns = snapped.temporal.as_ref().unwrap();
         assert!(columns.is_motionless(0) && columns.s[0] == f32::INFINITY);
-        assert_eq!(snap(&snapped, &views(), AT_DEFAULT), (snapped, Snapped::default()), "once is enough");
+        assert_eq!(snap(&snapped, &views(), at(QUALITY_DB)), (snapped, Snapped::default()), "once is enough");
     }
 
     /// A shift by d changes the alpha of a splat with deviation w by at most o exp(-1/2) d / w.
@@ -319,7 +318,7 @@ mod tests {
             temporal(&mut field).motion[2 * row + 1] = [0.0, speed * direction.sin(), 0.0];
             temporal(&mut field).s[row] = 30.0;
         }
-        let (snapped, Snapped { made_static, .. }) = snap(&field, &views(), AT_DEFAULT);
+        let (snapped, Snapped { made_static, .. }) = snap(&field, &views(), at(QUALITY_DB));
         assert_eq!(made_static, centers.len());
         let deviation_px = f64::from((-2.0f32).exp()) * scale() * DISTANCE / (DISTANCE + 1.0);
         // Grey of brightness 0.5 + SH_C0.

@@ -17,7 +17,7 @@ use refine::reference::{self, RenderScene, sensitivities};
 use super::subject::ReportSubject;
 use crate::fit::{Refinement, TrainingViews};
 use crate::package::{
-    FieldAnalysis, JUDGING_PLACES, LAYERS, LensCounter, PackageSettings, QUALITY_DB, STEERING_PLACES,
+    Coding, FieldAnalysis, JUDGING_PLACES, LAYERS, LensCounter, PackageSettings, QUALITY_DB, STEERING_PLACES,
     recolor_views, refused, render_scene, views_of,
 };
 use crate::progress::StagedProgress;
@@ -96,7 +96,7 @@ fn precision(subject: &ReportSubject, progress: &StagedProgress) -> anyhow::Resu
     let judge = Pictures::take(&render_scene(&part, plate), coded_views(subject), || ());
     let tried = || progress.step();
 
-    let mut coder = TargetCoder::new(&source, &LAYERS, visible, &judge);
+    let mut coder = TargetCoder::new(&source, Coding::default().coder(), &LAYERS, visible, &judge);
     let mut points = Vec::new();
     for target_db in TARGETS_DB {
         let coded = coder.code(target_db, tried).map_err(|error| refused(scene, error))?;
@@ -112,15 +112,16 @@ fn precision(subject: &ReportSubject, progress: &StagedProgress) -> anyhow::Resu
         stage: FlowStage::Packaging,
         name: "coder precision".into(),
         about: format!(
-            "Precision of the coder `context`: PSNR of the decoded package against the Gaussians before coding, \
+            "Precision of the coder `rans`: PSNR of the decoded package against the Gaussians before coding, \
              which are {} of {}, those of the greatest mass. `fixed` is the paper's coder, which has one \
              precision. The run time is the median of {DECODINGS} decodings on one thread.",
             part.len(),
             field.len()
         ),
-        why_default: "it holds for all fields: coding then costs 0.01 dB of a field that fits its photographs to \
+        why_default:
+            "it holds for all fields: coding then costs 0.01 dB of a field that fits its photographs to \
                       24.3 dB"
-            .into(),
+                .into(),
         cost: "bytes".into(),
         points,
     }

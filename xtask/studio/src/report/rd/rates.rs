@@ -7,7 +7,7 @@ use refine::prune::Pictures;
 use refine::reference::sensitivities;
 use serde::Serialize;
 
-use crate::package::{LAYERS, compared_views, refused, render_scene, visibility_views};
+use crate::package::{Coding, LAYERS, compared_views, refused, render_scene, visibility_views};
 use crate::progress::StagedProgress;
 use crate::report::subject::ReportSubject;
 
@@ -65,7 +65,7 @@ pub(super) fn measure(
     let compared = compared_views(scene, &part, size.into());
     let judge = Pictures::take(&render_scene(&part, plate.as_ref()), compared, || ());
     let visible = sensitivities(&part, plate.as_ref(), &visibility_views(scene, &part, size.into()), || ());
-    let mut coder = TargetCoder::new(&source, &LAYERS, visible, &judge);
+    let mut coder = TargetCoder::new(&source, Coding::default().coder(), &LAYERS, visible, &judge);
     let rate = |target_db: f64| {
         let coded = coder.code(target_db, step).map_err(|error| refused(scene, error))?;
         let alike = coder.code_equally(target_db, step).map_err(|error| refused(scene, error))?;
