@@ -108,13 +108,13 @@ fn columns_that_say_nothing() -> Result<(), Failed> {
         let options = EncodeOptions { coder, ..EncodeOptions::default() };
         codec::encode(&Source { info: &info(), field, plate: None }, &options)
     };
-    for coder in [Coder::Fixed, Coder::Context] {
+    for coder in Coder::ALL {
         let [exact, least] = [&wide, &bare].map(|field| package(coder, field));
         if exact? != least? {
             return Err(format!("another package by the coder {coder:?}").into());
         }
     }
-    let clip = codec::decode(&package(Coder::Context, &wide)?, &Limits::default())?;
+    let clip = codec::decode(&package(Coder::Rans, &wide)?, &Limits::default())?;
     if (clip.static_field.len(), clip.static_field.sh_degree, clip.dynamic_field.len()) != (COUNT, 0, 0) {
         return Err(format!(
             "{} of SH degree {} are static",

@@ -242,13 +242,19 @@ fn the_text_has_every_part() {
     }
 }
 
-/// The coder `context` adapts to a zero column, so that omitting it saves little.
+/// Adaptive coders learn that a column is zero, so that omitting it saves little.
 #[test]
-fn zeros_cost_the_coder_context_little() {
+fn zeros_cost_adaptive_coders_little() {
+    for coder in [Coder::Context, Coder::Rans] {
+        zeros_cost_little(coder);
+    }
+}
+
+fn zeros_cost_little(coder: Coder) {
     let mut full = reduced(&everything(5000), 0, 0, 0, false);
     let encoded = |field: &Field, psnr: f64| {
         let precision = Precision { psnr, ..Precision::default() };
-        let options = EncodeOptions { coder: Coder::Context, precision, ..EncodeOptions::default() };
+        let options = EncodeOptions { coder, precision, ..EncodeOptions::default() };
         codec::encode(&Source { info: &info(), field, plate: None }, &options).expect("a sound field")
     };
     // The error is spread over all numbers of a row: 15 without the zeros, 60 with them.
@@ -271,10 +277,16 @@ fn zeros_cost_the_coder_context_little() {
 
 /// The bytes per attribute add up to the file, and positions take less than their order-0 entropy.
 #[test]
-fn the_bytes_of_the_coder_context_are_accounted_for() {
+fn the_bytes_of_adaptive_coders_are_accounted_for() {
+    for coder in [Coder::Context, Coder::Rans] {
+        bytes_are_accounted_for(coder);
+    }
+}
+
+fn bytes_are_accounted_for(coder: Coder) {
     let field = everything(2500);
     let source = Source { info: &info(), field: &field, plate: None };
-    let options = EncodeOptions { coder: Coder::Context, ..EncodeOptions::default() };
+    let options = EncodeOptions { coder, ..EncodeOptions::default() };
     let bytes = codec::encode(&source, &options).expect("a sound field");
     let folder = tempdir().unwrap();
     fs::write(folder.path().join("clip.aarc"), &bytes).unwrap();

@@ -626,7 +626,7 @@ fn degenerate_fields_are_packaged() {
         ("all static", rising(40), 39),
     ] {
         write_field(&folder.path().join("field.ply"), &original);
-        for coder in ["context", "fixed"] {
+        for coder in ["rans", "context", "fixed"] {
             let budget = budget.to_string();
             let args = ["package", "field.ply", "-o", "clip.aarc", "--coder", coder, "--budget", &budget];
             let run = aarc_studio(folder.path(), &args);
@@ -755,7 +755,7 @@ fn what_only_seems_to_move_is_packaged_without_temporal_columns() {
         let without = temporal.map_or(0, |part| count(part, "gaussians"));
         (words, json, decode(&folder.path().join("clip.aarc")), without)
     };
-    for coder in ["fixed", "context"] {
+    for coder in ["fixed", "context", "rans"] {
         let (words, json, clip, without) = package(&wall, coder);
         assert_eq!(json["snapped"], json!({"made_static": 400, "made_motionless": 0}));
         assert!(words.contains("400 made static, 0 made motionless"), "{words}");
@@ -769,7 +769,7 @@ fn what_only_seems_to_move_is_packaged_without_temporal_columns() {
     let temporal = part.temporal.as_mut().unwrap();
     temporal.motion[..3 * 200].iter_mut().flatten().for_each(|v| *v *= 1e4);
     temporal.s[300..].fill(0.5);
-    let (_, json, clip, without) = package(&part, "context");
+    let (_, json, clip, without) = package(&part, "rans");
     assert_eq!(json["snapped"], json!({"made_static": 100, "made_motionless": 100}));
     assert_eq!((clip.static_field.len(), clip.dynamic_field.len(), without), (100, 300, 100));
 }

@@ -80,7 +80,7 @@ struct Inspection {
     segments: [OnlySegment; 1],
     left_out: Vec<LeftOut>,
     gpu_bytes: usize,
-    /// Where the bytes of the coder `context` go; empty for the coder `fixed`.
+    /// Where the bytes of the coders `context` and `rans` go; empty for the coder `fixed`.
     attributes: Vec<Attribute>,
     alive: Vec<Alive>,
     head_bytes: usize,
@@ -116,7 +116,7 @@ struct Attribute {
     order_0_bytes: usize,
     /// Order-0 entropy of the prediction residuals. The coder chooses the order of the Gaussians.
     predicted_bytes: usize,
-    /// Size by the coder `context`.
+    /// Size as coded.
     coded_bytes: usize,
 }
 
