@@ -1,6 +1,6 @@
 //! [`Split`]: an integer as a token, whose distribution adapts, and bypass bits.
 //!
-//! An integer is halved as often as its context says, so that its expected magnitude is at most 4, or 8 without sign;
+//! An integer is halved as often as its context says, so that its expected magnitude is at most 3, or 8 without sign;
 //! the bits that fall off are bypass bits. What remains, mapped 0, -1, 1, -2, 2, ... to 0, 1, 2, 3, 4, ... if it has a
 //! sign, is the base of its token plus extra bits.
 
@@ -31,8 +31,8 @@ impl Form {
     /// Number of contexts below the first one in which integers may be halved. Format.
     pub(super) fn whole_contexts(self) -> usize {
         match self {
-            Form::Natural => 19,
-            Form::Signed => 11,
+            Form::Natural => 13,
+            Form::Signed => 9,
         }
     }
 }
