@@ -46,7 +46,7 @@ fn evaluate(index: u32) -> Instant {
             half_at(record, first + 2u),
             half_at(record, first + 3u),
         );
-        let q = instant.rotation + rate * (ranges.rate_unit * u);
+        let q = instant.rotation + rate * u;
         let norm = length(q);
         // The quaternion can pass through zero; any fixed rotation will do at that instant.
         instant.rotation = select(vec4<f32>(1.0, 0.0, 0.0, 0.0), q / norm, norm > 1e-6);

@@ -128,7 +128,7 @@ fn check_table(take: &Take, available: usize) {
 
 /// Checks that a clip has the Gaussians that the table announces for its layers.
 fn check_prefix(clip: &Clip, entry: &Segment) {
-    assert_eq!(clip.layers_announced, entry.layers.len());
+    assert_eq!(clip.layers_announced.len(), entry.layers.len());
     let plate = clip.plate.as_ref().map_or(0, Field::len);
     assert_eq!(clip.len() + plate, entry.layers[clip.layers.len() - 1].gaussians);
 }
@@ -151,7 +151,7 @@ fn check_clip(clip: &Clip, head: &Contents, take: &Take, available: usize) {
     }
 
     assert_eq!(clip.layers, head.layers[..clip.layers.len()]);
-    assert_eq!(clip.layers_announced, head.layers.len());
+    assert_eq!(clip.layers_announced, head.layers);
     let last = LayerEnd { static_count: clip.static_field.len(), dynamic_count: clip.dynamic_field.len() };
     assert_eq!(clip.layers.last(), Some(&last));
     if head.sections.last().is_none_or(|section| section.end() <= available) {

@@ -89,11 +89,13 @@ fn what_holds_the_instant_comes_first_and_its_first_layers_before_all() {
             let holds = |index: &usize| span(&take.segments[*index]).holds(t_s, take.duration_s);
             let held: Vec<usize> = (0..take.segments.len()).filter(holds).collect();
             assert_eq!(plan.held(), held, "{t_s}");
-            let firsts: Vec<Want> = held.iter().map(|&segment| Want { segment, layers: 1 }).collect();
+            let firsts: Vec<Want> =
+                held.iter().map(|&segment| Want { segment, from: 0, layers: 1 }).collect();
             assert_eq!(plan.wants[..held.len()], firsts, "{t_s}");
             let deep = held.iter().filter(|segment| take.segments[**segment].layers.len() > 1);
-            let rest: Vec<Want> =
-                deep.map(|&segment| Want { segment, layers: take.segments[segment].layers.len() }).collect();
+            let rest: Vec<Want> = deep
+                .map(|&segment| Want { segment, from: 1, layers: take.segments[segment].layers.len() })
+                .collect();
             assert_eq!(plan.wants[held.len()..][..rest.len()], rest, "{t_s}");
         }
     }
