@@ -137,7 +137,8 @@ pub struct Clip {
     pub dynamic_field: Field,
     /// Gaussians up to the end of each decoded layer. Never empty.
     pub layers: Vec<LayerEnd>,
-    /// Gaussians up to the end of each layer of the whole package; more than `layers` if a prefix was decoded.
+    /// Gaussians up to the end of each layer of the whole package: the entries of `layers`, and more if a prefix was
+    /// decoded.
     pub layers_announced: Vec<LayerEnd>,
     /// Rows of `dynamic_field` that can be alive at a given time.
     pub time_index: TimeIndex,
