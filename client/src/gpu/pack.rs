@@ -10,7 +10,7 @@ use codec::{Field, LayerEnd, PixelFilter};
 use glam::DVec3;
 use half::f16;
 use shaders::layout::Gaussian;
-use shaders::{Features, LOG_SCALE_MAX, LOG_SCALE_STEP, Motion, sh_words};
+use shaders::{Features, LOG_SCALE_MAX, LOG_SCALE_STEP, Motion, RATE_UNIT, sh_words};
 
 use super::layer_run::LayerRun;
 use moment::{MOTION_MAX, Moment};
@@ -208,7 +208,7 @@ fn pack_motion(moment: &Moment, features: Motion, rotation: [f32; 4], units: [f3
     }
     if features.rotates {
         let (_, sign) = largest_component(rotation);
-        moment.rates.iter().for_each(|rate| push(rate * sign));
+        moment.rates.iter().for_each(|rate| push(rate * sign / RATE_UNIT));
     }
     words.extend(halves[..count].chunks(2).map(|pair| pair[0] | pair.get(1).copied().unwrap_or(0) << 16));
 }

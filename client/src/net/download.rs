@@ -50,8 +50,8 @@ pub(super) fn cached_version_note(url: &str, fault: &Fault) -> String {
 /// What a download does next: report an event and pause, or go on.
 type Flow = ControlFlow<Result<LoadEvent, Fault>>;
 
-fn report(version: ClipVersion) -> Flow {
-    ControlFlow::Break(Ok(LoadEvent::Clip(version)))
+fn report(version: Option<ClipVersion>) -> Flow {
+    version.map_or(ControlFlow::Continue(()), |version| ControlFlow::Break(Ok(LoadEvent::Clip(version))))
 }
 
 /// The layers of a package that were decoded so far. Those that arrive are appended.
@@ -125,10 +125,7 @@ impl Download {
             Ok(fetch) => self.stage = Stage::Fetching(fetch),
             Err(fault) => return self.fail(fault),
         }
-        match clip {
-            Some(clip) => report(ClipVersion { clip: Arc::new(clip), is_continued: false }),
-            None => ControlFlow::Continue(()),
-        }
+        report(clip.map(|clip| ClipVersion { clip: Arc::new(clip), is_continued: false }))
     }
 
     /// The cached version and its clip. Removes an entry that does not decode.
@@ -158,9 +155,9 @@ impl Download {
             let bytes = state.file.bytes()[..playable_bytes].to_vec();
             drop(state);
             return match self.decode(&bytes) {
-                Ok(clip) => {
+                Ok(version) => {
                     self.stage = Stage::Fetching(fetch);
-                    report(clip)
+                    report(version)
                 }
                 Err(fault) => self.fail(fault),
             };
@@ -195,9 +192,9 @@ impl Download {
             Outcome::Unchanged => ControlFlow::Continue(()),
             Outcome::Take => self.open_take(),
             Outcome::Complete { etag } => match self.decode(&package) {
-                Ok(clip) => {
+                Ok(version) => {
                     self.stage = Stage::Store { etag: etag.unwrap_or_default(), package };
-                    report(clip)
+                    report(version)
                 }
                 Err(fault) => self.fail(fault),
             },
@@ -207,9 +204,9 @@ impl Download {
             // The last layers may arrive together with the failure.
             Outcome::Failed { fault, .. } if playable_bytes > self.decoded_bytes && !self.has_cached => {
                 match self.decode(&package[..playable_bytes]) {
-                    Ok(clip) => {
+                    Ok(version) => {
                         self.stage = Stage::Failed(fault);
-                        report(clip)
+                        report(version)
                     }
                     Err(fault) => self.fail(fault),
                 }
@@ -240,9 +237,9 @@ impl Download {
         }
     }
 
-    /// Decodes the complete layers of the file, of which `bytes` have arrived: those that are new alone. A file that was
-    /// sent again as another version is decoded from its start.
-    fn decode(&mut self, bytes: &[u8]) -> Result<ClipVersion, Fault> {
+    /// Decodes the complete layers of the file, of which `bytes` have arrived: those that are new alone; `None` if there
+    /// are none. A file that was sent again as another version is decoded from its start.
+    fn decode(&mut self, bytes: &[u8]) -> Result<Option<ClipVersion>, Fault> {
         let start = Instant::now();
         let (version, new_bytes) = self.decode_arrived(bytes).map_err(|error| undecodable(&error))?;
         self.decoding_s_per_byte = start.elapsed().as_secs_f64() / new_bytes.max(1) as f64;
@@ -250,23 +247,23 @@ impl Download {
         Ok(version)
     }
 
-    /// The clip of `bytes`, and the number of bytes that it took.
-    fn decode_arrived(&mut self, bytes: &[u8]) -> Result<(ClipVersion, usize), Error> {
+    /// The clip of `bytes`, if there are new layers, and the number of their bytes.
+    fn decode_arrived(&mut self, bytes: &[u8]) -> Result<(Option<ClipVersion>, usize), Error> {
         let limits = &self.options.limits;
         let head = contents(bytes, limits)?;
-        if let Some(arrived) = self.arrived.as_mut().filter(|arrived| arrived.head == head) {
-            let (first, ends) = (arrived.clip.layers.len(), head.layer_bytes());
-            // Sections of unknown kinds may follow the last layer.
-            if first < ends.len() {
-                let layers = decode_layers(&head, bytes, first, limits)?;
-                Arc::make_mut(&mut arrived.clip).append(layers);
-            }
-            let version = ClipVersion { clip: arrived.clip.clone(), is_continued: true };
-            return Ok((version, bytes.len().saturating_sub(ends[first - 1])));
+        let Some(arrived) = self.arrived.as_mut().filter(|arrived| arrived.head == head) else {
+            let clip = Arc::new(decode(bytes, limits)?);
+            self.arrived = Some(Arrived { head, clip: clip.clone() });
+            return Ok((Some(ClipVersion { clip, is_continued: false }), bytes.len()));
+        };
+        let (first, ends) = (arrived.clip.layers.len(), head.layer_bytes());
+        if first == ends.len() {
+            return Ok((None, 0));
         }
-        let clip = Arc::new(decode(bytes, limits)?);
-        self.arrived = Some(Arrived { head, clip: clip.clone() });
-        Ok((ClipVersion { clip, is_continued: false }, bytes.len()))
+        let layers = decode_layers(&head, bytes, first, limits)?;
+        Arc::make_mut(&mut arrived.clip).append(layers);
+        let version = ClipVersion { clip: arrived.clip.clone(), is_continued: true };
+        Ok((Some(version), bytes.len() - ends[first - 1]))
     }
 
     fn fail(&self, fault: Fault) -> Flow {
@@ -380,20 +377,21 @@ mod tests {
         let mut download = download();
         let mut held: Vec<(Arc<Clip>, Clip)> = Vec::new();
         for end in contents(DEMO, &Limits::default()).unwrap().layer_bytes() {
-            let version = download.decode(&DEMO[..end]).unwrap();
+            let version = download.decode(&DEMO[..end]).unwrap().unwrap();
             assert_eq!(version.is_continued, !held.is_empty());
             let expected = decode(&DEMO[..end], &Limits::default()).unwrap();
             assert!(*version.clip == expected, "{end} bytes");
             assert_eq!(download.decoded_bytes, end);
             held.push((version.clip, expected));
         }
+        assert!(download.decode(DEMO).unwrap().is_none(), "nothing is new");
         assert!(held.iter().all(|(clip, expected)| **clip == *expected), "what is drawn does not change");
         // The file was sent again, as another version.
         let other = other();
         for (end, is_continued) in
             contents(&other, &Limits::default()).unwrap().layer_bytes().into_iter().zip([false, true])
         {
-            let version = download.decode(&other[..end]).unwrap();
+            let version = download.decode(&other[..end]).unwrap().unwrap();
             assert_eq!(version.is_continued, is_continued);
             assert!(*version.clip == decode(&other[..end], &Limits::default()).unwrap());
         }
@@ -403,7 +401,7 @@ mod tests {
     fn damage_to_a_later_layer_ends_the_download_and_not_the_clip() {
         let [first, second] = layer_ends();
         let mut download = download();
-        let start = download.decode(&DEMO[..first]).unwrap().clip;
+        let start = download.decode(&DEMO[..first]).unwrap().unwrap().clip;
         let mut damaged = DEMO[..second].to_vec();
         damaged[second - 1] ^= 1;
         assert!(matches!(download.decode(&damaged), Err(Fault::Data(_))));

@@ -10,8 +10,9 @@ use client::gpu::{Gpu, GpuClip};
 use codec::{Clip, Limits, contents, decode_parallel};
 use program::Fault;
 
-/// Number of times that everything is done. Times are medians.
-const RUNS: usize = 9;
+/// Number of times that everything is done, alone and with the layers before in turn, so that other work on the machine
+/// meets both alike. Results are medians.
+const RUNS: usize = 15;
 
 fn main() -> ExitCode {
     let Some(path) = std::env::args_os().nth(1) else {
@@ -27,12 +28,51 @@ fn main() -> ExitCode {
     }
 }
 
-/// Milliseconds of a layer.
-struct Cost {
-    decode_ms: f64,
+/// What an arrival costs in each run.
+#[derive(Default)]
+struct Costs {
+    decode_ms: Vec<f64>,
     /// Packing, uploading, and waiting for the device.
-    upload_ms: f64,
+    upload_ms: Vec<f64>,
     bytes: usize,
+}
+
+impl Costs {
+    /// Runs both steps once more.
+    fn add(
+        &mut self,
+        gpu: &Gpu,
+        decode: impl FnOnce(),
+        upload: impl FnOnce() -> Result<GpuClip, Fault>,
+    ) -> Result<(), Fault> {
+        let start = Instant::now();
+        decode();
+        self.decode_ms.push(start.elapsed().as_secs_f64() * 1e3);
+        let start = Instant::now();
+        let on_gpu = upload()?;
+        gpu.submit(gpu.encoder());
+        gpu.wait()?;
+        self.upload_ms.push(start.elapsed().as_secs_f64() * 1e3);
+        self.bytes = on_gpu.uploaded_bytes();
+        Ok(())
+    }
+
+    /// Decoding and uploading, in each run.
+    fn total_ms(&self) -> impl Iterator<Item = f64> {
+        self.decode_ms.iter().zip(&self.upload_ms).map(|(decode_ms, upload_ms)| decode_ms + upload_ms)
+    }
+
+    fn row(&self) -> String {
+        let [decode_ms, upload_ms] =
+            [&self.decode_ms, &self.upload_ms].map(|times| median(times.iter().copied()));
+        format!("{decode_ms:8.2} {upload_ms:8.2} {:9}", self.bytes)
+    }
+}
+
+fn median(values: impl Iterator<Item = f64>) -> f64 {
+    let mut values: Vec<f64> = values.collect();
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
 }
 
 fn print_layers(path: &Path) -> Result<(), Fault> {
@@ -42,67 +82,37 @@ fn print_layers(path: &Path) -> Result<(), Fault> {
     let threads = std::thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN);
     let gpu = Gpu::new_headless()?;
     println!("{}, {}, {threads} threads, medians of {RUNS} runs", gpu.adapter_name, gpu.driver);
-    println!(
-        "layer  Gaussians    alone: decode  upload      bytes    with those before: decode  upload      bytes"
-    );
+    println!("                     alone                            with those before");
+    println!("layer  Gaussians  decode ms  upload ms      bytes  decode ms  upload ms      bytes");
     let mut before: Option<(Clip, GpuClip)> = None;
-    let mut last = None;
+    let mut ratio = None;
     for (layer, end) in head.layer_bytes().into_iter().enumerate() {
         let prefix = &bytes[..end];
         let decode = || decode_parallel(prefix, &Limits::default(), threads);
-        let mut clip = decode().map_err(|error| data(error.to_string()))?;
-        let whole = cost(&gpu, || drop(decode()), || GpuClip::upload(&gpu, &clip))?;
+        let clip = decode().map_err(|error| data(error.to_string()))?;
+        let (mut alone, mut whole) = (Costs::default(), Costs::default());
         let mut on_gpu = GpuClip::upload(&gpu, &clip)?;
-        let alone = match before {
-            None => Cost { ..whole },
-            Some((mut earlier, start)) => {
-                let further = || head.decode_layers(prefix, layer, &Limits::default(), threads);
-                let decoded = further().map_err(|error| data(error.to_string()))?;
-                earlier.append(decoded);
-                assert!(earlier == clip, "layers that are appended are those decoded at once");
-                clip = earlier;
-                on_gpu = start.extended(&gpu, &clip)?;
-                cost(&gpu, || drop(further()), || start.extended(&gpu, &clip))?
+        if let Some((mut earlier, start)) = before {
+            let further = || head.decode_layers(prefix, layer, &Limits::default(), threads);
+            earlier.append(further().map_err(|error| data(error.to_string()))?);
+            assert!(earlier == clip, "layers that are appended are those decoded at once");
+            on_gpu = start.extended(&gpu, &clip)?;
+            for _ in 0..RUNS {
+                alone.add(&gpu, || drop(further()), || start.extended(&gpu, &clip))?;
+                whole.add(&gpu, || drop(decode()), || GpuClip::upload(&gpu, &clip))?;
             }
-        };
-        println!(
-            "{:5} {:10}    {:10.2} ms {:4.2} ms {:9}    {:20.2} ms {:4.2} ms {:9}",
-            layer + 1,
-            head.layers[layer].total(),
-            alone.decode_ms,
-            alone.upload_ms,
-            alone.bytes,
-            whole.decode_ms,
-            whole.upload_ms,
-            whole.bytes,
-        );
+            ratio = Some(median(alone.total_ms().zip(whole.total_ms()).map(|(alone, whole)| alone / whole)));
+        } else {
+            for _ in 0..RUNS {
+                alone.add(&gpu, || drop(decode()), || GpuClip::upload(&gpu, &clip))?;
+            }
+        }
+        let row = if whole.bytes == 0 { &alone } else { &whole }.row();
+        println!("{:5} {:10}   {}   {row}", layer + 1, head.layers[layer].total(), alone.row());
         before = Some((clip, on_gpu));
-        last = Some((alone, whole));
     }
-    if let Some((alone, whole)) = last {
-        let total = |cost: &Cost| cost.decode_ms + cost.upload_ms;
-        println!("last layer alone / whole: {:.3}", total(&alone) / total(&whole));
+    if let Some(ratio) = ratio {
+        println!("last layer alone / whole: {ratio:.3}");
     }
     Ok(())
-}
-
-/// Runs both steps several times.
-fn cost(gpu: &Gpu, decode: impl Fn(), upload: impl Fn() -> Result<GpuClip, Fault>) -> Result<Cost, Fault> {
-    let (mut decoding, mut uploading, mut bytes) = (Vec::new(), Vec::new(), 0);
-    for _ in 0..RUNS {
-        let start = Instant::now();
-        decode();
-        decoding.push(start.elapsed().as_secs_f64() * 1e3);
-        let start = Instant::now();
-        let on_gpu = upload()?;
-        gpu.submit(gpu.encoder());
-        gpu.wait()?;
-        uploading.push(start.elapsed().as_secs_f64() * 1e3);
-        bytes = on_gpu.uploaded_bytes();
-    }
-    let median = |mut times: Vec<f64>| {
-        times.sort_by(f64::total_cmp);
-        times[RUNS / 2]
-    };
-    Ok(Cost { decode_ms: median(decoding), upload_ms: median(uploading), bytes })
 }
