@@ -94,12 +94,7 @@ impl SegmentLoader {
             wants.is_cancelled = true;
             self.opened.cancel();
         }
-        let coming = |segment: usize| {
-            let of_segment = wants.under_way.iter().filter(|other| other.segment == segment);
-            of_segment.map(|other| other.layers).max().unwrap_or(0)
-        };
-        let rest = list.into_iter().map(|want| Want { from: want.from.max(coming(want.segment)), ..want });
-        wants.queue = rest.filter(|want| want.from < want.layers).collect();
+        wants.queue = behind(&wants.under_way, list).collect();
         let is_needed = !wants.queue.is_empty();
         drop(wants);
         if self.is_idle && is_needed {
@@ -166,6 +161,33 @@ impl Drop for SegmentLoader {
     }
 }
 
+/// What is left of `list` behind the layers under way.
+fn behind(under_way: &[Want], list: Vec<Want>) -> impl Iterator<Item = Want> {
+    let coming = |segment: usize| {
+        let of_segment = under_way.iter().filter(|other| other.segment == segment);
+        of_segment.map(|other| other.layers).max().unwrap_or(0)
+    };
+    let rest = list.into_iter().map(move |want| Want { from: want.from.max(coming(want.segment)), ..want });
+    rest.filter(|want| want.from < want.layers)
+}
+
 fn lock(wants: &Mutex<Wants>) -> MutexGuard<'_, Wants> {
     wants.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn layers_under_way_are_not_loaded_again() {
+        let want = |segment, from, layers| Want { segment, from, layers };
+        let list = || vec![want(1, 0, 1), want(2, 0, 1), want(1, 1, 3), want(2, 1, 4)];
+        let rest = |under_way: &[Want]| behind(under_way, list()).collect::<Vec<_>>();
+        assert_eq!(rest(&[]), list());
+        assert_eq!(rest(&[want(1, 0, 1)]), [want(2, 0, 1), want(1, 1, 3), want(2, 1, 4)]);
+        // More than is listed first, and two in a row.
+        assert_eq!(rest(&[want(2, 0, 2)]), [want(1, 0, 1), want(1, 1, 3), want(2, 2, 4)]);
+        assert_eq!(rest(&[want(1, 0, 1), want(1, 1, 3), want(2, 1, 4)]), []);
+    }
 }

@@ -224,6 +224,19 @@ fn what_is_needed_are_the_segments_ahead() {
 }
 
 #[test]
+fn only_layers_that_are_not_there_are_missing() {
+    let plan = plan(&joined(&[1.0; 3]), 0.5, Direction::Forward, false);
+    let missing = |resident: [usize; 3]| {
+        let wants = plan.missing(|segment| resident[segment]).into_iter();
+        wants.map(|Want { segment, from, layers }| (segment, from, layers)).collect::<Vec<_>>()
+    };
+    assert_eq!(missing([0, 0, 0]), [(0, 0, 1), (0, 1, 3), (1, 0, 3), (2, 0, 3)]);
+    assert_eq!(missing([1, 0, 3]), [(0, 1, 3), (1, 0, 3)]);
+    assert_eq!(missing([2, 1, 3]), [(0, 2, 3), (1, 1, 3)]);
+    assert_eq!(missing([3; 3]), []);
+}
+
+#[test]
 fn a_plan_is_for_all_instants_between_two_cuts() {
     for take in takes() {
         for looping in [false, true] {
