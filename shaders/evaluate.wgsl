@@ -10,8 +10,8 @@
 
 // MOTION_WORDS words per dynamic Gaussian: the instant, in 65536ths of the clip, and its distance
 // from the window's centre, in 1024ths of a width, in 16 bits each; then 16-bit floats, two to a
-// word: 1/s in WIDTH_UNIT, the MOTION_ORDER motion coefficients, and the rate of rotation if it
-// ROTATES.
+// word: 1/s in WIDTH_UNIT, the MOTION_ORDER motion coefficients, and the rate of rotation in
+// RATE_UNIT if it ROTATES.
 @group(1) @binding(3) var<storage, read> motion: array<u32>;
 
 fn evaluate(index: u32) -> Instant {
@@ -46,7 +46,7 @@ fn evaluate(index: u32) -> Instant {
             half_at(record, first + 2u),
             half_at(record, first + 3u),
         );
-        let q = instant.rotation + rate * (ranges.rate_unit * u);
+        let q = instant.rotation + rate * (RATE_UNIT * u);
         let norm = length(q);
         // The quaternion can pass through zero; any fixed rotation will do at that instant.
         instant.rotation = select(vec4<f32>(1.0, 0.0, 0.0, 0.0), q / norm, norm > 1e-6);

@@ -7,7 +7,7 @@ struct Gaussian {
     rotation: u32,
     // The third component in 16 bits, the first log-scale in 16.
     rotation_scale: u32,
-    // The other log-scales, 16 bits each.
+    // The other log-scales, 16 bits each, from -LOG_SCALE_MAX in steps of LOG_SCALE_STEP.
     scales: u32,
     // Peak opacity (unorm16), red (f16).
     opacity_red: u32,
@@ -15,17 +15,12 @@ struct Gaussian {
     green_blue: u32,
 }
 
-// Ranges of the packed numbers of a field.
+// What the packed numbers of a field depend on.
 struct Ranges {
-    // Log-scale = min + step * 16-bit number.
-    log_scale_min: f32,
-    log_scale_step: f32,
-    // First row with temporal data.
-    first_dynamic: u32,
-    // Factor of the angular rates.
-    rate_unit: f32,
     // Factors of the motion coefficients of power 1, 2, 3.
     motion_units: vec3<f32>,
+    // First row with temporal data.
+    first_dynamic: u32,
 }
 
 @group(1) @binding(0) var<uniform> ranges: Ranges;
@@ -47,7 +42,7 @@ fn at_rest(g: Gaussian) -> Instant {
         g.center,
         unpack2x16unorm(g.opacity_red).x,
         unpack_rotation(g.rotation, g.rotation_scale),
-        exp(ranges.log_scale_min + ranges.log_scale_step * vec3<f32>(scales)),
+        exp(LOG_SCALE_STEP * vec3<f32>(scales) - LOG_SCALE_MAX),
     );
 }
 

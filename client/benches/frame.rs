@@ -15,7 +15,6 @@ use client::view::View;
 use codec::{Clip, ClipInfo, EncodeOptions, Field, Limits, Source, Temporal, Viewpoint};
 use criterion::measurement::WallTime;
 use criterion::{BenchmarkGroup, Criterion, criterion_group, criterion_main};
-use glam::DVec3;
 use program::Lens;
 
 const GAUSSIANS: usize = 40_000;
@@ -117,13 +116,12 @@ fn segment(gpu: &Gpu, clip: &Clip) {
     let layout = FrameLayout::plain(ChannelDepth::Eight.format(), 1);
     let on_gpu = Arc::new(GpuClip::upload(gpu, clip).expect("memory for the clip"));
     let mut alone = Renderer::new(gpu, on_gpu, layout).expect("memory for the renderer");
-    let [low, high] = clip.bounds.map(|corner| DVec3::from_array(corner.map(f64::from)));
     let take = TakeLayout {
         sh_degree: clip.sh_degree(),
         motion_order: 3,
         rotates: false,
         filter: clip.filter(),
-        origin: 0.5 * (low + high),
+        bounds: clip.bounds,
         rows: clip.len(),
         duration_s: 2.0,
         plate: None,

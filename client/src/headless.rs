@@ -274,8 +274,15 @@ struct HeadlessTarget {
 
 impl ClipTarget for HeadlessTarget {
     type Ready = Content;
+    type Uploaded = ();
 
-    fn prepare(&self, entry: &Entry, clip: Content, _: Beginning) -> Result<Content, Fault> {
+    fn prepare(
+        &self,
+        entry: &Entry,
+        clip: Content,
+        _: Beginning,
+        _: &mut Option<()>,
+    ) -> Result<Content, Fault> {
         views(&self.args, &clip)
             .and_then(|_| settings(&self.args, &clip))
             .map_err(|fault| named(fault, entry))?;

@@ -79,7 +79,7 @@ fn list_take(take: &Take, bytes: &[u8], threads: NonZero<usize>) -> Result<(), E
         let end = (start + segment.bytes()).min(bytes.len());
         match take.decode_segment(index, &bytes[start..end], &Limits::default(), threads) {
             Ok(clip) => {
-                println!("segment {index}, {} of {} layers", clip.layers.len(), clip.layers_announced);
+                println!("segment {index}, {} of {} layers", clip.layers.len(), clip.layers_announced.len());
                 list_clip(&clip);
             }
             Err(error) => {

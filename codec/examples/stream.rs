@@ -3,12 +3,14 @@
 //! `cargo run -p codec --example stream -- assets/demo.aarc`
 //!
 //! Feeds a package in blocks, as a network would deliver it, and prints when each layer is complete
-//! and what it adds. A player would draw the clip from then on.
+//! and what it adds. A player would draw the clip from then on. Each layer is decoded once, alone, and
+//! appended.
 
 use std::error::Error;
+use std::num::NonZero;
 use std::{env, fs};
 
-use codec::{Clip, FormatError, Limits, contents, decode};
+use codec::{Clip, Contents, FormatError, Limits, contents, decode};
 
 /// Bytes that arrive at a time.
 const BLOCK_BYTES: usize = 16 << 10;
@@ -24,8 +26,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
     }
     match stream.clip {
-        Some(clip) if clip.layers.len() == clip.layers_announced => Ok(()),
-        Some(clip) => Err(format!("{} of {} layers", clip.layers.len(), clip.layers_announced).into()),
+        Some(clip) if clip.layers == clip.layers_announced => Ok(()),
+        Some(clip) => Err(format!("{} of {} layers", clip.layers.len(), clip.layers_announced.len()).into()),
         None => Err("the file ends before its first layer".into()),
     }
 }
@@ -34,8 +36,8 @@ fn main() -> Result<(), Box<dyn Error>> {
 #[derive(Default)]
 struct Stream {
     bytes: Vec<u8>,
-    /// Offsets of the ends of the layers, once the head has arrived.
-    layer_ends: Option<Vec<usize>>,
+    /// The head, once it has arrived.
+    head: Option<Contents>,
     /// The complete layers so far.
     clip: Option<Clip>,
 }
@@ -45,21 +47,26 @@ impl Stream {
     fn push(&mut self, block: &[u8]) -> Result<bool, codec::Error> {
         self.bytes.extend_from_slice(block);
         let limits = Limits::default();
-        if self.layer_ends.is_none() {
-            self.layer_ends = match contents(&self.bytes, &limits) {
-                Ok(head) => Some(head.layer_bytes()),
+        if self.head.is_none() {
+            self.head = match contents(&self.bytes, &limits) {
+                Ok(head) => Some(head),
                 // The head is incomplete; every other error is final.
                 Err(codec::Error::Format { error: FormatError::Truncated { .. }, .. }) => return Ok(false),
                 Err(error) => return Err(error),
             };
         }
-        let ends = self.layer_ends.iter().flatten();
-        let complete = ends.filter(|end| **end <= self.bytes.len()).count();
-        if complete == self.clip.as_ref().map_or(0, |clip| clip.layers.len()) {
+        let Some(head) = &self.head else { return Ok(false) };
+        let complete = head.layer_bytes().iter().filter(|end| **end <= self.bytes.len()).count();
+        let first = self.clip.as_ref().map_or(0, |clip| clip.layers.len());
+        if complete == first {
             return Ok(false);
         }
-        // Decodes every complete layer again, so that all rows lie in one field.
-        self.clip = Some(decode(&self.bytes, &limits)?);
+        match &mut self.clip {
+            Some(clip) => {
+                clip.append(head.decode_layers(&self.bytes, first, &limits, NonZero::<usize>::MIN)?);
+            }
+            None => self.clip = Some(decode(&self.bytes, &limits)?),
+        }
         Ok(true)
     }
 }
@@ -75,7 +82,7 @@ fn describe(clip: &Clip) -> String {
     format!(
         "layer {} of {}: adds {added_static} static and {added_dynamic} dynamic Gaussians; {} in all, plate {plate}",
         last + 1,
-        clip.layers_announced,
+        clip.layers_announced.len(),
         end.total(),
     )
 }

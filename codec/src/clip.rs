@@ -1,4 +1,4 @@
-//! [`Clip`]: a decoded package.
+//! [`Clip`]: a decoded package, and [`Layers`], which continue it.
 
 use crate::camera::{cross, norm};
 use crate::format::{NAME_BYTES_MAX, VIEWPOINTS_MAX};
@@ -137,12 +137,28 @@ pub struct Clip {
     pub dynamic_field: Field,
     /// Gaussians up to the end of each decoded layer. Never empty.
     pub layers: Vec<LayerEnd>,
-    /// Number of layers of the whole package; more than `layers.len()` if a prefix was decoded.
-    pub layers_announced: usize,
+    /// Gaussians up to the end of each layer of the whole package: the entries of `layers`, and more if a prefix was
+    /// decoded.
+    pub layers_announced: Vec<LayerEnd>,
     /// Rows of `dynamic_field` that can be alive at a given time.
     pub time_index: TimeIndex,
     /// Static background, drawn behind everything else. Without temporal columns.
     pub plate: Option<Field>,
+}
+
+/// Layers of a package without those before them, see [`Contents::decode_layers`](crate::Contents::decode_layers).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Layers {
+    /// Gaussians of the layers before, which are not in it.
+    pub before: LayerEnd,
+    /// Rows of these layers in [`Clip::static_field`].
+    pub static_field: Field,
+    /// Rows of these layers in [`Clip::dynamic_field`].
+    pub dynamic_field: Field,
+    /// Gaussians up to the end of each of these layers, those before included.
+    pub ends: Vec<LayerEnd>,
+    /// Rows of `dynamic_field` that can be alive at a given time.
+    pub time_index: TimeIndex,
 }
 
 /// Numbers of Gaussians in a layer and all layers before it.
@@ -168,6 +184,21 @@ impl Clip {
             [] => vec![Viewpoint::framing(self.bounds, self.info.up)],
             viewpoints => viewpoints.to_vec(),
         }
+    }
+
+    /// Adds layers that were decoded without those of this clip. The clip is then the one that decoding all of them at
+    /// once makes.
+    ///
+    /// # Panics
+    /// If they do not follow the last layer of this clip, or have other columns.
+    pub fn append(&mut self, further: Layers) {
+        let Layers { before, static_field, dynamic_field, ends, time_index } = further;
+        assert_eq!(self.layers.last(), Some(&before), "further layers follow the last one");
+        assert!(self.dynamic_field.has_columns_of(&dynamic_field), "further layers have the same columns");
+        self.static_field.append(static_field);
+        self.dynamic_field.append(dynamic_field);
+        self.layers.extend(ends);
+        self.time_index.append(time_index);
     }
 
     /// Both regions as one field, static Gaussians first, without the plate.

@@ -59,6 +59,16 @@ impl TemporalColumns {
 }
 
 impl Columns {
+    /// Bytes of a row in all columns.
+    pub(crate) fn row_bytes(self) -> usize {
+        let vectors = 2 + sh_coefficients(self.sh_degree);
+        let temporal = self.temporal.map_or(0, |TemporalColumns { motion_order, rotation_rates }| {
+            let vectors = usize::from(motion_order) * size_of::<[f32; 3]>();
+            2 * size_of::<f32>() + vectors + usize::from(rotation_rates) * size_of::<[f32; 4]>()
+        });
+        vectors * size_of::<[f32; 3]>() + size_of::<[f32; 4]>() + size_of::<f32>() + temporal
+    }
+
     /// A field of `rows` rows of zeros with these columns and the default filter.
     ///
     /// # Errors

@@ -1,4 +1,5 @@
-//! [`decode`]: decodes the bytes of a package to a [`Clip`].
+//! [`decode`] and [`Contents::decode_layers`]: decode the bytes of a package to a [`Clip`], and further layers of it
+//! alone.
 //!
 //! No number in a package is trusted. The head is checked against itself, the length of the file
 //! and the caller's limits before anything is allocated; every section against its checksum and
@@ -7,15 +8,16 @@
 //! decode on several threads, and peak memory is little more than the decoded clip.
 
 use std::num::NonZero;
+use std::ops::Range;
 
 use crate::{
-    Clip, Coder, Error, Field, LayerEnd, Limits, TimeIndex,
+    Clip, Coder, Error, Field, LayerEnd, Layers, Limits, TimeIndex,
     bytes::Reader,
     columns::{Columns, PackageColumns},
     context,
     error::FormatError,
     fixed, gaussian,
-    header::{Contents, PlannedSection, contents_within},
+    header::{Contents, PlannedSection, check_count, check_end, contents_within},
     limits::Budget,
     parallel::try_for_each,
     rans,
@@ -50,6 +52,35 @@ pub fn decode_parallel(bytes: &[u8], limits: &Limits, threads: NonZero<usize>) -
     decode_contents(bytes, contents, columns, &mut budget, threads)
 }
 
+impl Contents {
+    /// Decodes the complete layers of `bytes` from layer `first` on, counted from 0, without those before, on up to
+    /// `threads` threads. [`Clip::append`] adds them to a clip that was decoded up to there; the clip is then the one
+    /// that [`decode`] makes of `bytes`.
+    ///
+    /// `bytes` are the package of this head, or a prefix of it. `limits` bound the whole clip: the layers before count,
+    /// and so does the section table.
+    ///
+    /// # Errors
+    /// As [`decode`], for the sections of these layers; [`FormatError::Truncated`] if `bytes` ends before layer `first`
+    /// does.
+    ///
+    /// # Panics
+    /// If `first` is 0 or not a layer of the package.
+    pub fn decode_layers(
+        &self,
+        bytes: &[u8],
+        first: usize,
+        limits: &Limits,
+        threads: NonZero<usize>,
+    ) -> Result<Layers, Error> {
+        let mut budget = Budget::new(limits);
+        budget.spend(size_of_val(&self.sections[..]))?;
+        check_count(self, limits)?;
+        check_end(self, bytes.len())?;
+        decode_further(bytes, self, self.columns(), first, &mut budget, threads)
+    }
+}
+
 /// Decodes the complete layers of `bytes`, whose head is `contents`, to a clip that has `columns`: those of the
 /// package, or more, which are zero.
 ///
@@ -62,34 +93,85 @@ pub(crate) fn decode_contents(
     budget: &mut Budget,
     threads: NonZero<usize>,
 ) -> Result<Clip, Error> {
-    let complete = complete_layers(&contents, bytes.len())?;
-    let layers = &contents.layers[..complete];
-    let scratch = match contents.coder {
-        Coder::Fixed => Vec::new(),
-        Coder::Context | Coder::Rans => {
-            budget.vec(SORTING_NUMBERS * dynamic_rows(layers).map(|rows| rows.len()).max().unwrap_or(0))?
-        }
-    };
-    let Regions { static_field, mut dynamic_field, plate } =
-        Regions::decode(bytes, &contents, complete, columns, budget, threads)?;
-    let time_index = match contents.coder {
-        Coder::Fixed => {
-            let indices =
-                sections(&contents, complete).filter(|(planned, _)| planned.kind == SectionKind::TimeIndex);
-            read_time_index(bytes, &dynamic_field, layers, indices)?
-        }
-        Coder::Context | Coder::Rans => sort_by_cell(&mut dynamic_field, layers, scratch),
-    };
+    let complete = complete_layers(&contents, 0, bytes.len())?;
+    let (layers, plate) = decode_chunks(bytes, &contents, columns, 0..complete, budget, threads)?;
+    let Layers { before: _, static_field, dynamic_field, ends, time_index } = layers;
     Ok(Clip {
         bounds: contents.bounds,
         static_field,
         dynamic_field,
-        layers: layers.to_vec(),
-        layers_announced: contents.layers.len(),
+        layers: ends,
+        layers_announced: contents.layers,
         time_index,
         plate: (contents.plate_len > 0).then_some(plate),
         info: contents.info,
     })
+}
+
+/// Decodes the complete layers of `bytes` from layer `first` on, as [`decode_contents`] does from layer 0 on.
+///
+/// # Errors
+/// See [`Contents::decode_layers`].
+///
+/// # Panics
+/// See [`Contents::decode_layers`].
+pub(crate) fn decode_further(
+    bytes: &[u8],
+    contents: &Contents,
+    columns: PackageColumns,
+    first: usize,
+    budget: &mut Budget,
+    threads: NonZero<usize>,
+) -> Result<Layers, Error> {
+    assert!((1..contents.layers.len()).contains(&first), "layer {first} of {}", contents.layers.len());
+    let complete = complete_layers(contents, first, bytes.len())?;
+    // The rows that the caller has already.
+    let before = start_of(contents, first);
+    for (region, rows) in [
+        (Region::Static, before.static_count),
+        (Region::Dynamic, before.dynamic_count),
+        (Region::Plate, contents.plate_len),
+    ] {
+        budget.spend(columns.of(region).row_bytes().saturating_mul(rows))?;
+    }
+    decode_chunks(bytes, contents, columns, first..complete, budget, threads).map(|(layers, _)| layers)
+}
+
+/// Decodes complete layers, of which layer 0 has the plate. Also returns the plate.
+///
+/// # Errors
+/// See [`decode`].
+fn decode_chunks(
+    bytes: &[u8],
+    contents: &Contents,
+    columns: PackageColumns,
+    layers: Range<usize>,
+    budget: &mut Budget,
+    threads: NonZero<usize>,
+) -> Result<(Layers, Field), Error> {
+    let before = start_of(contents, layers.start);
+    let ends = &contents.layers[layers.clone()];
+    let scratch = match contents.coder {
+        Coder::Fixed => Vec::new(),
+        Coder::Context | Coder::Rans => budget
+            .vec(SORTING_NUMBERS * dynamic_rows(before, ends).map(|rows| rows.len()).max().unwrap_or(0))?,
+    };
+    let Regions { static_field, mut dynamic_field, plate } =
+        Regions::decode(bytes, contents, columns, layers.clone(), budget, threads)?;
+    let time_index = match contents.coder {
+        Coder::Fixed => {
+            let indices =
+                sections(contents, layers).filter(|(planned, _)| planned.kind == SectionKind::TimeIndex);
+            read_time_index(bytes, &dynamic_field, before, ends, indices)?
+        }
+        Coder::Context | Coder::Rans => sort_by_cell(&mut dynamic_field, before, ends, scratch),
+    };
+    Ok((Layers { before, static_field, dynamic_field, ends: ends.to_vec(), time_index }, plate))
+}
+
+/// Numbers of Gaussians before layer `first`.
+fn start_of(contents: &Contents, first: usize) -> LayerEnd {
+    first.checked_sub(1).map_or(LayerEnd::default(), |last| contents.layers[last])
 }
 
 /// The Gaussians of some layers, in the order of their sections.
@@ -108,29 +190,31 @@ pub(crate) fn decode_regions(package: &[u8], threads: NonZero<usize>) -> Result<
     let limits = Limits { max_gaussians: usize::MAX, max_bytes: usize::MAX };
     let mut budget = Budget::new(&limits);
     let contents = contents_within(package, &limits, &mut budget)?;
-    Regions::decode(package, &contents, contents.layers.len(), contents.columns(), &mut budget, threads)
+    let layers = 0..contents.layers.len();
+    Regions::decode(package, &contents, contents.columns(), layers, &mut budget, threads)
 }
 
 impl Regions {
-    /// Decodes the first `complete` layers.
+    /// Decodes complete layers, of which there is at least one. The plate is empty without layer 0.
     fn decode(
         bytes: &[u8],
         contents: &Contents,
-        complete: usize,
         columns: PackageColumns,
+        layers: Range<usize>,
         budget: &mut Budget,
         threads: NonZero<usize>,
     ) -> Result<Regions, Error> {
-        let rows = contents.layers[complete - 1];
+        let (before, end) = (start_of(contents, layers.start), contents.layers[layers.end - 1]);
         let mut region = |region, rows| columns.of(region).zeros(rows, budget);
-        let mut static_field = region(Region::Static, rows.static_count)?;
-        let mut dynamic_field = region(Region::Dynamic, rows.dynamic_count)?;
-        let mut plate = region(Region::Plate, contents.plate_len)?;
+        let mut static_field = region(Region::Static, end.static_count - before.static_count)?;
+        let mut dynamic_field = region(Region::Dynamic, end.dynamic_count - before.dynamic_count)?;
+        let mut plate = region(Region::Plate, if layers.start == 0 { contents.plate_len } else { 0 })?;
         (static_field.filter, dynamic_field.filter) = (contents.filter, contents.filter);
         plate.filter = contents.plate_filter;
 
-        let chunks =
-            || sections(contents, complete).filter(|(planned, _)| planned.kind == SectionKind::Gaussians);
+        let chunks = || {
+            sections(contents, layers.clone()).filter(|(planned, _)| planned.kind == SectionKind::Gaussians)
+        };
         let decoders = chunk_decoders(contents, threads.get().min(chunks().count()), budget)?;
         let decode = |mut decoder: ChunkDecoder| {
             move |(section, columns, rows): (&Section, Columns, Rows)| {
@@ -152,38 +236,44 @@ impl Regions {
     }
 }
 
-/// The required sections of the first `complete` layers.
-fn sections(contents: &Contents, complete: usize) -> impl Iterator<Item = (PlannedSection, &Section)> {
-    contents.planned_sections().take_while(move |(planned, _)| usize::from(planned.layer) < complete)
+/// The required sections of some layers.
+fn sections(contents: &Contents, layers: Range<usize>) -> impl Iterator<Item = (PlannedSection, &Section)> {
+    let layer = |planned: &PlannedSection| usize::from(planned.layer);
+    let first = contents.planned_sections().skip_while(move |(planned, _)| layer(planned) < layers.start);
+    first.take_while(move |(planned, _)| layer(planned) < layers.end)
 }
 
-/// Number of layers that lie completely in the first `available` bytes; at least 1.
+/// Number of layers that lie completely in the first `available` bytes; more than `first`.
 ///
 /// # Errors
-/// [`FormatError::Truncated`] if there is none.
-pub(crate) fn complete_layers(contents: &Contents, available: usize) -> Result<usize, Error> {
+/// [`FormatError::Truncated`] if layer `first`, counted from 0, does not.
+pub(crate) fn complete_layers(contents: &Contents, first: usize, available: usize) -> Result<usize, Error> {
     let ends = contents.layer_bytes();
-    match ends.partition_point(|&end| end <= available) {
-        0 => Err(Error::format(available, FormatError::Truncated { needed: ends[0], available })),
-        complete => Ok(complete),
+    let complete = ends.partition_point(|&end| end <= available);
+    if complete > first {
+        return Ok(complete);
     }
+    Err(Error::format(available, FormatError::Truncated { needed: ends[first], available }))
 }
 
-/// The rows of each layer in the dynamic region.
-fn dynamic_rows(layers: &[LayerEnd]) -> impl Iterator<Item = std::ops::Range<usize>> {
-    let starts = [0].into_iter().chain(layers.iter().map(|end| end.dynamic_count));
-    starts.zip(layers).map(|(start, end)| start..end.dynamic_count)
+/// The rows in the dynamic region of each of the layers that end at `ends`, counted from the first of them, before which
+/// there are `before`.
+fn dynamic_rows(before: LayerEnd, ends: &[LayerEnd]) -> impl Iterator<Item = Range<usize>> {
+    let count = move |end: &LayerEnd| end.dynamic_count - before.dynamic_count;
+    let starts = [0].into_iter().chain(ends.iter().map(count));
+    starts.zip(ends).map(move |(start, end)| start..count(end))
 }
 
 /// Reads the stored time index of each layer and checks it against the rows.
 fn read_time_index<'a>(
     bytes: &[u8],
     dynamic_field: &Field,
-    layers: &[LayerEnd],
+    before: LayerEnd,
+    ends: &[LayerEnd],
     mut indices: impl Iterator<Item = (PlannedSection, &'a Section)>,
 ) -> Result<TimeIndex, Error> {
     let mut time_index = TimeIndex::default();
-    for rows in dynamic_rows(layers) {
+    for rows in dynamic_rows(before, ends) {
         // Layers without dynamic Gaussians have no index.
         let index = if rows.is_empty() { None } else { indices.next() };
         let Some((_, section)) = index else {
@@ -192,6 +282,7 @@ fn read_time_index<'a>(
         };
         time_index.push_layer(&read_cells(section.payload(bytes)?, section.offset, rows.len())?);
         if let Some(row) = time_index.first_misplaced(dynamic_field) {
+            let row = before.dynamic_count + row;
             return Err(Error::format(section.offset, FormatError::TimeIndex { row }));
         }
     }
@@ -200,9 +291,14 @@ fn read_time_index<'a>(
 
 /// Sorts the rows of each layer by cell and indexes them. `scratch` has a capacity of
 /// [`SORTING_NUMBERS`] for each row of the largest layer.
-fn sort_by_cell(dynamic_field: &mut Field, layers: &[LayerEnd], mut scratch: Vec<u32>) -> TimeIndex {
+fn sort_by_cell(
+    dynamic_field: &mut Field,
+    before: LayerEnd,
+    ends: &[LayerEnd],
+    mut scratch: Vec<u32>,
+) -> TimeIndex {
     let mut time_index = TimeIndex::default();
-    for rows in dynamic_rows(layers) {
+    for rows in dynamic_rows(before, ends) {
         time_index.sort_layer(dynamic_field, rows, &mut scratch);
     }
     time_index

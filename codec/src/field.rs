@@ -267,6 +267,42 @@ impl Field {
         }
     }
 
+    /// Adds the rows of `further`, which has the same columns.
+    ///
+    /// # Panics
+    /// If it has others.
+    pub(crate) fn append(&mut self, further: Field) {
+        fn append<T>(column: &mut Vec<T>, mut further: Vec<T>) {
+            column.reserve_exact(further.len());
+            column.append(&mut further);
+        }
+        assert!(self.has_columns_of(&further), "further rows have the same columns");
+        append(&mut self.centers, further.centers);
+        append(&mut self.rotations, further.rotations);
+        append(&mut self.log_scales, further.log_scales);
+        append(&mut self.opacities, further.opacities);
+        append(&mut self.sh, further.sh);
+        if let (Some(temporal), Some(further)) = (&mut self.temporal, further.temporal) {
+            append(&mut temporal.tau, further.tau);
+            append(&mut temporal.s, further.s);
+            append(&mut temporal.motion, further.motion);
+            if let (Some(rates), Some(further)) = (&mut temporal.rotation_rates, further.rotation_rates) {
+                append(rates, further);
+            }
+        }
+    }
+
+    /// Whether `other` has the columns and the filter of this field.
+    pub(crate) fn has_columns_of(&self, other: &Field) -> bool {
+        let columns = |field: &Field| {
+            let temporal = field.temporal.as_ref();
+            let temporal =
+                temporal.map(|temporal| (temporal.motion_order, temporal.rotation_rates.is_some()));
+            (field.sh_degree, field.filter, temporal)
+        };
+        columns(self) == columns(other)
+    }
+
     /// Moves row `first + i` to row `first + positions[i]`, for each of `positions`, a permutation of the numbers below
     /// its length. `scratch` has the same length.
     pub(crate) fn move_rows(&mut self, first: usize, positions: &[u32], scratch: &mut [u32]) {

@@ -13,7 +13,7 @@ use crate::{
     counters::Work,
     error::FormatError,
     fixed,
-    format::{CHUNK_ROWS, ENTRY_BYTES, LAYERS_OFFSET},
+    format::{CHUNK_ROWS, COUNTS_OFFSET, ENTRY_BYTES, LAYERS_OFFSET},
     limits::Budget,
     preamble::{Head, read_viewpoints},
     section::{Region, Section, SectionKind},
@@ -95,12 +95,33 @@ pub(crate) fn contents_of(
 ) -> Result<Contents, Error> {
     let contents = parse(head, limits, budget)?;
     contents.check_table()?;
-    let end = contents.package_bytes();
-    if available > end {
-        let error = FormatError::Extra { count: available - end, part: "the last section" };
-        return Err(Error::format(end, error));
-    }
+    check_end(&contents, available)?;
     Ok(contents)
+}
+
+/// Checks that a package has at most the Gaussians of `limits`.
+///
+/// # Errors
+/// [`Error::Limits`] if it has more.
+pub(crate) fn check_count(contents: &Contents, limits: &Limits) -> Result<(), Error> {
+    let needed = contents.layers.last().map_or(0, |end| end.total()) + contents.plate_len;
+    let limit = limits.max_gaussians;
+    if needed <= limit {
+        return Ok(());
+    }
+    Err(Error::Limits { offset: COUNTS_OFFSET, quantity: "Gaussians", needed, limit })
+}
+
+/// Checks that `available` bytes are no more than the package has.
+///
+/// # Errors
+/// [`FormatError::Extra`] if they are.
+pub(crate) fn check_end(contents: &Contents, available: usize) -> Result<(), Error> {
+    let end = contents.package_bytes();
+    if available <= end {
+        return Ok(());
+    }
+    Err(Error::format(end, FormatError::Extra { count: available - end, part: "the last section" }))
 }
 
 /// Parses a head whose checksum has been checked.

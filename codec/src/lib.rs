@@ -16,8 +16,9 @@
 //! |---|---|---|
 //! | read the head of a package: metadata, layers, sections | [`contents`] | |
 //! | decode a package, or the complete layers of a prefix | [`decode()`], [`decode_parallel`] | |
+//! | decode further layers alone, and add them | [`Contents::decode_layers`], [`Clip::append`] | |
 //! | read the head of a clip or a take; an ordinary clip as a take | [`package`](package()), [`Take::from`] | |
-//! | decode the segments that hold a time | [`Take::at`], [`Take::decode_segment`] | |
+//! | decode the segments that hold a time | [`Take::at`], [`Take::decode_segment`], [`Take::decode_segment_layers`] | |
 //! | check segments without decoding them | [`Take::segment_contents`], [`Contents::check_sections`] | |
 //! | find the Gaussians alive at a time | [`TimeIndex::candidates`] of [`Clip::time_index`] | |
 //! | evaluate one of them | [`Field::position_at`], [`Field::opacity_at`], [`Field::rotation_at`] | |
@@ -69,12 +70,17 @@
 //! assert_eq!(clip.layers.len(), 2);
 //!
 //! // The first layer plays without the second.
-//! let prefix = decode(&package[..package.len() - 1], &Limits::default())?;
-//! assert_eq!((prefix.len(), prefix.layers.len(), prefix.layers_announced), (1, 1, 2));
+//! let mut prefix = decode(&package[..package.len() - 1], &Limits::default())?;
+//! assert_eq!((prefix.len(), prefix.layers.len(), prefix.layers_announced.len()), (1, 1, 2));
+//!
+//! // Once it has arrived, the second is decoded alone.
+//! let head = codec::contents(&package, &Limits::default())?;
+//! let one = std::num::NonZero::<usize>::MIN;
+//! prefix.append(head.decode_layers(&package, 1, &Limits::default(), one)?);
+//! assert_eq!(prefix, clip);
 //!
 //! // A take of 3 seconds: the clip plays in its first two and, again, in its last two.
-//! use codec::{Package, SegmentPackage, contents, encode_take_head};
-//! let head = contents(&package, &Limits::default())?;
+//! use codec::{Package, SegmentPackage, encode_take_head};
 //! let segments =
 //!     [0.0, 1.0].map(|start_s| SegmentPackage { start_s, duration_s: 2.0, level: 0, contents: &head });
 //! let mut bytes = encode_take_head(&info, 3.0, &segments)?;
@@ -88,7 +94,7 @@
 //!     1,
 //!     &bytes[segment.offset as usize..][..segment.bytes()],
 //!     &Limits::default(),
-//!     std::num::NonZero::<usize>::MIN,
+//!     one,
 //! )?;
 //! assert_eq!((clip.len(), segment.clip_time(1.5)), (2, 0.25));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
@@ -134,7 +140,7 @@ mod take;
 mod time_index;
 
 pub use camera::Camera;
-pub use clip::{Clip, ClipInfo, LayerEnd, Viewpoint};
+pub use clip::{Clip, ClipInfo, LayerEnd, Layers, Viewpoint};
 pub use coder::Coder;
 pub use decode::{decode, decode_parallel};
 #[cfg(feature = "encode")]

@@ -49,7 +49,7 @@ const ATTRIBUTES: [(&str, &[Attribute]); 10] = [
 pub fn measure(bytes: &[u8], limits: &Limits) -> Result<Vec<AttributeSize>, Error> {
     let mut budget = Budget::new(limits);
     let contents = contents_within(bytes, limits, &mut budget)?;
-    let complete = complete_layers(&contents, bytes.len())?;
+    let complete = complete_layers(&contents, 0, bytes.len())?;
     let mut stats = BitStats::default();
     for (planned, section) in contents.planned_sections() {
         if usize::from(planned.layer) == complete {

@@ -102,6 +102,28 @@ impl TimeIndex {
         self.layers.push(starts);
     }
 
+    /// Adds the layers of `further`, whose row numbers count from the first row behind those of this index.
+    ///
+    /// # Panics
+    /// If a row number exceeds 32 bits.
+    pub fn append(&mut self, further: TimeIndex) {
+        let first = self.layers.last().and_then(|layer| layer.last()).copied().unwrap_or(0);
+        for mut layer in further.layers {
+            layer.iter_mut().for_each(|row| *row = row.checked_add(first).expect("rows fit u32"));
+            self.layers.push(layer);
+        }
+    }
+
+    /// The index of the layers from layer `first` on, counted from 0, with row numbers that count from their first row:
+    /// what [`TimeIndex::append`] adds to the index of the layers before.
+    pub fn since(&self, first: usize) -> TimeIndex {
+        let layers = self.layers.get(first..).unwrap_or_default();
+        let start = layers.first().and_then(|layer| layer.first()).copied().unwrap_or(0);
+        TimeIndex {
+            layers: layers.iter().map(|layer| layer.iter().map(|row| row - start).collect()).collect(),
+        }
+    }
+
     /// Sorts the rows of another layer of the dynamic region by cell, stably, and adds the layer.
     /// `scratch` has a capacity of [`SORTING_NUMBERS`] per row.
     pub(crate) fn sort_layer(&mut self, field: &mut Field, rows: Range<usize>, scratch: &mut Vec<u32>) {

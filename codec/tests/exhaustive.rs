@@ -98,7 +98,7 @@ impl Subject {
         match &decoded {
             Err(_) => outcomes.refused += 1,
             Ok(clip) if *clip == self.clip => outcomes.same += 1,
-            Ok(clip) if clip.layers.len() < clip.layers_announced => outcomes.shorter += 1,
+            Ok(clip) if clip.layers.len() < clip.layers_announced.len() => outcomes.shorter += 1,
             Ok(_) => outcomes.other += 1,
         }
         decoded

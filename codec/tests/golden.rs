@@ -134,7 +134,7 @@ fn listing(clip: &Clip) -> String {
         clip;
     writeln!(out, "{info:?}").unwrap();
     writeln!(out, "bounds {bounds:?}").unwrap();
-    writeln!(out, "layers {layers:?} of {layers_announced}").unwrap();
+    writeln!(out, "layers {layers:?} of {}", layers_announced.len()).unwrap();
     for t in [0.0, 0.25, 0.5, 0.75, 1.0] {
         let ranges: Vec<_> = time_index.candidates(t, layers.len()).collect();
         writeln!(out, "candidates at {t}: {ranges:?}").unwrap();

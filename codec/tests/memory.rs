@@ -96,6 +96,24 @@ fn memory_of_segments_is_bounded() {
     }
 }
 
+/// The last layer alone, and appended.
+fn memory_of_layers_is_bounded(bytes: &[u8]) {
+    let head = codec::contents(bytes, &Limits::default()).unwrap();
+    let last = head.layers.len() - 1;
+    let mut clip = decode(&bytes[..head.layer_bytes()[last - 1]], &Limits::default()).unwrap();
+    let before = bytes_of(&clip.static_field) + bytes_of(&clip.dynamic_field);
+    let one = NonZero::<usize>::MIN;
+    let (layers, peak) = peak_of(|| head.decode_layers(bytes, last, &Limits::default(), one).unwrap());
+    let decoded = bytes_of(&layers.static_field) + bytes_of(&layers.dynamic_field);
+    assert!(before * 4 / 5 <= decoded && decoded <= before * 6 / 5, "half of the rows are in the last layer");
+    let ratio = peak as f64 / decoded as f64;
+    println!("{:?}, the last layer alone: {decoded} bytes decoded, peak {ratio:.3}", head.coder);
+    assert!((1.0..=RATIO_MAX).contains(&ratio), "peak is {ratio} times the decoded size");
+    // A column at a time is moved to a place where all of it has room.
+    let ((), peak) = peak_of(|| clip.append(layers));
+    assert!(peak <= before + decoded + UNCOUNTED_BYTES, "peak {peak} of appending to {before} bytes");
+}
+
 fn package_head(bytes: &[u8], limits: &Limits) -> Take {
     match codec::package(bytes, limits).unwrap() {
         Package::Take(take) => take,
@@ -128,6 +146,7 @@ fn memory_is_bounded() {
             let (_, peak) = peak_of(|| decode_parallel(&bytes, &limits, threads));
             assert!(peak <= limits.max_bytes + UNCOUNTED_BYTES, "peak {peak} of {limits:?}");
         }
+        memory_of_layers_is_bounded(&bytes);
         let limits = smallest_limits(&bytes);
         let (_, peak) = peak_of(|| decode(&bytes, &limits).unwrap());
         assert!(

@@ -58,22 +58,14 @@ pub struct Foveation {
     pub _pad0: f32,
 }
 
-/// `Ranges` of gaussian.wgsl: ranges of the packed numbers of a field.
+/// `Ranges` of gaussian.wgsl: what the packed numbers of a field depend on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Ranges {
-    /// Log-scale of the number 0.
-    pub log_scale_min: f32,
-    /// Log-scale per step of the 16-bit number.
-    pub log_scale_step: f32,
-    /// First row with temporal data.
-    pub first_dynamic: u32,
-    /// Factor of the angular rates.
-    pub rate_unit: f32,
     /// Factors of the motion coefficients of power 1, 2, 3.
     pub motion_units: [f32; 3],
-    /// Padding.
-    pub _pad0: f32,
+    /// First row with temporal data.
+    pub first_dynamic: u32,
 }
 
 /// `Slot` of slots.wgsl: a segment of a take.

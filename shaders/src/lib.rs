@@ -42,6 +42,16 @@ pub const fn filter_variance(mip: bool) -> f32 {
 /// than 500 clips lose precision, without a visible effect.
 pub const WIDTH_UNIT: f32 = 32.0;
 
+/// Largest magnitude of a log-scale: 2e-9 to 5e8 units. 16 bits hold the range from minus this, the same for all fields,
+/// in steps of 0.0006.
+pub const LOG_SCALE_MAX: f32 = 20.0;
+
+/// Log-scale per step of the 16-bit number.
+pub const LOG_SCALE_STEP: f32 = 2.0 * LOG_SCALE_MAX / 65535.0;
+
+/// Unit of the 16-bit angular rates per width of a window: up to 2^21, and exact to a millionth.
+pub const RATE_UNIT: f32 = 32.0;
+
 /// Binding of the instant in group 0.
 pub const FRAME: u32 = 0;
 /// Binding of the eyes in group 0.
@@ -220,6 +230,9 @@ fn compose_clip(features: Features, purpose: Purpose) -> String {
          const NEAR: f32 = {NEAR:?};\n\
          const FILTER: f32 = {:?};\n\
          const WIDTH_UNIT: f32 = {WIDTH_UNIT:?};\n\
+         const RATE_UNIT: f32 = {RATE_UNIT:?};\n\
+         const LOG_SCALE_MAX: f32 = {LOG_SCALE_MAX:?};\n\
+         const LOG_SCALE_STEP: f32 = {LOG_SCALE_STEP:?};\n\
          const CORNERS: u32 = {CORNERS}u;\n\
          const BATCH: u32 = {BATCH}u;\n\
          const VIEWS: u32 = {views}u;\n",

@@ -270,7 +270,7 @@ impl Shelf {
             }
         }
         self.server.forget();
-        latest.map(|clip| *clip).ok_or_else(|| "a download without a clip".into())
+        latest.map(|clip| Arc::unwrap_or_clone(clip.clip)).ok_or_else(|| "a download without a clip".into())
     }
 }
 

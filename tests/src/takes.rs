@@ -143,7 +143,7 @@ pub fn clip_of(field: &Field) -> Clip {
         static_field,
         dynamic_field: field.select(&dynamic),
         layers: vec![end],
-        layers_announced: 1,
+        layers_announced: vec![end],
         time_index: TimeIndex::of_candidates(dynamic.len()),
         plate: None,
     }

@@ -10,8 +10,8 @@ use std::time::{Duration, Instant};
 
 use aarc_tests::scene::{Motion, Recipe, packaged};
 use aarc_tests::server::{Answer, Request, Server};
-use client::clips::LoadEvent;
 use client::clips::playlist::{self, Playlist};
+use client::clips::{ClipVersion, LoadEvent};
 use client::clips::{Progress, Servers, SourceOptions};
 use client::net::{Cache, Download, Options, RetryPolicy};
 use codec::{Clip, Limits, contents, decode};
@@ -56,6 +56,18 @@ struct Events {
 }
 
 impl Events {
+    /// Adds a clip. One that continues the one before has its rows.
+    fn add(&mut self, version: ClipVersion) {
+        let clip = Arc::unwrap_or_clone(version.clip);
+        if version.is_continued {
+            let before = self.clips.last().expect("it continues another");
+            assert!(clip.layers.starts_with(&before.layers) && clip.layers.len() > before.layers.len());
+            assert!(clip.static_field.centers.starts_with(&before.static_field.centers));
+            assert!(clip.dynamic_field.centers.starts_with(&before.dynamic_field.centers));
+        }
+        self.clips.push(clip);
+    }
+
     fn troubles(&self) -> Vec<&str> {
         self.progress.iter().filter_map(|progress| progress.trouble.as_deref()).collect()
     }
@@ -72,7 +84,7 @@ fn collect(download: Download) -> Events {
     let mut events = Events::default();
     for event in download {
         match event {
-            Ok(LoadEvent::Clip(clip)) => events.clips.push(*clip),
+            Ok(LoadEvent::Clip(version)) => events.add(version),
             Ok(LoadEvent::Note(note)) => events.notes.push(note),
             Ok(LoadEvent::Progress(progress)) => events.progress.push(progress),
             Ok(event) => panic!("a download reports {event:?}"),
@@ -145,7 +157,8 @@ fn layers_play_before_the_rest_is_sent() {
     let retry = RetryPolicy { read_timeout: Duration::from_secs(30), ..RETRY };
     let mut layers_played = Vec::new();
     for event in Download::new(&server.url("clip.aarc"), Options { retry, ..Options::default() }) {
-        let LoadEvent::Clip(clip) = event.unwrap() else { continue };
+        let LoadEvent::Clip(ClipVersion { clip, is_continued }) = event.unwrap() else { continue };
+        assert_eq!(is_continued, !layers_played.is_empty());
         layers_played.push(clip.layers.len());
         assert_eq!(server.sent().len(), clip.layers.len(), "no more was sent than plays");
         assert_eq!(*clip, decoded(&file[..ends[clip.layers.len() - 1]]));

@@ -140,7 +140,7 @@ mod tests {
             info,
             dynamic_field: Field::default(),
             layers: vec![end],
-            layers_announced: 1,
+            layers_announced: vec![end],
             time_index: TimeIndex::of_candidates(0),
             plate: None,
         }

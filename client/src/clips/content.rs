@@ -52,7 +52,7 @@ impl Content {
     /// Number of layers that the package announces; a clip that is cut short has fewer.
     pub(crate) fn layers_announced(&self) -> usize {
         match self {
-            Content::Clip(clip) => clip.layers_announced,
+            Content::Clip(clip) => clip.layers_announced.len(),
             Content::Take(_) => self.layers(),
         }
     }

@@ -17,10 +17,12 @@ use program::Fault;
 /// The clips of a display.
 pub(crate) struct ClipController<T: ClipTarget> {
     state: QueueState<T::Ready>,
-    worker: Worker<(LoadRequest, T), TargetEvent<T>>,
+    worker: Worker<LoadRequest<T>, TargetEvent<T>>,
     options: LoadOptions,
     /// What clips are made ready for; `None` while there is no device.
     target: Option<T>,
+    /// What the clip that was taken over left for its better versions, until they are requested.
+    uploaded: Option<T::Uploaded>,
     /// Where the clip that is requested next will be shown first, in seconds.
     position_s: f64,
     /// When a replaced file may be opened again, and the wait after that.
@@ -42,8 +44,8 @@ impl<T: ClipTarget> ClipController<T> {
         cyclic: bool,
         wake: impl Fn() + Send + 'static,
     ) -> Result<ClipController<T>, Fault> {
-        let work = |(request, target), report: Report<'_, TargetEvent<T>>| {
-            let _ = load(request, &target, report);
+        let work = |request, report: Report<'_, TargetEvent<T>>| {
+            let _ = load(request, report);
         };
         let worker = Worker::new(work, wake)
             .map_err(|error| Fault::Device(format!("cannot start a thread: {error}")))?;
@@ -52,6 +54,7 @@ impl<T: ClipTarget> ClipController<T> {
             worker,
             options,
             target: None,
+            uploaded: None,
             position_s: 0.0,
             reopens_at: Instant::now(),
             reopens_after: REOPENS_AFTER,
@@ -90,16 +93,17 @@ impl<T: ClipTarget> ClipController<T> {
         self.send_request();
     }
 
-    /// Takes over a clip that is on display already, its playlist, and its better versions.
+    /// Takes over a clip that is on display already, with what it left for its better versions, its playlist, and these.
     #[cfg(feature = "window")]
     pub(crate) fn adopt(
         &mut self,
         target: T,
+        uploaded: Option<T::Uploaded>,
         entry: super::queue::Entry,
         queue: Option<Queue>,
         rest: super::source::Arrival,
     ) {
-        self.target = Some(target);
+        (self.target, self.uploaded) = (Some(target), uploaded);
         self.state.adopt(entry, queue, rest);
         self.send_request();
     }
@@ -202,8 +206,14 @@ impl<T: ClipTarget> ClipController<T> {
         let Some(target) = &self.target else { return };
         if let Some((selection, is_blocking)) = self.state.take_request() {
             let position_s = std::mem::take(&mut self.position_s);
-            let request = LoadRequest { selection, options: self.options.clone(), is_blocking, position_s };
-            self.worker.request((request, target.clone()));
+            self.worker.request(LoadRequest {
+                target: target.clone(),
+                selection,
+                options: self.options.clone(),
+                is_blocking,
+                position_s,
+                uploaded: self.uploaded.take(),
+            });
         }
     }
 }
@@ -235,8 +245,9 @@ mod tests {
 
     impl ClipTarget for Defective {
         type Ready = ();
+        type Uploaded = ();
 
-        fn prepare(&self, _: &Entry, _: Content, _: Beginning) -> Result<(), Fault> {
+        fn prepare(&self, _: &Entry, _: Content, _: Beginning, _: &mut Option<()>) -> Result<(), Fault> {
             panic!("of the test")
         }
     }
@@ -266,8 +277,9 @@ mod tests {
 
     impl ClipTarget for Display {
         type Ready = ();
+        type Uploaded = ();
 
-        fn prepare(&self, _: &Entry, _: Content, _: Beginning) -> Result<(), Fault> {
+        fn prepare(&self, _: &Entry, _: Content, _: Beginning, _: &mut Option<()>) -> Result<(), Fault> {
             Ok(())
         }
     }

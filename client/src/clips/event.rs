@@ -9,10 +9,19 @@ use super::queue::{Entry, Queue};
 use crate::takes::OpenTake;
 use program::Fault;
 
+/// A version of a clip, as its source has it.
+#[derive(Clone, Debug)]
+pub struct ClipVersion {
+    /// The layers that have arrived.
+    pub clip: Arc<Clip>,
+    /// Whether it continues the version before: that has the same first layers.
+    pub is_continued: bool,
+}
+
 /// A report about a clip that is being loaded. A source produces the first four; the loader adds the
 /// others.
 #[derive(Debug)]
-pub enum LoadEvent<C = Box<Clip>> {
+pub enum LoadEvent<C = ClipVersion> {
     /// How much has arrived.
     Progress(Progress),
     /// A remark for the viewer.

@@ -7,6 +7,8 @@ use std::path::{Path, PathBuf};
 use std::thread;
 
 use codec::{Clip, Error, FormatError, Limits, decode_parallel};
+#[cfg(feature = "net")]
+use codec::{Contents, Layers};
 use program::{Fault, read_error};
 
 use super::advice;
@@ -43,7 +45,7 @@ fn remedy(path: &Path) -> &'static str {
 
 /// Says that a package is cut short at the end of a layer, which plays without the others.
 pub(super) fn truncation(path: &Path, clip: &Clip) -> Option<String> {
-    let (layers, announced) = (clip.layers.len(), clip.layers_announced);
+    let (layers, announced) = (clip.layers.len(), clip.layers_announced.len());
     (layers < announced).then(|| {
         let name = path.display();
         format!(
@@ -68,8 +70,23 @@ pub(crate) fn read(path: &Path, max_bytes: usize) -> Result<Vec<u8>, String> {
 
 /// Decodes a package on all cores.
 pub(crate) fn decode(bytes: &[u8], limits: &Limits) -> Result<Clip, Error> {
-    let threads = thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN);
-    decode_parallel(bytes, limits, threads)
+    decode_parallel(bytes, limits, cores())
+}
+
+/// Decodes the layers of a package from layer `first` on, without those before, on all cores.
+#[cfg(feature = "net")]
+pub(crate) fn decode_layers(
+    head: &Contents,
+    bytes: &[u8],
+    first: usize,
+    limits: &Limits,
+) -> Result<Layers, Error> {
+    head.decode_layers(bytes, first, limits, cores())
+}
+
+/// Number of threads that decode.
+fn cores() -> NonZero<usize> {
+    thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN)
 }
 
 /// The paths of the clips in a folder, sorted by name.

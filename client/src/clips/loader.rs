@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::content::Content;
-use super::event::{LoadEvent, Version};
+use super::event::{ClipVersion, LoadEvent, Version};
 use super::file::clips_in;
 use super::playlist;
 use super::queue::{Entry, Queue};
@@ -34,12 +34,22 @@ pub(crate) trait ClipTarget: Clone + Send + 'static {
     /// A clip that is ready to be shown.
     type Ready: Send + 'static;
 
+    /// What a version of a clip leaves for those that continue it: usually its place in GPU memory.
+    type Uploaded: Send + 'static;
+
     /// Makes a clip ready, usually by uploading it, or a take, usually by uploading what its beginning needs. Runs on
-    /// the loader's thread.
+    /// the loader's thread. `uploaded` is what the version left that `content` continues, if it continues one, and is
+    /// replaced by what `content` leaves.
     ///
     /// # Errors
     /// Why the clip cannot be shown.
-    fn prepare(&self, entry: &Entry, content: Content, beginning: Beginning) -> Result<Self::Ready, Fault>;
+    fn prepare(
+        &self,
+        entry: &Entry,
+        content: Content,
+        beginning: Beginning,
+        uploaded: &mut Option<Self::Uploaded>,
+    ) -> Result<Self::Ready, Fault>;
 }
 
 /// How clips are loaded.
@@ -66,13 +76,17 @@ pub(super) enum Selection {
 }
 
 /// A request to the loader.
-pub(super) struct LoadRequest {
+pub(super) struct LoadRequest<T: ClipTarget> {
+    /// What clips are made ready for.
+    pub(super) target: T,
     pub(super) selection: Selection,
     pub(super) options: LoadOptions,
     /// Whether playback is blocked on the clip. Until it is, only the complete clip is reported.
     pub(super) is_blocking: Arc<AtomicBool>,
     /// Where it will be shown first, in seconds.
     pub(super) position_s: f64,
+    /// What the clip on display left for its better versions, if these are requested.
+    pub(super) uploaded: Option<T::Uploaded>,
 }
 
 /// The events of a loader for the target `T`.
@@ -83,12 +97,11 @@ type Flow = Result<ControlFlow<()>, Fault>;
 
 /// Carries out a request.
 pub(super) fn load<T: ClipTarget>(
-    request: LoadRequest,
-    target: &T,
+    request: LoadRequest<T>,
     report: Report<'_, TargetEvent<T>>,
 ) -> ControlFlow<()> {
-    let LoadRequest { selection, options, is_blocking, position_s } = request;
-    match (Loading { options, is_blocking, position_s, target, report }).load(selection) {
+    let LoadRequest { target, selection, options, is_blocking, position_s, uploaded } = request;
+    match (Loading { options, is_blocking, position_s, target, uploaded, report }).load(selection) {
         Ok(ControlFlow::Continue(())) => report(LoadEvent::Done),
         Ok(ControlFlow::Break(())) => ControlFlow::Break(()),
         Err(fault) => report(LoadEvent::Failed(fault)),
@@ -100,12 +113,14 @@ struct Loading<'a, T: ClipTarget> {
     options: LoadOptions,
     is_blocking: Arc<AtomicBool>,
     position_s: f64,
-    target: &'a T,
+    target: T,
+    /// What the latest version left.
+    uploaded: Option<T::Uploaded>,
     report: Report<'a, TargetEvent<T>>,
 }
 
 impl<T: ClipTarget> Loading<'_, T> {
-    fn load(&self, selection: Selection) -> Flow {
+    fn load(&mut self, selection: Selection) -> Flow {
         match selection {
             Selection::FirstOf(entries) => self.first_of(&entries),
             #[cfg(feature = "window")]
@@ -135,7 +150,7 @@ impl<T: ClipTarget> Loading<'_, T> {
     ///
     /// # Errors
     /// The fault of the last entry if all fail; why no better version follows one that was reported.
-    fn first_of(&self, entries: &[Entry]) -> Flow {
+    fn first_of(&mut self, entries: &[Entry]) -> Flow {
         for (i, entry) in entries.iter().enumerate() {
             let mut is_first = true;
             let arrival = source::open_entry(entry, &self.options.source);
@@ -153,14 +168,19 @@ impl<T: ClipTarget> Loading<'_, T> {
 
     /// Reports the versions of a clip: each one with enough layers while playback is blocked on it, else
     /// the complete one only.
-    fn versions(&self, entry: &Entry, arrival: Arrival, is_first: &mut bool) -> Flow {
+    fn versions(&mut self, entry: &Entry, arrival: Arrival, is_first: &mut bool) -> Flow {
         let min_layers = self.options.min_layers;
         // The best version, until it is reported.
         let mut latest: Option<Content> = None;
         for event in arrival {
             let mut flow = ControlFlow::Continue(());
             match event? {
-                LoadEvent::Clip(clip) => latest = Some(Content::Clip(Arc::from(clip))),
+                LoadEvent::Clip(ClipVersion { clip, is_continued }) => {
+                    if !is_continued {
+                        self.uploaded = None;
+                    }
+                    latest = Some(Content::Clip(clip));
+                }
                 LoadEvent::Take(take) => latest = Some(Content::Take(take)),
                 event => flow = self.pass_on(event),
             }
@@ -184,10 +204,10 @@ impl<T: ClipTarget> Loading<'_, T> {
         }
     }
 
-    fn version(&self, entry: &Entry, content: Content, is_first: &mut bool) -> Flow {
+    fn version(&mut self, entry: &Entry, content: Content, is_first: &mut bool) -> Flow {
         let is_blocking = self.is_blocking.load(Ordering::Relaxed);
         let beginning = Beginning { position_s: self.position_s, is_blocking };
-        let clip = self.target.prepare(entry, content, beginning)?;
+        let clip = self.target.prepare(entry, content, beginning, &mut self.uploaded)?;
         let version = Version { entry: entry.clone(), is_first: *is_first, clip };
         *is_first = false;
         Ok((self.report)(LoadEvent::Clip(version)))
@@ -238,8 +258,15 @@ mod tests {
 
     impl ClipTarget for Target {
         type Ready = usize;
+        type Uploaded = ();
 
-        fn prepare(&self, entry: &Entry, clip: Content, _: Beginning) -> Result<usize, Fault> {
+        fn prepare(
+            &self,
+            entry: &Entry,
+            clip: Content,
+            _: Beginning,
+            _: &mut Option<()>,
+        ) -> Result<usize, Fault> {
             match self.too_large == Some(entry.number) {
                 true => Err(Fault::Device("too large".into())),
                 false => Ok(clip.layers()),
@@ -247,9 +274,15 @@ mod tests {
         }
     }
 
-    fn request(selection: Selection, min_layers: usize, is_blocking: bool) -> LoadRequest {
+    fn request(
+        selection: Selection,
+        min_layers: usize,
+        is_blocking: bool,
+        target: Target,
+    ) -> LoadRequest<Target> {
         let options = LoadOptions { source: SourceOptions::default(), min_layers, is_complete: false };
-        LoadRequest { selection, options, is_blocking: Arc::new(is_blocking.into()), position_s: 0.0 }
+        let is_blocking = Arc::new(is_blocking.into());
+        LoadRequest { target, selection, options, is_blocking, position_s: 0.0, uploaded: None }
     }
 
     /// The events of a request: `x` for a skipped entry, the number of a clip, `!` for its first version,
@@ -261,7 +294,7 @@ mod tests {
         too_large: Option<usize>,
     ) -> String {
         let text = RefCell::new(String::new());
-        let _ = load(request(selection, min_layers, is_blocking), &Target { too_large }, &|event| {
+        let _ = load(request(selection, min_layers, is_blocking, Target { too_large }), &|event| {
             text.borrow_mut().push_str(&match event {
                 LoadEvent::Clip(Version { entry, is_first, .. }) => {
                     format!("{}{}", entry.number, if is_first { "!" } else { "" })
@@ -336,7 +369,7 @@ mod tests {
         let next = |name: &str| {
             let next = RefCell::new(None);
             let selection = Selection::Named(Some(name.into()));
-            let _ = load(request(selection, 1, true), &Target { too_large: None }, &|event| {
+            let _ = load(request(selection, 1, true, Target { too_large: None }), &|event| {
                 if let LoadEvent::NextInFolder(name) = event {
                     *next.borrow_mut() = Some(name);
                 }

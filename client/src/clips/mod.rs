@@ -41,12 +41,12 @@ mod worker;
 pub(crate) use advice::advice;
 pub use content::Content;
 pub(crate) use controller::ClipController;
-pub use event::LoadEvent;
+pub use event::{ClipVersion, LoadEvent};
 #[cfg(all(feature = "xr", any(target_os = "android", test)))]
 pub(crate) use file::clips_in;
-#[cfg(feature = "net")]
-pub(crate) use file::decode;
 pub use file::load_file;
+#[cfg(feature = "net")]
+pub(crate) use file::{decode, decode_layers};
 #[cfg(not(target_os = "android"))]
 pub(crate) use loader::too_few_layers;
 pub(crate) use loader::{Beginning, ClipTarget, LoadOptions};

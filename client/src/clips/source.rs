@@ -3,12 +3,12 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use codec::{Clip, Limits};
+use codec::Limits;
 use program::Fault;
 
 use super::content::Content;
 use super::demo;
-use super::event::LoadEvent;
+use super::event::{ClipVersion, LoadEvent};
 use super::file::{decode, load_file, truncation};
 use super::queue::Entry;
 use super::source_options::SourceOptions;
@@ -26,7 +26,7 @@ pub enum Arrival {
         /// A remark for the viewer.
         note: Option<String>,
         /// The clip.
-        clip: Option<Box<Clip>>,
+        clip: Option<ClipVersion>,
     },
     /// A take, until it is taken, after what there is to say of it.
     Take {
@@ -76,8 +76,8 @@ impl Arrival {
             on_event(&event);
             match event {
                 LoadEvent::Clip(clip) => {
-                    let is_enough = layers.is_some_and(|layers| clip.layers.len() >= layers);
-                    let clip = Content::Clip(Arc::from(clip));
+                    let is_enough = layers.is_some_and(|layers| clip.clip.layers.len() >= layers);
+                    let clip = Content::Clip(clip.clip);
                     if is_enough {
                         return Ok(clip);
                     }
@@ -99,7 +99,10 @@ impl Arrival {
 /// As [`load_file`]; [`Fault::Usage`] for a URL if this program was built without the feature `net`, or if
 /// its scheme is another one.
 pub fn open(name: Option<&str>, options: &SourceOptions) -> Result<Arrival, Fault> {
-    let loaded = |note, clip| Arrival::Loaded { note, clip: Some(Box::new(clip)) };
+    let loaded = |note, clip| {
+        let clip = ClipVersion { clip: Arc::new(clip), is_continued: false };
+        Arrival::Loaded { note, clip: Some(clip) }
+    };
     match name {
         None => decode(&demo::package()?, &options.limits)
             .map(|clip| loaded(None, clip))

@@ -2,9 +2,10 @@
 //!
 //! Once per device, [`choose_f16`] measures whether the fragment stage may calculate in f16.
 //! Once per clip, [`GpuClip::upload`] packs it into buffers and [`Renderer::new`] builds the pipelines that the device
-//! does not have yet.
+//! does not have yet. Layers that arrive later are packed alone and uploaded behind those that are there
+//! ([`GpuClip::extended`]).
 //! Once per take, [`Renderer::new_take`] builds buffers of fixed size; while it plays, its segments are packed by a loader
-//! ([`PackedSegment::new`]), and come and go between frames ([`Slots`]).
+//! ([`PackedSegment::new`], [`PackedLayers::new`]), and come and go between frames ([`Slots`]).
 //! Per frame, [`Renderer::prepare`] runs the stages `alive` and `sort` on the CPU, and [`Renderer::record`] records
 //! `evaluate` and `splat`, and for a foveated frame `foveate`, for the GPU.
 
@@ -17,6 +18,7 @@ mod footprint;
 mod foveation;
 mod frame_views;
 mod half_precision;
+mod layer_run;
 mod layers;
 mod level;
 mod pack;
@@ -49,7 +51,7 @@ pub use half_precision::{choose_f16, f16_psnr};
 pub use level::Level;
 pub use readback::Pixels;
 pub use renderer::{FrameLayout, Renderer};
-pub use segment::{PackedSegment, PlateLayout, TakeLayout};
+pub use segment::{PackedLayers, PackedSegment, PlateLayout, TakeLayout};
 pub use settings::{Cutoff, RenderSettings, SortOrder};
 pub use slots::{SlotId, Slots};
 pub use span::Span;

@@ -6,24 +6,40 @@
 
 pub(in crate::gpu) mod moment;
 
-use codec::{Field, PixelFilter};
+use codec::{Field, LayerEnd, PixelFilter};
 use glam::DVec3;
 use half::f16;
-use shaders::layout::{Gaussian, Ranges};
-use shaders::{Features, Motion, sh_words};
+use shaders::layout::Gaussian;
+use shaders::{Features, LOG_SCALE_MAX, LOG_SCALE_STEP, Motion, RATE_UNIT, sh_words};
 
-use moment::Moment;
+use super::layer_run::LayerRun;
+use moment::{MOTION_MAX, Moment};
 
-/// Log-scales are clamped to plus or minus this: 2e-9 to 5e8 units.
-const LOG_SCALE_LIMIT: f32 = 20.0;
+/// Number of widths of a window in which a Gaussian may cross the bounds of its clip. One that crosses them faster is
+/// alive for no longer than this, with an alpha of hardly more than 1/255.
+const CROSSING_WIDTHS: f32 = 0.125;
 
 /// Number of centres sampled to find the origin of a clip.
 const ORIGIN_ROWS: usize = 1000;
 
-/// The records of a clip, or of a segment, static rows first.
-pub(crate) struct Packed {
+/// What the records of a clip, or of all segments of a take, depend on besides their Gaussians. It does not change when
+/// further layers arrive.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct RecordFormat {
+    /// At least those of the Gaussians. What these lack is 0.
     pub(crate) features: Features,
-    pub(crate) ranges: Ranges,
+    /// Origin of the centres, in the world of the field.
+    pub(crate) origin: DVec3,
+    /// Factors of the motion coefficients of power 1, 2, 3.
+    pub(crate) motion_units: [f32; 3],
+}
+
+/// The records of consecutive layers of a clip, or of a segment, static rows first.
+pub(crate) struct Packed {
+    /// Rows of the layers before, which are not in it.
+    pub(crate) before: LayerEnd,
+    /// Number of static rows.
+    pub(crate) static_count: usize,
     pub(crate) gaussians: Vec<Gaussian>,
     /// [`Motion::words`] per dynamic row.
     pub(crate) motion: Vec<u32>,
@@ -59,49 +75,61 @@ pub(crate) fn origin(static_field: &Field, dynamic_field: &Field) -> DVec3 {
     if origin.is_finite() { origin } else { DVec3::ZERO }
 }
 
-/// The features that shaders need for both fields.
-pub(crate) fn features([static_field, dynamic_field]: [&Field; 2]) -> Features {
-    let temporal = dynamic_field.temporal.as_ref().filter(|_| !dynamic_field.is_empty());
+/// The features that shaders need for `count` rows of these fields, which need not be there yet.
+pub(crate) fn features([static_field, dynamic_field]: [&Field; 2], count: LayerEnd) -> Features {
+    let temporal = dynamic_field.temporal.as_ref().filter(|_| count.dynamic_count > 0);
     let motion = temporal
         .map(|temporal| Motion { order: temporal.motion_order, rotates: temporal.rotation_rates.is_some() });
-    let sh_degree = [static_field, dynamic_field]
+    let sh_degree = [(static_field, count.static_count), (dynamic_field, count.dynamic_count)]
         .into_iter()
-        .filter(|field| !field.is_empty())
-        .map(|field| field.sh_degree);
-    let field = if dynamic_field.is_empty() { static_field } else { dynamic_field };
+        .filter(|(_, count)| *count > 0)
+        .map(|(field, _)| field.sh_degree);
+    let field = if count.dynamic_count == 0 { static_field } else { dynamic_field };
     let mip = field.filter == PixelFilter::Mip;
     Features { sh_degree: sh_degree.max().unwrap_or(0), motion, mip, segmented: false }
 }
 
-/// Packs `static_field`, whose temporal columns are ignored, followed by `dynamic_field`, with centres relative to
-/// `origin`, for shaders with `features`: at least those of the fields. What a field lacks of them is 0.
-pub(crate) fn pack([static_field, dynamic_field]: [&Field; 2], origin: DVec3, features: Features) -> Packed {
-    let motion = features.motion;
-    let temporal = dynamic_field.temporal.as_ref().filter(|_| !dynamic_field.is_empty());
-    let moments: Vec<Moment> = temporal.map_or_else(Vec::new, |temporal| {
-        (0..dynamic_field.len()).map(|row| Moment::of(dynamic_field, temporal, row)).collect()
-    });
-    let ranges = ranges(static_field, dynamic_field, &moments);
+/// Factors of the motion coefficients of power 1, 2, 3 of a clip or a take whose centres stay in the box `bounds`, `[min,
+/// max]`, while they are alive.
+///
+/// A cubic that stays within a length D over h widths on either side of an instant has coefficients of at most 2 D / h,
+/// 2 D / h^2 and 2 D / h^3. They are near the top of the range of f16 for an h of [`CROSSING_WIDTHS`]; larger ones are
+/// clamped, and those of a millionth of D still precise.
+pub(crate) fn motion_units([low, high]: [[f32; 3]; 2]) -> [f32; 3] {
+    let extent = (0..3).map(|axis| high[axis] - low[axis]).fold(0.0, f32::max);
+    [1, 2, 3].map(|power| {
+        let largest = 2.0 * extent / CROSSING_WIDTHS.powi(power);
+        unit(largest.min(MOTION_MAX as f32))
+    })
+}
 
+/// Packs layers: their static rows, whose temporal columns are ignored, followed by the dynamic ones.
+pub(crate) fn pack(run: &LayerRun<'_>, format: &RecordFormat) -> Packed {
+    let features = format.features;
+    let motion = features.motion;
+    let [static_count, dynamic_count] = run.rows.clone().map(|rows| rows.len());
     let mut packed = Packed {
-        features,
-        ranges,
-        gaussians: Vec::with_capacity(static_field.len() + dynamic_field.len()),
-        motion: Vec::with_capacity(motion.map_or(0, |motion| motion.words() * dynamic_field.len())),
-        sh: Vec::with_capacity(sh_words(features.sh_degree) * (static_field.len() + dynamic_field.len())),
+        before: run.before,
+        static_count,
+        gaussians: Vec::with_capacity(run.len()),
+        motion: Vec::with_capacity(motion.map_or(0, |motion| motion.words() * dynamic_count)),
+        sh: Vec::with_capacity(sh_words(features.sh_degree) * run.len()),
     };
-    for (field, moments) in [(static_field, &[][..]), (dynamic_field, &moments)] {
-        for row in 0..field.len() {
-            let moment = moments.get(row);
-            let (center, rotation) = match moment {
+    let temporal = run.fields[1].temporal.as_ref();
+    for (field, rows, temporal) in
+        [(run.fields[0], &run.rows[0], None), (run.fields[1], &run.rows[1], temporal)]
+    {
+        for row in rows.clone() {
+            let moment = temporal.map(|temporal| Moment::of(field, temporal, row));
+            let (center, rotation) = match &moment {
                 Some(moment) => (moment.position, moment.rotation),
                 None => (field.centers[row].map(f64::from), field.rotations[row].map(f64::from)),
             };
             let rotation = normalized(rotation);
-            let center = DVec3::from_array(center) - origin;
-            packed.gaussians.push(pack_gaussian(field, row, center, rotation, &ranges));
+            let center = DVec3::from_array(center) - format.origin;
+            packed.gaussians.push(pack_gaussian(field, row, center, rotation));
             if let Some((moment, motion)) = moment.zip(motion) {
-                pack_motion(moment, motion, rotation, &ranges, &mut packed.motion);
+                pack_motion(&moment, motion, rotation, format.motion_units, &mut packed.motion);
             }
             if features.sh_degree > 0 {
                 pack_sh(&field.sh_of(row)[1..], features.sh_degree, &mut packed.sh);
@@ -117,52 +145,16 @@ fn normalized(q: [f64; 4]) -> [f32; 4] {
     if length > 0.0 && length.is_finite() { q.map(|x| (x / length) as f32) } else { [1.0, 0.0, 0.0, 0.0] }
 }
 
-fn ranges(static_field: &Field, dynamic_field: &Field, moments: &[Moment]) -> Ranges {
-    let scales = || {
-        static_field
-            .log_scales
-            .iter()
-            .chain(&dynamic_field.log_scales)
-            .flatten()
-            .copied()
-            .map(clamp_log_scale)
-    };
-    let (low, high) = scales().fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
-    let (low, high) = if low <= high { (low, high) } else { (0.0, 0.0) };
-    let mut ranges = Ranges {
-        log_scale_min: low,
-        log_scale_step: (high - low) / 65535.0,
-        first_dynamic: u32::try_from(static_field.len()).expect("buffer limits are checked before"),
-        rate_unit: 1.0,
-        motion_units: [1.0; 3],
-        _pad0: 0.0,
-    };
-    if !moments.is_empty() {
-        let (mut motion, mut rate) = ([0f32; 3], 0f32);
-        let largest = |values: &[f32], largest: f32| values.iter().fold(largest, |l, x| l.max(x.abs()));
-        for moment in moments {
-            motion.iter_mut().zip(&moment.motion).for_each(|(l, w)| *l = largest(w, *l));
-            rate = largest(&moment.rates, rate);
-        }
-        (ranges.motion_units, ranges.rate_unit) = (motion.map(unit), unit(rate));
-    }
-    ranges
-}
-
-fn clamp_log_scale(log_scale: f32) -> f32 {
-    log_scale.clamp(-LOG_SCALE_LIMIT, LOG_SCALE_LIMIT)
-}
-
 /// A power of two that scales `largest` near the top of the range of f16. A power of two is exact, and
 /// small numbers stay normal.
 fn unit(largest: f32) -> f32 {
     if largest == 0.0 { 1.0 } else { 2f32.powi((largest.log2().ceil() as i32 - 15).max(-100)) }
 }
 
-fn pack_gaussian(field: &Field, row: usize, center: DVec3, rotation: [f32; 4], ranges: &Ranges) -> Gaussian {
+fn pack_gaussian(field: &Field, row: usize, center: DVec3, rotation: [f32; 4]) -> Gaussian {
     let scale = |axis: usize| {
-        let above = clamp_log_scale(field.log_scales[row][axis]) - ranges.log_scale_min;
-        if ranges.log_scale_step > 0.0 { (above / ranges.log_scale_step).round() as u32 } else { 0 }
+        let log_scale = field.log_scales[row][axis].clamp(-LOG_SCALE_MAX, LOG_SCALE_MAX);
+        ((log_scale + LOG_SCALE_MAX) / LOG_SCALE_STEP).round() as u32
     };
     let [a, b, c, largest] = pack_rotation(rotation);
     let base = base_color(field, row).map(half_bits);
@@ -202,7 +194,7 @@ fn half_bits(value: f32) -> u32 {
     u32::from(f16::from_f32(value.clamp(-largest, largest)).to_bits())
 }
 
-fn pack_motion(moment: &Moment, features: Motion, rotation: [f32; 4], ranges: &Ranges, words: &mut Vec<u32>) {
+fn pack_motion(moment: &Moment, features: Motion, rotation: [f32; 4], units: [f32; 3], words: &mut Vec<u32>) {
     words.push(u32::from(moment.instant) | u32::from(moment.z as u16) << 16);
     let mut halves = [0u32; 14];
     halves[0] = u32::from(moment.widths.to_bits());
@@ -211,12 +203,12 @@ fn pack_motion(moment: &Moment, features: Motion, rotation: [f32; 4], ranges: &R
         halves[count] = half_bits(value);
         count += 1;
     };
-    for (w, unit) in moment.motion.iter().zip(ranges.motion_units).take(features.order.into()) {
+    for (w, unit) in moment.motion.iter().zip(units).take(features.order.into()) {
         w.iter().for_each(|x| push(x / unit));
     }
     if features.rotates {
         let (_, sign) = largest_component(rotation);
-        moment.rates.iter().for_each(|rate| push(rate * sign / ranges.rate_unit));
+        moment.rates.iter().for_each(|rate| push(rate * sign / RATE_UNIT));
     }
     words.extend(halves[..count].chunks(2).map(|pair| pair[0] | pair.get(1).copied().unwrap_or(0) << 16));
 }

@@ -1,13 +1,15 @@
-//! [`PackedSegment`]: a segment of a take, ready for the GPU. Packing needs no device, so loaders do it on their thread.
+//! [`PackedSegment`] and [`PackedLayers`]: a segment of a take, and further layers of it, ready for the GPU. Packing needs
+//! no device, so loaders do it on their thread.
 
-use codec::{Clip, Field, LayerEnd, PixelFilter, TimeIndex};
+use codec::{Clip, Field, LayerEnd, Layers, PixelFilter};
 use glam::DVec3;
 use program::Fault;
 use shaders::{Features, Motion};
 
-use super::pack::{Packed, features, pack};
+use super::layer_run::LayerRun;
+use super::pack::{Packed, RecordFormat, features, motion_units, pack};
 use super::span::Span;
-use super::stages::alive::Rows;
+use super::stages::alive::LayerRows;
 
 /// What a renderer is built for to draw a take: buffers of fixed size, and pipelines with the features of all segments.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -20,8 +22,8 @@ pub struct TakeLayout {
     pub rotates: bool,
     /// The filter of all segments.
     pub filter: PixelFilter,
-    /// Origin of the centres in GPU memory, in the world of the take: the middle of its bounds.
-    pub origin: DVec3,
+    /// Corners `[min, max]` of the box around the centres of all segments while alive, in units of the take.
+    pub bounds: [[f32; 3]; 2],
     /// Number of Gaussians that are resident at once, at most 2^26; drawn ones, those that are uploaded ahead of use,
     /// and what is lost to gaps between segments.
     pub rows: usize,
@@ -52,6 +54,18 @@ impl TakeLayout {
             segmented: true,
         }
     }
+
+    /// Origin of the centres in GPU memory, in the world of the take: the centre of its bounds.
+    pub(super) fn origin(&self) -> DVec3 {
+        let [low, high] = self.bounds.map(|corner| DVec3::from_array(corner.map(f64::from)));
+        0.5 * (low + high)
+    }
+
+    /// The format of the records of all segments.
+    fn format(&self) -> RecordFormat {
+        let motion_units = motion_units(self.bounds);
+        RecordFormat { features: self.features(), origin: self.origin(), motion_units }
+    }
 }
 
 impl PlateLayout {
@@ -62,17 +76,26 @@ impl PlateLayout {
     }
 }
 
-/// A segment, packed for the GPU, with the columns that culling reads.
+/// A segment, or its first layers, packed for the GPU, with the columns that culling reads.
 pub struct PackedSegment {
     pub(super) span: Span,
-    pub(super) clip: PackedPart,
-    pub(super) plate: Option<PackedPart>,
+    pub(super) clip: PackedRun,
+    pub(super) plate: Option<PackedRun>,
+    /// Number of Gaussians for which it takes room: those of all layers that are announced.
+    pub(super) room: LayerEnd,
+    /// Factors of the motion coefficients.
+    pub(super) motion_units: [f32; 3],
 }
 
-/// The Gaussians of a segment that are sorted together.
-pub(super) struct PackedPart {
+/// Layers of a segment of which those before are in GPU memory, packed as a [`PackedSegment`] is.
+pub struct PackedLayers {
+    pub(super) run: PackedRun,
+}
+
+/// Gaussians of consecutive layers that are sorted together.
+pub(super) struct PackedRun {
     pub(super) packed: Packed,
-    pub(super) rows: Rows,
+    pub(super) rows: LayerRows,
 }
 
 impl PackedSegment {
@@ -81,23 +104,22 @@ impl PackedSegment {
     /// # Errors
     /// [`Fault::Data`] if the clip has features that `layout` lacks.
     pub fn new(clip: &Clip, span: Span, layout: &TakeLayout) -> Result<PackedSegment, Fault> {
-        let fields = [&clip.static_field, &clip.dynamic_field];
-        let index = (clip.layers.clone(), clip.time_index.clone());
+        let format = layout.format();
         let plate = match (&clip.plate, layout.plate) {
             (Some(plate), _) if plate.is_empty() => None,
             (None, _) => None,
             (Some(_), None) => return Err(unexpected(span, "a plate")),
             (Some(plate), Some(of_take)) => {
-                let all = LayerEnd { static_count: plate.len(), dynamic_count: 0 };
-                let index = (vec![all], TimeIndex::default());
-                let fields = [plate, &Field::default()];
-                Some(PackedPart::new(fields, index, span, layout.origin, of_take.features())?)
+                let format = RecordFormat { features: of_take.features(), ..format };
+                Some(PackedRun::new(&LayerRun::of_static(plate, &Field::default()), span, &format)?)
             }
         };
         Ok(PackedSegment {
             span,
-            clip: PackedPart::new(fields, index, span, layout.origin, layout.features())?,
+            clip: PackedRun::new(&LayerRun::of_clip(clip, 0), span, &format)?,
             plate,
+            room: clip.layers_announced.last().copied().unwrap_or_default(),
+            motion_units: format.motion_units,
         })
     }
 
@@ -108,24 +130,38 @@ impl PackedSegment {
 
     /// Bytes that its upload writes.
     pub fn bytes(&self) -> usize {
-        [Some(&self.clip), self.plate.as_ref()].into_iter().flatten().map(|part| part.packed.bytes()).sum()
+        [Some(&self.clip), self.plate.as_ref()].into_iter().flatten().map(|run| run.packed.bytes()).sum()
     }
 }
 
-impl PackedPart {
-    fn new(
-        fields: [&Field; 2],
-        (layers, time_index): (Vec<LayerEnd>, TimeIndex),
-        span: Span,
-        origin: DVec3,
-        of_take: Features,
-    ) -> Result<PackedPart, Fault> {
-        let found = features(fields);
-        let is_empty = fields.iter().all(|field| field.is_empty());
+impl PackedLayers {
+    /// Packs further layers of a segment that lasts `span` of a take of `layout`.
+    ///
+    /// # Errors
+    /// As for [`PackedSegment::new`].
+    pub fn new(layers: &Layers, span: Span, layout: &TakeLayout) -> Result<PackedLayers, Fault> {
+        Ok(PackedLayers { run: PackedRun::new(&LayerRun::from(layers), span, &layout.format())? })
+    }
+
+    /// Number of Gaussians.
+    pub fn gaussians(&self) -> usize {
+        self.run.rows.len()
+    }
+
+    /// Bytes that its upload writes.
+    pub fn bytes(&self) -> usize {
+        self.run.packed.bytes()
+    }
+}
+
+impl PackedRun {
+    fn new(run: &LayerRun<'_>, span: Span, format: &RecordFormat) -> Result<PackedRun, Fault> {
+        let of_take = format.features;
+        let found = features(run.fields, run.count());
         if found.sh_degree > of_take.sh_degree {
             return Err(unexpected(span, "spherical harmonics of a higher degree"));
         }
-        if found.mip != of_take.mip && !is_empty {
+        if found.mip != of_take.mip && run.len() > 0 {
             return Err(unexpected(span, "another filter"));
         }
         let (order, rotates) =
@@ -136,10 +172,7 @@ impl PackedPart {
         if rotates > of_take.motion.map(|motion| motion.rotates) {
             return Err(unexpected(span, "Gaussians that rotate"));
         }
-        Ok(PackedPart {
-            packed: pack(fields, origin, of_take),
-            rows: Rows::new(fields, origin, layers, time_index),
-        })
+        Ok(PackedRun { packed: pack(run, format), rows: LayerRows::new(run, format.origin) })
     }
 }
 
@@ -152,7 +185,7 @@ fn unexpected(span: Span, what: &str) -> Fault {
 
 #[cfg(test)]
 mod tests {
-    use codec::{ClipInfo, Temporal};
+    use codec::{ClipInfo, Temporal, TimeIndex};
 
     use super::*;
 
@@ -161,7 +194,7 @@ mod tests {
         motion_order: 1,
         rotates: false,
         filter: PixelFilter::Blur,
-        origin: DVec3::ZERO,
+        bounds: [[-1.0; 3], [1.0; 3]],
         rows: 10,
         duration_s: 4.0,
         plate: None,
@@ -202,7 +235,7 @@ mod tests {
             static_field,
             dynamic_field,
             layers: vec![end],
-            layers_announced: 1,
+            layers_announced: vec![end],
             plate: None,
         }
     }
@@ -214,7 +247,6 @@ mod tests {
         {
             let packed = PackedSegment::new(&clip, SPAN, &LAYOUT).unwrap();
             let columns = &packed.clip.packed;
-            assert_eq!(columns.features, LAYOUT.features());
             assert_eq!((columns.motion.len(), columns.sh.len()), (motion_words, 4 * clip.len()));
             assert_eq!(packed.bytes(), 32 * clip.len() + 4 * (motion_words + 4 * clip.len()));
             assert_eq!(packed.gaussians(), clip.len());

@@ -1,24 +1,26 @@
 //! [`Slots`]: the segments of a take in GPU memory, while it plays.
 //!
-//! Buffers have a fixed size. A segment takes a range of rows, the first gap that is large enough; its upload is spread
-//! over frames, and only a complete segment is drawn.
+//! Buffers have a fixed size. A segment takes a range of rows for all its layers, the first gap that is large enough. Its
+//! layers come one after the other; their upload is spread over frames, and only complete ones are drawn.
 //!
 //! A range is written again while earlier frames may be drawn from it. That is safe: a queue runs writes and
 //! submissions in the order of the calls, so what a submitted frame reads changes only after it. A frame that was prepared
 //! but not yet submitted has no such place in the queue, hence the rule that slots change between frames. A picture that
 //! another thread draws of the take holds its segments ([`GpuClip`] is shared), and their ranges wait for it.
 
+use std::collections::VecDeque;
 use std::ops::Range;
 use std::sync::Arc;
 
+use codec::LayerEnd;
 use program::Fault;
 use shaders::{ROW_BITS, SLOTS};
 
 use super::clip::{GaussianSet, GpuClip, GpuSegment, NO_SLOTS, Slot};
 use super::device::Gpu;
-use super::pack::Packed;
-use super::segment::{PackedPart, PackedSegment, TakeLayout};
+use super::segment::{PackedLayers, PackedRun, PackedSegment, TakeLayout};
 use super::span::Span;
+use super::stages::alive::{LayerRows, Rows};
 use super::stages::evaluate::Buffers;
 
 // An instant of a take is held by no more segments.
@@ -28,7 +30,7 @@ const _: () = assert!(SLOTS as usize >= codec::RESIDENT_MAX);
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct SlotId {
     number: usize,
-    /// Number of segments inserted before it.
+    /// Number of segments and layers that came before it.
     serial: u64,
 }
 
@@ -37,33 +39,46 @@ pub struct SlotId {
 pub struct Slots {
     clip: Arc<GpuClip>,
     taken: [Option<Taken>; SLOTS as usize],
-    inserted: u64,
+    /// Number of segments and layers that came so far.
+    serials: u64,
 }
 
 /// A slot that is not free.
 struct Taken {
     serial: u64,
     span: Span,
-    replaces: Option<SlotId>,
-    state: State,
+    /// Whether it was removed. A picture on another thread may still draw it.
+    is_leaving: bool,
     clip: ResidentRows,
     plate: Option<ResidentRows>,
+    /// What is uploaded, the first layers first.
+    uploads: VecDeque<Upload>,
+    /// Layers that are there or being uploaded end here.
+    end: LayerEnd,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum State {
-    Uploading,
-    Ready,
-    /// Removed, but drawn by a picture on another thread.
-    Leaving,
-}
-
-/// A segment's rows in the buffers of a set.
+/// A segment's rows in the buffers of a set, with room for all its layers.
 struct ResidentRows {
-    segment: Arc<GpuSegment>,
     rows: Range<usize>,
-    /// What is uploaded, until all of it is, and the number of bytes that are.
-    upload: Option<(Box<Packed>, usize)>,
+    first_dynamic: u32,
+    motion_units: [f32; 3],
+    room: Arc<()>,
+    /// The layers that are complete, once the first are.
+    drawn: Option<Arc<GpuSegment>>,
+}
+
+/// Layers on the way to the GPU.
+struct Upload {
+    /// Number of uploads that began before.
+    serial: u64,
+    clip: RunUpload,
+    plate: Option<RunUpload>,
+}
+
+/// A [`PackedRun`], of which a number of bytes is uploaded.
+struct RunUpload {
+    run: PackedRun,
+    done: usize,
 }
 
 impl Slots {
@@ -80,15 +95,16 @@ impl Slots {
                     1 << ROW_BITS
                 )));
             }
-            Ok(GaussianSet { buffers: Buffers::with_capacity(gpu, features, rows)?, slots: NO_SLOTS })
+            Ok(GaussianSet { buffers: Buffers::of_take(gpu, features, rows)?, slots: NO_SLOTS })
         };
         let clip = GpuClip {
-            origin: layout.origin,
+            origin: layout.origin(),
+            uploaded_bytes: 0,
             duration_s: layout.duration_s,
             clip: set(layout.features(), layout.rows)?,
             plate: layout.plate.map(|plate| set(plate.features(), plate.rows)).transpose()?,
         };
-        Ok(Slots { clip: Arc::new(clip), taken: [const { None }; SLOTS as usize], inserted: 0 })
+        Ok(Slots { clip: Arc::new(clip), taken: [const { None }; SLOTS as usize], serials: 0 })
     }
 
     /// What is drawn: the complete segments.
@@ -96,15 +112,46 @@ impl Slots {
         &self.clip
     }
 
-    /// Takes a slot and rows for `packed`, which [`Slots::upload`] then writes. `None` if there is no room.
+    /// Takes a slot for `packed`, and rows for all layers of its segment. [`Slots::upload`] then writes those that are
+    /// packed. `None` if there is no room.
     pub fn insert(&mut self, packed: PackedSegment) -> Option<SlotId> {
-        self.insert_in_place_of(packed, None)
+        let (number, firsts) = self.place(&packed)?;
+        let serial = self.next_serial();
+        let PackedSegment { span, clip, plate, room, motion_units } = packed;
+        let resident = |first: usize, count: usize, first_dynamic: usize, motion_units| ResidentRows {
+            rows: first..first + count,
+            // Rows are at most 2^26.
+            first_dynamic: first_dynamic as u32,
+            motion_units,
+            room: Arc::default(),
+            drawn: None,
+        };
+        let of_plate = |plate: &PackedRun| resident(firsts[1], plate.rows.len(), plate.rows.len(), [1.0; 3]);
+        self.taken[number] = Some(Taken {
+            serial,
+            span,
+            is_leaving: false,
+            clip: resident(firsts[0], room.total(), room.static_count, motion_units),
+            plate: plate.as_ref().map(of_plate),
+            end: clip.rows.end(),
+            uploads: [Upload { serial, clip: RunUpload::new(clip), plate: plate.map(RunUpload::new) }].into(),
+        });
+        Some(SlotId { number, serial })
     }
 
-    /// Inserts `packed` in place of `old`, which is drawn until `packed` is complete and removed then: the same segment
-    /// with more layers. `None` if there is no room for both; `old` then stays.
-    pub fn replace(&mut self, old: SlotId, packed: PackedSegment) -> Option<SlotId> {
-        self.insert_in_place_of(packed, Some(old))
+    /// Adds layers to the segment, which has room for them. They are drawn once [`Slots::upload`] has written them; those
+    /// before are drawn until then and after.
+    ///
+    /// # Panics
+    /// If the segment was removed, or they do not follow its last layer.
+    pub fn append(&mut self, id: SlotId, layers: PackedLayers) {
+        let serial = self.next_serial();
+        let run = layers.run;
+        let taken = self.taken[id.number].as_mut().filter(|taken| taken.serial == id.serial);
+        let taken = taken.filter(|taken| !taken.is_leaving).expect("the segment is resident");
+        assert_eq!(run.rows.before(), taken.end, "further layers follow the last one");
+        taken.end = run.rows.end();
+        taken.uploads.push_back(Upload { serial, clip: RunUpload::new(run), plate: None });
     }
 
     /// Whether there is room for `packed`.
@@ -112,17 +159,18 @@ impl Slots {
         self.place(packed).is_some()
     }
 
-    /// Writes at most `budget` bytes of the segments that are not complete, the first inserted first, for the next
-    /// submission. Returns the number of bytes.
+    /// Writes at most `budget` bytes of what is not complete, what came first first, for the next submission. Returns the
+    /// number of bytes.
     pub fn upload(&mut self, gpu: &Gpu, budget: usize) -> usize {
         let mut written = 0;
         while let Some(number) = self.next_upload() {
             let taken = self.taken[number].as_mut().expect("it is uploaded");
-            written += taken.clip.write(gpu, &self.clip.clip.buffers, budget - written);
-            if let (Some(part), Some(set)) = (&mut taken.plate, &self.clip.plate) {
-                written += part.write(gpu, &set.buffers, budget - written);
+            let upload = taken.uploads.front_mut().expect("it is uploaded");
+            written += upload.clip.write(gpu, &self.clip.clip.buffers, &taken.clip, budget - written);
+            if let (Some(run), Some(rows), Some(set)) = (&mut upload.plate, &taken.plate, &self.clip.plate) {
+                written += run.write(gpu, &set.buffers, rows, budget - written);
             }
-            if taken.parts().any(|part| part.upload.is_some()) {
+            if ![Some(&upload.clip), upload.plate.as_ref()].into_iter().flatten().all(RunUpload::is_done) {
                 break;
             }
             self.finish(number);
@@ -130,9 +178,14 @@ impl Slots {
         written
     }
 
-    /// Whether the segment is complete and drawn while its span holds the instant.
+    /// Whether the segment is drawn while its span holds the instant, by its first layers at least.
+    pub fn is_drawn(&self, id: SlotId) -> bool {
+        self.find(id).is_some_and(|taken| taken.clip.drawn.is_some())
+    }
+
+    /// Whether the segment is drawn with all layers that were inserted and appended.
     pub fn is_ready(&self, id: SlotId) -> bool {
-        self.find(id).is_some_and(|taken| taken.state == State::Ready)
+        self.find(id).is_some_and(|taken| !taken.is_leaving && taken.uploads.is_empty())
     }
 
     /// Removes a segment; without effect if it was removed before.
@@ -140,30 +193,14 @@ impl Slots {
         let Some(taken) = self.taken[id.number].as_mut().filter(|taken| taken.serial == id.serial) else {
             return;
         };
-        if taken.state == State::Ready {
-            let clip = Arc::make_mut(&mut self.clip);
-            clip.clip.slots[id.number] = None;
-            if let Some(plate) = &mut clip.plate {
-                plate.slots[id.number] = None;
-            }
+        taken.is_leaving = true;
+        taken.uploads.clear();
+        taken.clip.drawn = None;
+        if let Some(plate) = &mut taken.plate {
+            plate.drawn = None;
         }
-        taken.state = State::Leaving;
+        self.draw(id.number);
         self.sweep();
-    }
-
-    fn insert_in_place_of(&mut self, packed: PackedSegment, replaces: Option<SlotId>) -> Option<SlotId> {
-        let (number, firsts) = self.place(&packed)?;
-        let serial = self.inserted;
-        self.inserted += 1;
-        self.taken[number] = Some(Taken {
-            serial,
-            span: packed.span,
-            replaces,
-            state: State::Uploading,
-            clip: ResidentRows::new(packed.clip, firsts[0]),
-            plate: packed.plate.map(|plate| ResidentRows::new(plate, firsts[1])),
-        });
-        Some(SlotId { number, serial })
     }
 
     /// A free slot and the first rows for the clip and the plate of `packed`.
@@ -172,7 +209,7 @@ impl Slots {
         let number = self.taken.iter().position(Option::is_none)?;
         let taken = self.taken.iter().flatten();
         let ranges = taken.clone().map(|taken| taken.clip.rows.clone());
-        let clip = first_gap(ranges, packed.clip.rows.len(), self.clip.clip.buffers.rows)?;
+        let clip = first_gap(ranges, packed.room.total(), self.clip.clip.buffers.rows)?;
         let ranges = taken.filter_map(|taken| taken.plate.as_ref()).map(|plate| plate.rows.clone());
         let plate = match (&packed.plate, &self.clip.plate) {
             (Some(plate), Some(set)) => first_gap(ranges, plate.rows.len(), set.buffers.rows)?,
@@ -182,36 +219,50 @@ impl Slots {
         Some((number, [clip, plate]))
     }
 
+    fn next_serial(&mut self) -> u64 {
+        self.serials += 1;
+        self.serials - 1
+    }
+
     /// The slot to upload to next.
     fn next_upload(&self) -> Option<usize> {
         let uploading = self.taken.iter().enumerate().filter_map(|(number, taken)| {
-            let taken = taken.as_ref().filter(|taken| taken.state == State::Uploading)?;
-            Some((taken.serial, number))
+            let upload = taken.as_ref()?.uploads.front()?;
+            Some((upload.serial, number))
         });
         uploading.min().map(|(_, number)| number)
     }
 
-    /// Draws the complete segment in slot `number` from the next frame on.
+    /// Draws the layers in slot `number` that are complete now from the next frame on.
     fn finish(&mut self, number: usize) {
         let taken = self.taken[number].as_mut().expect("it was uploaded");
-        taken.state = State::Ready;
-        let slot = |part: &ResidentRows| Slot { span: taken.span, segment: part.segment.clone() };
-        let clip = Arc::make_mut(&mut self.clip);
-        clip.clip.slots[number] = Some(slot(&taken.clip));
-        if let Some(plate) = &mut clip.plate {
-            plate.slots[number] = taken.plate.as_ref().map(slot);
+        let Upload { clip, plate, .. } = taken.uploads.pop_front().expect("it was uploaded");
+        taken.clip.join(clip.run.rows);
+        if let (Some(rows), Some(plate)) = (&mut taken.plate, plate) {
+            rows.join(plate.run.rows);
         }
-        if let Some(old) = taken.replaces.take() {
-            self.remove(old);
+        self.draw(number);
+    }
+
+    /// Draws what is complete in slot `number` from the next frame on.
+    fn draw(&mut self, number: usize) {
+        let taken = self.taken[number].as_ref().expect("it is taken");
+        let slot = |rows: &ResidentRows| rows.drawn.clone().map(|segment| Slot { span: taken.span, segment });
+        let clip = Arc::make_mut(&mut self.clip);
+        clip.clip.slots[number] = slot(&taken.clip);
+        if let Some(plate) = &mut clip.plate {
+            plate.slots[number] = taken.plate.as_ref().and_then(slot);
         }
     }
 
     /// Frees the slots of removed segments that nothing draws.
     fn sweep(&mut self) {
         for taken in &mut self.taken {
-            let is_free = |part: &ResidentRows| Arc::strong_count(&part.segment) == 1;
-            if taken.as_ref().is_some_and(|taken| taken.state == State::Leaving && taken.parts().all(is_free))
-            {
+            let is_free = |rows: &ResidentRows| Arc::strong_count(&rows.room) == 1;
+            let is_unused = |taken: &Taken| {
+                taken.is_leaving && [&taken.clip].into_iter().chain(&taken.plate).all(is_free)
+            };
+            if taken.as_ref().is_some_and(is_unused) {
                 *taken = None;
             }
         }
@@ -222,31 +273,37 @@ impl Slots {
     }
 }
 
-impl Taken {
-    fn parts(&self) -> impl Iterator<Item = &ResidentRows> {
-        [&self.clip].into_iter().chain(&self.plate)
+impl ResidentRows {
+    /// Adds layers that are complete to those that are drawn.
+    fn join(&mut self, rows: LayerRows) {
+        let rows = match &self.drawn {
+            Some(segment) => segment.rows.followed_by(rows),
+            None => Rows::new(rows, self.first_dynamic),
+        };
+        self.drawn = Some(Arc::new(GpuSegment {
+            rows,
+            first: self.rows.start as u32,
+            motion_units: self.motion_units,
+            _room: self.room.clone(),
+        }));
     }
 }
 
-impl ResidentRows {
-    fn new(PackedPart { packed, rows }: PackedPart, first: usize) -> ResidentRows {
-        ResidentRows {
-            rows: first..first + rows.len(),
-            // Rows are at most 2^26.
-            segment: Arc::new(GpuSegment { rows, first: first as u32, ranges: packed.ranges }),
-            upload: Some((Box::new(packed), 0)),
-        }
+impl RunUpload {
+    fn new(run: PackedRun) -> RunUpload {
+        RunUpload { run, done: 0 }
     }
 
-    /// Writes at most `budget` further bytes, and returns how many.
-    fn write(&mut self, gpu: &Gpu, buffers: &Buffers, budget: usize) -> usize {
-        let Some((packed, done)) = &mut self.upload else { return 0 };
-        let written = buffers.write(gpu, packed, self.rows.start, *done, budget);
-        *done += written;
-        if *done == packed.bytes() {
-            self.upload = None;
-        }
+    /// Writes at most `budget` further bytes to the room of `rows`, and returns how many.
+    fn write(&mut self, gpu: &Gpu, buffers: &Buffers, rows: &ResidentRows, budget: usize) -> usize {
+        let firsts = [rows.rows.start, rows.first_dynamic as usize];
+        let written = buffers.write(gpu, &self.run.packed, firsts, self.done, budget);
+        self.done += written;
         written
+    }
+
+    fn is_done(&self) -> bool {
+        self.done == self.run.packed.bytes()
     }
 }
 

@@ -1,10 +1,10 @@
-//! [`Download`]: fetches a clip, decodes its layers as they arrive, and caches it.
+//! [`Download`]: fetches a clip, decodes its layers as they arrive, each once, and caches it.
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use codec::{Clip, Limits};
+use codec::{Clip, Contents, Error, Limits, contents};
 use program::Fault;
 
 use super::cache::{Cache, CachedFile};
@@ -12,7 +12,7 @@ use super::fetch::{Fetch, FetchOptions, Outcome, State, undecodable};
 use super::partial_file::PartialFile;
 use super::remote_file::RemoteFile;
 use super::retry::RetryPolicy;
-use crate::clips::{LoadEvent, Servers, decode, redacted};
+use crate::clips::{ClipVersion, LoadEvent, Servers, decode, decode_layers, redacted};
 use crate::takes::{OpenTake, TakeSource};
 
 /// Time between two reports of progress: short, and still long enough to read the numbers.
@@ -50,8 +50,16 @@ pub(super) fn cached_version_note(url: &str, fault: &Fault) -> String {
 /// What a download does next: report an event and pause, or go on.
 type Flow = ControlFlow<Result<LoadEvent, Fault>>;
 
-fn report(clip: Clip) -> Flow {
-    ControlFlow::Break(Ok(LoadEvent::Clip(Box::new(clip))))
+fn report(version: Option<ClipVersion>) -> Flow {
+    version.map_or(ControlFlow::Continue(()), |version| ControlFlow::Break(Ok(LoadEvent::Clip(version))))
+}
+
+/// The layers of a package that were decoded so far. Those that arrive are appended.
+#[derive(Debug)]
+struct Arrived {
+    head: Contents,
+    /// Shared with whoever draws it: it is copied if layers are appended meanwhile.
+    clip: Arc<Clip>,
 }
 
 /// A clip being downloaded. Iterating waits for the next event, 250 ms at most. It ends after the
@@ -63,9 +71,11 @@ pub struct Download {
     stage: Stage,
     /// Whether a cached version was reported.
     has_cached: bool,
-    /// Bytes of which the latest clip was decoded, and seconds that decoding took.
+    /// What was decoded of the file that is being fetched.
+    arrived: Option<Arrived>,
+    /// Bytes of which the latest clip was decoded, and seconds that decoding a byte of its last layers took.
     decoded_bytes: usize,
-    decoding_s: f64,
+    decoding_s_per_byte: f64,
     /// The reason of a retry reported last.
     trouble: Option<String>,
 }
@@ -95,8 +105,9 @@ impl Download {
             options,
             stage: Stage::Begin,
             has_cached: false,
+            arrived: None,
             decoded_bytes: 0,
-            decoding_s: 0.0,
+            decoding_s_per_byte: 0.0,
             trouble: None,
         }
     }
@@ -114,7 +125,7 @@ impl Download {
             Ok(fetch) => self.stage = Stage::Fetching(fetch),
             Err(fault) => return self.fail(fault),
         }
-        clip.map_or(ControlFlow::Continue(()), report)
+        report(clip.map(|clip| ClipVersion { clip: Arc::new(clip), is_continued: false }))
     }
 
     /// The cached version and its clip. Removes an entry that does not decode.
@@ -143,13 +154,10 @@ impl Download {
         if self.should_decode(&state) {
             let bytes = state.file.bytes()[..playable_bytes].to_vec();
             drop(state);
-            let start = Instant::now();
-            let clip = self.decode(&bytes);
-            (self.decoded_bytes, self.decoding_s) = (playable_bytes, start.elapsed().as_secs_f64());
-            return match clip {
-                Ok(clip) => {
+            return match self.decode(&bytes) {
+                Ok(version) => {
                     self.stage = Stage::Fetching(fetch);
-                    report(clip)
+                    report(version)
                 }
                 Err(fault) => self.fail(fault),
             };
@@ -174,7 +182,7 @@ impl Download {
         if self.has_cached || playable_bytes <= self.decoded_bytes {
             return false;
         }
-        let decoding_s = self.decoding_s * playable_bytes as f64 / self.decoded_bytes.max(1) as f64;
+        let decoding_s = self.decoding_s_per_byte * (playable_bytes - self.decoded_bytes) as f64;
         self.decoded_bytes == 0 || state.progress.remaining_s().is_some_and(|left_s| left_s > decoding_s)
     }
 
@@ -184,9 +192,9 @@ impl Download {
             Outcome::Unchanged => ControlFlow::Continue(()),
             Outcome::Take => self.open_take(),
             Outcome::Complete { etag } => match self.decode(&package) {
-                Ok(clip) => {
+                Ok(version) => {
                     self.stage = Stage::Store { etag: etag.unwrap_or_default(), package };
-                    report(clip)
+                    report(version)
                 }
                 Err(fault) => self.fail(fault),
             },
@@ -196,9 +204,9 @@ impl Download {
             // The last layers may arrive together with the failure.
             Outcome::Failed { fault, .. } if playable_bytes > self.decoded_bytes && !self.has_cached => {
                 match self.decode(&package[..playable_bytes]) {
-                    Ok(clip) => {
+                    Ok(version) => {
                         self.stage = Stage::Failed(fault);
-                        report(clip)
+                        report(version)
                     }
                     Err(fault) => self.fail(fault),
                 }
@@ -229,8 +237,33 @@ impl Download {
         }
     }
 
-    fn decode(&self, bytes: &[u8]) -> Result<Clip, Fault> {
-        decode(bytes, &self.options.limits).map_err(|error| undecodable(&error))
+    /// Decodes the complete layers of the file, of which `bytes` have arrived: those that are new alone; `None` if there
+    /// are none. A file that was sent again as another version is decoded from its start.
+    fn decode(&mut self, bytes: &[u8]) -> Result<Option<ClipVersion>, Fault> {
+        let start = Instant::now();
+        let (version, new_bytes) = self.decode_arrived(bytes).map_err(|error| undecodable(&error))?;
+        self.decoding_s_per_byte = start.elapsed().as_secs_f64() / new_bytes.max(1) as f64;
+        self.decoded_bytes = bytes.len();
+        Ok(version)
+    }
+
+    /// The clip of `bytes`, if there are new layers, and the number of their bytes.
+    fn decode_arrived(&mut self, bytes: &[u8]) -> Result<(Option<ClipVersion>, usize), Error> {
+        let limits = &self.options.limits;
+        let head = contents(bytes, limits)?;
+        let Some(arrived) = self.arrived.as_mut().filter(|arrived| arrived.head == head) else {
+            let clip = Arc::new(decode(bytes, limits)?);
+            self.arrived = Some(Arrived { head, clip: clip.clone() });
+            return Ok((Some(ClipVersion { clip, is_continued: false }), bytes.len()));
+        };
+        let (first, ends) = (arrived.clip.layers.len(), head.layer_bytes());
+        if first == ends.len() {
+            return Ok((None, 0));
+        }
+        let layers = decode_layers(&head, bytes, first, limits)?;
+        Arc::make_mut(&mut arrived.clip).append(layers);
+        let version = ClipVersion { clip: arrived.clip.clone(), is_continued: true };
+        Ok((Some(version), bytes.len() - ends[first - 1]))
     }
 
     fn fail(&self, fault: Fault) -> Flow {
@@ -298,10 +331,10 @@ mod tests {
         let mut download = download();
         assert!(!download.should_decode(&received(first - 1, 60.0)), "no layer is complete");
         assert!(download.should_decode(&received(first, 0.0)), "the first layer");
-        (download.decoded_bytes, download.decoding_s) = (first, 1.0);
+        (download.decoded_bytes, download.decoding_s_per_byte) = (first, 1.0 / first as f64);
         assert!(!download.should_decode(&received(second - 1, 60.0)), "no further layer");
-        // Decoding time is proportional to bytes.
-        let decoding_s = second as f64 / first as f64;
+        // Decoding time is proportional to the bytes of the new layers.
+        let decoding_s = (second - first) as f64 / first as f64;
         for (left_s, is_decoded) in [(0.9 * decoding_s, false), (1.1 * decoding_s, true)] {
             assert_eq!(download.should_decode(&received(second, left_s)), is_decoded, "{left_s} s");
         }
@@ -325,6 +358,56 @@ mod tests {
         assert!(download.has_event(&troubled));
     }
 
+    /// A small package of two layers.
+    fn other() -> Vec<u8> {
+        let field = codec::Field {
+            centers: vec![[0.0; 3]; 2],
+            rotations: vec![[1.0, 0.0, 0.0, 0.0]; 2],
+            log_scales: vec![[-2.0; 3]; 2],
+            opacities: vec![0.9; 2],
+            sh: vec![[0.3; 3]; 2],
+            ..codec::Field::default()
+        };
+        let source = codec::Source { info: &codec::ClipInfo::default(), field: &field, plate: None };
+        codec::encode(&source, &codec::EncodeOptions { layers: vec![1], ..Default::default() }).unwrap()
+    }
+
+    #[test]
+    fn layers_continue_the_clip_of_the_same_file_and_of_no_other() {
+        let mut download = download();
+        let mut held: Vec<(Arc<Clip>, Clip)> = Vec::new();
+        for end in contents(DEMO, &Limits::default()).unwrap().layer_bytes() {
+            let version = download.decode(&DEMO[..end]).unwrap().unwrap();
+            assert_eq!(version.is_continued, !held.is_empty());
+            let expected = decode(&DEMO[..end], &Limits::default()).unwrap();
+            assert!(*version.clip == expected, "{end} bytes");
+            assert_eq!(download.decoded_bytes, end);
+            held.push((version.clip, expected));
+        }
+        assert!(download.decode(DEMO).unwrap().is_none(), "nothing is new");
+        assert!(held.iter().all(|(clip, expected)| **clip == *expected), "what is drawn does not change");
+        // The file was sent again, as another version.
+        let other = other();
+        for (end, is_continued) in
+            contents(&other, &Limits::default()).unwrap().layer_bytes().into_iter().zip([false, true])
+        {
+            let version = download.decode(&other[..end]).unwrap().unwrap();
+            assert_eq!(version.is_continued, is_continued);
+            assert!(*version.clip == decode(&other[..end], &Limits::default()).unwrap());
+        }
+    }
+
+    #[test]
+    fn damage_to_a_later_layer_ends_the_download_and_not_the_clip() {
+        let [first, second] = layer_ends();
+        let mut download = download();
+        let start = download.decode(&DEMO[..first]).unwrap().unwrap().clip;
+        let mut damaged = DEMO[..second].to_vec();
+        damaged[second - 1] ^= 1;
+        assert!(matches!(download.decode(&damaged), Err(Fault::Data(_))));
+        assert!(*start == decode(&DEMO[..first], &Limits::default()).unwrap());
+    }
+
     #[test]
     fn layers_that_arrive_with_a_failure_play_before_it_is_reported() {
         let [first, _] = layer_ends();
@@ -332,7 +415,7 @@ mod tests {
         let failed = Outcome::Failed { fault: Fault::Network("gone".into()), is_transient: true };
         let flow = download.on_outcome(failed, DEMO[..first].to_vec(), first);
         let Flow::Break(Ok(LoadEvent::Clip(clip))) = flow else { panic!("{flow:?}") };
-        assert_eq!(clip.layers.len(), 1);
+        assert_eq!((clip.clip.layers.len(), clip.is_continued), (1, false));
         assert!(matches!(download.next(), Some(Err(Fault::Network(why))) if why.contains("gone")));
         assert!(download.next().is_none());
     }

@@ -9,15 +9,15 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use program::Fault;
 
 use super::layers::Traffic;
-use super::opened::OpenTake;
+use super::opened::{OpenTake, PackedWant};
 use super::plan::Want;
 use crate::clips::Worker;
-use crate::gpu::{PackedSegment, TakeLayout};
+use crate::gpu::TakeLayout;
 
 /// What the thread reports.
 pub(super) enum SegmentEvent {
-    /// A segment is packed; and what came from a server for it.
-    Packed(Want, Box<PackedSegment>, Traffic),
+    /// Layers of a segment are packed; and what came from a server for them.
+    Packed(Want, PackedWant, Traffic),
     /// A segment cannot be loaded.
     Failed(Want, Fault),
     /// A segment cannot be loaded because the file is another version by now.
@@ -70,7 +70,7 @@ impl SegmentLoader {
                 let packed = loaded.load(want, &layout);
                 let is_replaced = loaded.is_replaced();
                 let event = match packed {
-                    Ok((packed, traffic)) => SegmentEvent::Packed(want, Box::new(packed), traffic),
+                    Ok((packed, traffic)) => SegmentEvent::Packed(want, packed, traffic),
                     Err(Fault::Network(_)) if lock(&shared).is_cancelled => SegmentEvent::Overtaken(want),
                     Err(fault) if is_replaced => SegmentEvent::Replaced(want, fault),
                     Err(fault) => SegmentEvent::Failed(want, fault),
@@ -86,7 +86,7 @@ impl SegmentLoader {
         Ok(SegmentLoader { opened, wants, worker, is_idle: true })
     }
 
-    /// Replaces the list of wants. Those under way are left out. Ends the read of a segment that is not in the list.
+    /// Replaces the list of wants. Layers under way are left out. Ends the read of a segment that is not in the list.
     pub(super) fn set(&mut self, list: Vec<Want>) {
         let mut wants = lock(&self.wants);
         let is_wanted = |want: &Want| list.iter().any(|other| other.segment == want.segment);
@@ -94,10 +94,7 @@ impl SegmentLoader {
             wants.is_cancelled = true;
             self.opened.cancel();
         }
-        let is_under_way = |want: &Want| {
-            wants.under_way.iter().any(|other| other.segment == want.segment && other.layers >= want.layers)
-        };
-        wants.queue = list.into_iter().filter(|want| !is_under_way(want)).collect();
+        wants.queue = behind(&wants.under_way, list).collect();
         let is_needed = !wants.queue.is_empty();
         drop(wants);
         if self.is_idle && is_needed {
@@ -164,6 +161,33 @@ impl Drop for SegmentLoader {
     }
 }
 
+/// What is left of `list` behind the layers under way.
+fn behind(under_way: &[Want], list: Vec<Want>) -> impl Iterator<Item = Want> {
+    let coming = |segment: usize| {
+        let of_segment = under_way.iter().filter(|other| other.segment == segment);
+        of_segment.map(|other| other.layers).max().unwrap_or(0)
+    };
+    let rest = list.into_iter().map(move |want| Want { from: want.from.max(coming(want.segment)), ..want });
+    rest.filter(|want| want.from < want.layers)
+}
+
 fn lock(wants: &Mutex<Wants>) -> MutexGuard<'_, Wants> {
     wants.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn layers_under_way_are_not_loaded_again() {
+        let want = |segment, from, layers| Want { segment, from, layers };
+        let list = || vec![want(1, 0, 1), want(2, 0, 1), want(1, 1, 3), want(2, 1, 4)];
+        let rest = |under_way: &[Want]| behind(under_way, list()).collect::<Vec<_>>();
+        assert_eq!(rest(&[]), list());
+        assert_eq!(rest(&[want(1, 0, 1)]), [want(2, 0, 1), want(1, 1, 3), want(2, 1, 4)]);
+        // More than is listed first, and two in a row.
+        assert_eq!(rest(&[want(2, 0, 2)]), [want(1, 0, 1), want(1, 1, 3), want(2, 2, 4)]);
+        assert_eq!(rest(&[want(1, 0, 1), want(1, 1, 3), want(2, 1, 4)]), []);
+    }
 }

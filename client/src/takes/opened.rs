@@ -4,7 +4,7 @@ use std::num::NonZero;
 use std::path::Path;
 use std::thread;
 
-use codec::{Clip, Error, FormatError, Limits, Package, Take, Viewpoint, package};
+use codec::{Clip, Error, FormatError, Layers, Limits, Package, Take, Viewpoint, package};
 use glam::DVec3;
 use program::{Fault, Subject};
 
@@ -12,7 +12,7 @@ use super::layers::Traffic;
 use super::plan::{Want, rows_wanted, span};
 use super::source::TakeSource;
 use crate::clips::advice;
-use crate::gpu::{PackedSegment, PlateLayout, TakeLayout};
+use crate::gpu::{PackedLayers, PackedSegment, PlateLayout, TakeLayout};
 
 /// Bytes that are read to find a head: heads of clips, and of takes of some 500 segments.
 const HEAD_BYTES: u64 = 32 << 10;
@@ -23,6 +23,14 @@ const MEMORY_PARTS: usize = 4;
 
 /// Plates that are resident at once: the one that is drawn, and the next.
 const PLATES: usize = 2;
+
+/// What was loaded of a segment.
+pub(super) enum PackedWant {
+    /// The segment with its first layers.
+    Segment(Box<PackedSegment>),
+    /// Layers behind those that were loaded before.
+    Layers(Box<PackedLayers>),
+}
 
 /// A take whose head is in memory.
 #[derive(Debug)]
@@ -148,8 +156,8 @@ impl OpenTake {
         };
         let clips: Vec<Clip> = (0..self.layers.len())
             .filter(at_start)
-            .map(|segment| Want { segment, layers: 1 })
-            .filter_map(|want| self.decode(want, &self.read(want).ok()?).ok())
+            .map(|segment| Want { segment, from: 0, layers: 1 })
+            .filter_map(|want| self.decode_segment(want, &self.read(want).ok()?).ok())
             .collect();
         let info = &self.take.info;
         let mut centers: Vec<DVec3> = clips.iter().flat_map(Subject::centers).collect();
@@ -160,19 +168,17 @@ impl OpenTake {
         Subject::from_parts(centers.into_iter(), info.up, info.metres_per_unit, viewpoint)
     }
 
-    /// The layout of the take in GPU memory: rows for what playing wants at any instant, and for a second version of
-    /// its largest segment.
+    /// The layout of the take in GPU memory: rows for what playing wants at any instant, and for gaps between segments of
+    /// the size of the largest.
     pub(crate) fn layout(&self) -> TakeLayout {
-        let Take { segments, bounds: [low, high], .. } = &self.take;
-        let largest = segments.iter().map(|segment| segment.gaussians()).max().unwrap_or(0);
+        let largest = self.take.segments.iter().map(|segment| segment.gaussians()).max().unwrap_or(0);
         let rows = rows_wanted(&self.take).saturating_add(largest);
-        let middle = |axis: usize| 0.5 * (f64::from(low[axis]) + f64::from(high[axis]));
         TakeLayout {
             sh_degree: self.take.sh_degree,
             motion_order: self.take.motion_order,
             rotates: self.take.rotation_rates,
             filter: self.take.filter,
-            origin: DVec3::from_array([0, 1, 2].map(middle)),
+            bounds: self.take.bounds,
             rows: rows.min(self.limits.max_gaussians).max(self.take.resident_max()),
             duration_s: self.take.duration_s,
             plate: (self.take.plate_len > 0).then(|| PlateLayout {
@@ -213,20 +219,25 @@ impl OpenTake {
         self.source.resume();
     }
 
-    /// Reads, decodes and packs the first layers of a segment. Also returns what came from a server for it.
+    /// Reads, decodes and packs the wanted layers of a segment. Also returns what came from a server for them.
     ///
     /// # Errors
     /// [`Fault::Data`] with the place of the segment in the take; [`Fault::Network`] if it does not arrive.
-    pub(super) fn load(&self, want: Want, layout: &TakeLayout) -> Result<(PackedSegment, Traffic), Fault> {
+    pub(super) fn load(&self, want: Want, layout: &TakeLayout) -> Result<(PackedWant, Traffic), Fault> {
         let span = span(&self.take.segments[want.segment]);
         let before = self.source.traffic();
         let bytes = self.read(want)?;
         let traffic = self.source.traffic() - before;
-        let clip = self.decode(want, &bytes)?;
-        let packed = PackedSegment::new(&clip, span, layout).map_err(|fault| fault.about(&self.name()))?;
-        Ok((packed, traffic))
+        let packed = match want.from {
+            0 => PackedSegment::new(&self.decode_segment(want, &bytes)?, span, layout)
+                .map(|segment| PackedWant::Segment(Box::new(segment))),
+            _ => PackedLayers::new(&self.decode_layers(want, &bytes)?, span, layout)
+                .map(|layers| PackedWant::Layers(Box::new(layers))),
+        };
+        Ok((packed.map_err(|fault| fault.about(&self.name()))?, traffic))
     }
 
+    /// Reads the segment up to the wanted layers, with those before, which a cache has.
     fn read(&self, want: Want) -> Result<Vec<u8>, Fault> {
         let segment = &self.take.segments[want.segment];
         let length = segment.layers[want.layers - 1].bytes;
@@ -238,17 +249,31 @@ impl OpenTake {
         Ok(bytes)
     }
 
-    fn decode(&self, want: Want, bytes: &[u8]) -> Result<Clip, Fault> {
-        let limits = Limits { max_bytes: self.limits.max_bytes / MEMORY_PARTS, ..self.limits };
-        self.take.decode_segment(want.segment, bytes, &limits, threads()).map_err(|error| {
-            let advice = match error {
-                Error::Format { error: FormatError::Segment { .. } | FormatError::Magic, .. } => {
-                    "the file is another one or damaged: open it again"
-                }
-                _ => advice(&error, "copy it again"),
-            };
-            self.segment_fault(want, &format!("{error}: {advice}"))
-        })
+    fn decode_segment(&self, want: Want, bytes: &[u8]) -> Result<Clip, Fault> {
+        let decoded = self.take.decode_segment(want.segment, bytes, &self.segment_limits(), threads());
+        decoded.map_err(|error| self.undecodable(want, &error))
+    }
+
+    fn decode_layers(&self, want: Want, bytes: &[u8]) -> Result<Layers, Fault> {
+        let Want { segment, from, .. } = want;
+        let decoded =
+            self.take.decode_segment_layers(segment, bytes, from, &self.segment_limits(), threads());
+        decoded.map_err(|error| self.undecodable(want, &error))
+    }
+
+    /// The limits of a segment.
+    fn segment_limits(&self) -> Limits {
+        Limits { max_bytes: self.limits.max_bytes / MEMORY_PARTS, ..self.limits }
+    }
+
+    fn undecodable(&self, want: Want, error: &Error) -> Fault {
+        let advice = match error {
+            Error::Format { error: FormatError::Segment { .. } | FormatError::Magic, .. } => {
+                "the file is another one or damaged: open it again"
+            }
+            error => advice(error, "copy it again"),
+        };
+        self.segment_fault(want, &format!("{error}: {advice}"))
     }
 
     fn segment_fault(&self, want: Want, reason: &str) -> Fault {

@@ -39,10 +39,13 @@ pub(crate) struct Playhead {
     pub(crate) speed: f64,
 }
 
-/// A number of layers of a segment.
+/// Layers of a segment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Want {
     pub(crate) segment: usize,
+    /// Number of layers that are there, or come before. They are not loaded again.
+    pub(crate) from: usize,
+    /// Number of layers that are there then.
     pub(crate) layers: usize,
 }
 
@@ -72,20 +75,20 @@ impl Plan {
         let is_loadable = |index: &usize| layers[*index] > 0;
         let holds = |index: &usize| span(&take.segments[*index]).holds(t_s, take.duration_s);
         let held: Vec<usize> = (0..take.segments.len()).filter(is_loadable).filter(holds).collect();
-        let mut wants: Vec<Want> = held.iter().map(|&segment| Want { segment, layers: 1 }).collect();
+        let mut wants: Vec<Want> = held.iter().map(|&segment| Want { segment, from: 0, layers: 1 }).collect();
         let rest = held.iter().filter(|&&segment| layers[segment] > 1);
-        wants.extend(rest.map(|&segment| Want { segment, layers: layers[segment] }));
+        wants.extend(rest.map(|&segment| Want { segment, from: 1, layers: layers[segment] }));
 
-        let gaussians = |segment: usize| take.segments[segment].layers[layers[segment] - 1].gaussians;
+        // A segment has room for all its layers.
+        let gaussians = |segment: usize| take.segments[segment].gaussians();
         let mut taken: usize = held.iter().map(|&segment| gaussians(segment)).sum();
-        // A slot is left for the second version of a segment.
-        let free = (SLOTS as usize - 1).saturating_sub(held.len());
+        let free = (SLOTS as usize).saturating_sub(held.len());
         for segment in ahead(take, layers, &held, t_s, &head).into_iter().take(free) {
             taken += gaussians(segment);
             if taken > rows {
                 break;
             }
-            wants.push(Want { segment, layers: layers[segment] });
+            wants.push(Want { segment, from: 0, layers: layers[segment] });
         }
         let (from_s, until_s) = cuts_around(take, t_s);
         Plan { wants, held, from_s, until_s }
@@ -99,7 +102,8 @@ impl Plan {
     /// The wants that `resident` does not satisfy, the most urgent first. `resident` is the number of layers of a
     /// segment that are there or on their way, 0 for none.
     pub(crate) fn missing(&self, resident: impl Fn(usize) -> usize) -> Vec<Want> {
-        self.wants.iter().filter(|want| resident(want.segment) < want.layers).copied().collect()
+        let missing = self.wants.iter().filter(|want| resident(want.segment) < want.layers);
+        missing.map(|want| Want { from: want.from.max(resident(want.segment)), ..*want }).collect()
     }
 
     /// The segments that hold the instant and can be loaded.

@@ -14,11 +14,11 @@ use program::Fault;
 use super::buffered::Buffered;
 use super::layers::LayerChoice;
 use super::loader::{SegmentEvent, SegmentLoader};
-use super::opened::OpenTake;
+use super::opened::{OpenTake, PackedWant};
 use super::plan::{Direction, Plan, Playhead, Want, needs, span};
 #[cfg(any(feature = "window", feature = "xr"))]
 use crate::clips::Beginning;
-use crate::gpu::{FrameLayout, Gpu, PackedSegment, Renderer, SlotId, Slots, TakeLayout};
+use crate::gpu::{FrameLayout, Gpu, PackedLayers, PackedSegment, Renderer, SlotId, Slots, TakeLayout};
 use crate::player::Player;
 
 /// Most bytes that one frame uploads: 23 MB a second at 90 Hz, and a fraction of a millisecond of a frame's time.
@@ -30,13 +30,12 @@ const RETRY_AFTER: Duration = Duration::from_secs(2);
 /// A segment with a place in GPU memory.
 struct Resident {
     segment: usize,
-    /// The latest version: number of layers, place, and whether it is complete.
+    /// Number of layers that are drawn or being uploaded.
     layers: usize,
     slot: SlotId,
+    /// Whether all of them are drawn.
     is_ready: bool,
-    /// Earlier versions, one of which may be drawn until this one is complete.
-    earlier: Vec<SlotId>,
-    /// Whether a version is drawn.
+    /// Whether the first are.
     is_drawn: bool,
 }
 
@@ -296,8 +295,13 @@ impl TakePlayer {
                         .on_segment(traffic, |layers| needs(&self.opened.take, layers, &self.head));
                 }
                 self.trouble = None;
-                self.waiting = Some((want, packed));
-                self.place(slots);
+                match packed {
+                    PackedWant::Segment(packed) => {
+                        self.waiting = Some((want, packed));
+                        self.place(slots);
+                    }
+                    PackedWant::Layers(layers) => self.append(slots, want, *layers),
+                }
             }
             // It is asked for again after a while.
             SegmentEvent::Failed(_, Fault::Network(why)) => {
@@ -312,9 +316,9 @@ impl TakePlayer {
                 self.replaced = Some(fault);
                 self.retry_at = Some(Instant::now() + RETRY_AFTER);
             }
-            // Its first layer may be whole.
+            // Its first layer may be whole, and those before are.
             SegmentEvent::Failed(want, fault) => {
-                self.give_up(want, want.layers.min(2) - 1, &fault.to_string())
+                self.give_up(want, want.from.max(want.layers.min(2) - 1), &fault.to_string())
             }
             SegmentEvent::Overtaken(_) | SegmentEvent::Idle => {}
         }
@@ -332,10 +336,21 @@ impl TakePlayer {
         self.replan();
     }
 
+    /// Appends further layers to those of their segment. Where these are gone, they are dropped: the plan asks for the
+    /// segment again if it is wanted.
+    fn append(&mut self, slots: &mut Slots, want: Want, layers: PackedLayers) {
+        let is_followed =
+            |resident: &&mut Resident| (resident.segment, resident.layers) == (want.segment, want.from);
+        if let Some(resident) = self.residents.iter_mut().find(is_followed) {
+            slots.append(resident.slot, layers);
+            (resident.layers, resident.is_ready) = (want.layers, false);
+        }
+    }
+
     /// Gives the waiting segment its place, if there is room, or something less urgent makes room.
     fn place(&mut self, slots: &mut Slots) {
         let Some((want, packed)) = self.waiting.take() else { return };
-        if !self.plan.wants(want.segment) || self.resident_layers(want.segment) >= want.layers {
+        if !self.plan.wants(want.segment) || self.resident(want.segment).is_some() {
             return;
         }
         let is_held = self.plan.holds(want.segment);
@@ -363,34 +378,16 @@ impl TakePlayer {
                 }
             }
         }
-        let old = self.residents.iter().position(|resident| resident.segment == want.segment);
-        let slot = match old {
-            Some(old) => slots.replace(self.residents[old].slot, *packed),
-            None => slots.insert(*packed),
-        };
-        let Some(slot) = slot else { return };
-        match old {
-            Some(old) => {
-                let resident = &mut self.residents[old];
-                resident.earlier.push(std::mem::replace(&mut resident.slot, slot));
-                (resident.layers, resident.is_ready) = (want.layers, false);
-            }
-            None => self.residents.push(Resident {
-                segment: want.segment,
-                layers: want.layers,
-                slot,
-                is_ready: false,
-                earlier: Vec::new(),
-                is_drawn: false,
-            }),
-        }
+        let Some(slot) = slots.insert(*packed) else { return };
+        let Want { segment, layers, .. } = want;
+        self.residents.push(Resident { segment, layers, slot, is_ready: false, is_drawn: false });
     }
 
     /// Removes a segment.
     fn remove(&mut self, slots: &mut Slots, segment: usize) {
         let Some(at) = self.residents.iter().position(|resident| resident.segment == segment) else { return };
         let resident = self.residents.swap_remove(at);
-        resident.earlier.into_iter().chain([resident.slot]).for_each(|slot| slots.remove(slot));
+        slots.remove(resident.slot);
         self.change();
     }
 
@@ -398,13 +395,9 @@ impl TakePlayer {
     fn settle(&mut self, slots: &Slots) {
         let mut has_changed = false;
         for resident in self.residents.iter_mut().filter(|resident| !resident.is_ready) {
-            resident.is_ready = slots.is_ready(resident.slot);
-            if resident.is_ready {
-                resident.earlier.clear();
-            }
             let was_drawn = resident.is_drawn;
-            resident.is_drawn =
-                resident.is_ready || resident.earlier.iter().any(|slot| slots.is_ready(*slot));
+            (resident.is_ready, resident.is_drawn) =
+                (slots.is_ready(resident.slot), slots.is_drawn(resident.slot));
             has_changed |= resident.is_ready || resident.is_drawn != was_drawn;
         }
         if has_changed {
@@ -432,12 +425,10 @@ impl TakePlayer {
             return;
         }
         self.retry_at = None;
-        let waiting = self.waiting.as_ref().map(|(want, _)| *want);
-        let here = |segment: usize| {
-            let waiting = waiting.filter(|want| want.segment == segment).map_or(0, |want| want.layers);
-            self.resident_layers(segment).max(waiting)
-        };
-        let missing = self.plan.missing(here);
+        let mut missing = self.plan.missing(|segment| self.resident_layers(segment));
+        // Further layers of a segment that waits for room have no place yet.
+        let waiting = self.waiting.as_ref().map(|(want, _)| want.segment);
+        missing.retain(|want| Some(want.segment) != waiting);
         self.loader.set(missing);
     }
 

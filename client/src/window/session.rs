@@ -106,13 +106,20 @@ impl WindowTarget {
 
 impl ClipTarget for WindowTarget {
     type Ready = Box<Playing>;
+    type Uploaded = Arc<GpuClip>;
 
-    fn prepare(&self, entry: &Entry, content: Content, beginning: Beginning) -> Result<Box<Playing>, Fault> {
+    fn prepare(
+        &self,
+        entry: &Entry,
+        content: Content,
+        beginning: Beginning,
+        uploaded: &mut Option<Arc<GpuClip>>,
+    ) -> Result<Box<Playing>, Fault> {
         let gpu = self
             .gpu
             .upgrade()
             .ok_or_else(|| Fault::Device("the graphics device is gone: open the clip again".into()))?;
-        Playing::new(&gpu, self.format, &self.proxy, entry, &content, beginning).map(Box::new)
+        Playing::new(&gpu, self.format, &self.proxy, entry, &content, beginning, uploaded).map(Box::new)
     }
 }
 
@@ -131,7 +138,8 @@ struct Playing {
 }
 
 impl Playing {
-    /// Uploads a clip, or what the start of a take needs, and builds its renderer.
+    /// Uploads a clip, or the layers of it that are not `uploaded`, or what the start of a take needs, and builds its
+    /// renderer.
     fn new(
         gpu: &Gpu,
         format: Format,
@@ -139,10 +147,13 @@ impl Playing {
         entry: &Entry,
         content: &Content,
         beginning: Beginning,
+        uploaded: &mut Option<Arc<GpuClip>>,
     ) -> Result<Playing, Fault> {
         let layout = FrameLayout::plain(format, 1);
         let (renderer, take) = match content {
-            Content::Clip(clip) => (Renderer::new(gpu, Arc::new(GpuClip::upload(gpu, clip)?), layout)?, None),
+            Content::Clip(clip) => {
+                (Renderer::new(gpu, GpuClip::following(gpu, uploaded, clip)?, layout)?, None)
+            }
             Content::Take(opened) => {
                 let (renderer, take) =
                     TakePlayer::begin(gpu, opened.clone(), layout, beginning, waker(proxy))?;
@@ -220,15 +231,17 @@ impl Session {
             .map_err(|error| Fault::Device(format!("cannot open a window: {error}: try --headless")))?;
         let window = Arc::new(window);
         let screen = Screen::open(&window)?;
+        let mut uploaded = None;
         let playing = {
             let beginning = Beginning { position_s: 0.0, is_blocking: true };
-            Playing::new(&screen.gpu, screen.surface.format(), &proxy, &start.entry, &start.clip, beginning)?
+            let (gpu, format) = (&screen.gpu, screen.surface.format());
+            Playing::new(gpu, format, &proxy, &start.entry, &start.clip, beginning, &mut uploaded)?
         };
         let mut viewer = Viewer::new(playing.viewed.clone(), start.viewpoint, start.settings);
         viewer.message = start.note.map(|note| Message::note(screen.input.egui_ctx(), note));
         let options = LoadOptions { source: start.source, min_layers: 1, is_complete: false };
         let mut clips = ClipController::new(options, true, waker(&proxy))?;
-        clips.adopt(WindowTarget::of(&screen, &proxy), start.entry, start.queue, start.rest);
+        clips.adopt(WindowTarget::of(&screen, &proxy), uploaded, start.entry, start.queue, start.rest);
         window.request_redraw();
         Ok(Session {
             viewer,

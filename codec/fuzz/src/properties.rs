@@ -76,6 +76,7 @@ pub fn check_package(bytes: &[u8], mut segment: impl FnMut(usize, Result<Clip, E
                 let head = contents(alone, &LIMITS).expect("a decoded segment has a head");
                 check_clip(clip, &head, &take, alone.len());
                 check_prefix(clip, entry);
+                check_appended(clip, &take, index, alone);
             }
             Err(Error::Format { offset, .. } | Error::Limits { offset, .. }) => {
                 let range = entry.offset..=entry.offset + entry.bytes() as u64;
@@ -128,9 +129,21 @@ fn check_table(take: &Take, available: usize) {
 
 /// Checks that a clip has the Gaussians that the table announces for its layers.
 fn check_prefix(clip: &Clip, entry: &Segment) {
-    assert_eq!(clip.layers_announced, entry.layers.len());
+    assert_eq!(clip.layers_announced.len(), entry.layers.len());
     let plate = clip.plate.as_ref().map_or(0, Field::len);
     assert_eq!(clip.len() + plate, entry.layers[clip.layers.len() - 1].gaussians);
+}
+
+/// Checks that the layers of a clip behind the first, decoded alone and appended to the first, make the same clip.
+fn check_appended(clip: &Clip, take: &Take, index: usize, alone: &[u8]) {
+    if clip.layers.len() < 2 {
+        return;
+    }
+    let (first, one) = (&alone[..take.segments[index].layers[0].bytes], NonZero::<usize>::MIN);
+    let mut grown = take.decode_segment(index, first, &LIMITS, one).expect("the first layer decodes alone");
+    let further = take.decode_segment_layers(index, alone, 1, &LIMITS, one);
+    grown.append(further.expect("the other layers decode alone"));
+    assert!(grown == *clip, "layers that are appended make another clip");
 }
 
 /// Checks the clip of a package with this head, decoded in the columns of `take`.
@@ -151,7 +164,7 @@ fn check_clip(clip: &Clip, head: &Contents, take: &Take, available: usize) {
     }
 
     assert_eq!(clip.layers, head.layers[..clip.layers.len()]);
-    assert_eq!(clip.layers_announced, head.layers.len());
+    assert_eq!(clip.layers_announced, head.layers);
     let last = LayerEnd { static_count: clip.static_field.len(), dynamic_count: clip.dynamic_field.len() };
     assert_eq!(clip.layers.last(), Some(&last));
     if head.sections.last().is_none_or(|section| section.end() <= available) {

@@ -108,6 +108,33 @@ fn many_layers() {
     }
 }
 
+/// Layers that arrive one by one take the work of one decoding, but for the table: nothing of a layer is done twice.
+#[test]
+fn layers_one_by_one() {
+    for coder in Coder::ALL {
+        let ends: Vec<usize> = (1..LAYERS_MAX).map(|layer| 500 * layer).collect();
+        let bytes = package(&field(Shape::full(500 * LAYERS_MAX), 1), None, &options(coder, &ends));
+        let limits = Limits::default();
+        let (head, one) = (contents(&bytes, &limits).unwrap(), NonZero::<usize>::MIN);
+        let ends = head.layer_bytes();
+        let counted = |work: &dyn Fn()| {
+            COUNTS.set([0; 4]);
+            work();
+            COUNTS.get()
+        };
+        let whole = counted(&|| drop(decode_parallel(&bytes, &limits, one).unwrap()));
+        let mut sum = counted(&|| drop(decode_parallel(&bytes[..ends[0]], &limits, one).unwrap()));
+        for (layer, end) in ends.iter().enumerate().skip(1) {
+            let counts = counted(&|| drop(head.decode_layers(&bytes[..*end], layer, &limits, one).unwrap()));
+            sum.iter_mut().zip(counts).for_each(|(sum, count)| *sum += count);
+        }
+        for (unit, (sum, whole)) in sum.into_iter().zip(whole).enumerate().filter(|(unit, _)| *unit != 1) {
+            assert!(sum <= whole + whole / 10, "{coder:?}, unit {unit}: {sum} one by one, {whole} at once");
+        }
+        assert!(sum[1] <= LAYERS_MAX * PASSES * (head.sections.len() + 1), "{} sections", sum[1]);
+    }
+}
+
 #[test]
 fn many_sections_and_viewpoints() {
     let mut info = info();

@@ -1,4 +1,5 @@
-//! [`Take::segment_contents`] and [`Take::decode_segment`]: read the head of one segment of a take, and decode it.
+//! [`Take::segment_contents`], [`Take::decode_segment`] and [`Take::decode_segment_layers`]: read the head of one segment
+//! of a take, and decode it.
 //!
 //! A segment is a clip package. Its head is compared with the table of the take, and its Gaussians are decoded
 //! into the columns of the take, so that all segments have the same ones. The checksum at the end of the head is
@@ -8,8 +9,13 @@
 use std::num::NonZero;
 
 use crate::{
-    Clip, Contents, Error, FormatError, Limits, PixelFilter, Take, decode::decode_contents,
-    format::LAYERS_OFFSET, header::contents_of, limits::Budget, preamble::Head, take::table::prefixes,
+    Clip, Contents, Error, FormatError, Layers, Limits, PixelFilter, Take,
+    decode::{decode_contents, decode_further},
+    format::LAYERS_OFFSET,
+    header::contents_of,
+    limits::Budget,
+    preamble::Head,
+    take::table::prefixes,
 };
 
 impl Take {
@@ -35,8 +41,35 @@ impl Take {
         limits: &Limits,
         threads: NonZero<usize>,
     ) -> Result<Clip, Error> {
-        let base = usize::try_from(self.segments[index].offset).unwrap_or(usize::MAX);
-        self.decode_at_zero(index, bytes, limits, threads).map_err(|error| error.rebased(base))
+        self.based(index, || {
+            let mut budget = Budget::new(limits);
+            let contents = self.contents_at_zero(index, bytes, limits, &mut budget)?;
+            decode_contents(bytes, contents, self.columns(), &mut budget, threads)
+        })
+    }
+
+    /// Decodes the complete layers of segment `index` from layer `first` on, counted from 0, without those before, as
+    /// [`Contents::decode_layers`] does: for a clip that [`Take::decode_segment`] decoded up to there.
+    ///
+    /// # Errors
+    /// As [`Take::decode_segment`], for the sections of these layers; [`FormatError::Truncated`] if `bytes` ends before
+    /// layer `first` does.
+    ///
+    /// # Panics
+    /// If there is no such segment, or `first` is 0 or not a layer of the segment.
+    pub fn decode_segment_layers(
+        &self,
+        index: usize,
+        bytes: &[u8],
+        first: usize,
+        limits: &Limits,
+        threads: NonZero<usize>,
+    ) -> Result<Layers, Error> {
+        self.based(index, || {
+            let mut budget = Budget::new(limits);
+            let contents = self.contents_at_zero(index, bytes, limits, &mut budget)?;
+            decode_further(bytes, &contents, self.columns(), first, &mut budget, threads)
+        })
     }
 
     /// Reads the head of segment `index` from the bytes of its package, or from a prefix that has its first layer,
@@ -48,22 +81,13 @@ impl Take {
     /// # Panics
     /// If there is no such segment.
     pub fn segment_contents(&self, index: usize, bytes: &[u8], limits: &Limits) -> Result<Contents, Error> {
-        let base = usize::try_from(self.segments[index].offset).unwrap_or(usize::MAX);
-        let mut budget = Budget::new(limits);
-        self.contents_at_zero(index, bytes, limits, &mut budget).map_err(|error| error.rebased(base))
+        self.based(index, || self.contents_at_zero(index, bytes, limits, &mut Budget::new(limits)))
     }
 
-    /// Decodes a segment; errors have offsets in its package.
-    fn decode_at_zero(
-        &self,
-        index: usize,
-        bytes: &[u8],
-        limits: &Limits,
-        threads: NonZero<usize>,
-    ) -> Result<Clip, Error> {
-        let mut budget = Budget::new(limits);
-        let contents = self.contents_at_zero(index, bytes, limits, &mut budget)?;
-        decode_contents(bytes, contents, self.columns(), &mut budget, threads)
+    /// Reads segment `index`: errors of `read` have offsets in its package, those that are returned in the take.
+    fn based<T>(&self, index: usize, read: impl FnOnce() -> Result<T, Error>) -> Result<T, Error> {
+        let base = usize::try_from(self.segments[index].offset).unwrap_or(usize::MAX);
+        read().map_err(|error| error.rebased(base))
     }
 
     /// Reads the head of a segment; errors have offsets in its package.

@@ -8,7 +8,6 @@ use aarc_tests::gpu::{self, Passes};
 use aarc_tests::scene::{Motion, Recipe, decoded_with, info};
 use client::gpu::{ChannelDepth, FrameLayout, Gpu, GpuClip, PlateLayout, Renderer, TakeLayout};
 use codec::{Clip, Coder, EncodeOptions, Field, Limits, PixelFilter, Source, Temporal, sh_coefficients};
-use glam::DVec3;
 use libtest_mimic::{Failed, Trial};
 use shaders::layout::{Gaussian, Ranges};
 use shaders::sh_words;
@@ -60,7 +59,7 @@ fn takes(gpu: &Gpu) -> Result<(), String> {
         motion_order: 0,
         rotates: false,
         filter: PixelFilter::Blur,
-        origin: DVec3::ZERO,
+        bounds: [[-1.0; 3], [1.0; 3]],
         rows: COUNT,
         duration_s: 60.0,
         plate: None,

@@ -1,15 +1,113 @@
-//! Every prefix of a package decodes to its complete layers and draws them, or fails to decode.
+//! Every prefix of a package decodes to its complete layers and draws them, or fails to decode; further layers are drawn as
+//! if they had come with the first.
 
-use aarc_tests::gpu::{self, Passes};
+use std::num::NonZero;
+use std::sync::Arc;
+
+use aarc_tests::gpu::{self, Drawing, Passes};
+use aarc_tests::image::{Tolerance, check, difference};
 use aarc_tests::scene::{Motion, Place, Recipe, camera, packaged};
-use client::gpu::{ChannelDepth, Gpu, RenderSettings};
-use codec::Limits;
+use client::gpu::{ChannelDepth, Gpu, GpuClip, RenderSettings};
+use codec::{Field, LayerEnd, Limits};
 use libtest_mimic::Trial;
+use program::Fault;
 use refine::image::Image;
+use refine::reference::{Order, RenderScene, render};
 
 /// The tests of this file.
 pub(crate) fn trials() -> Vec<Trial> {
-    vec![gpu::trial("prefixes of a package", Passes::Shared, prefixes)]
+    vec![
+        gpu::trial("prefixes of a package", Passes::Shared, prefixes),
+        gpu::trial("layers that arrive one by one", Passes::Shared, one_by_one),
+        gpu::trial("a clip that announces more than fits is refused at once", Passes::Shared, too_large),
+    ]
+}
+
+/// As in the other comparisons with the reference.
+const TOLERANCE: Tolerance = Tolerance { max_diff: 2.0, diff_pixels: 100, psnr: 54.0 };
+
+fn text(fault: Fault) -> String {
+    fault.to_string()
+}
+
+/// Each arrival uploads its own rows into the memory that there is, and draws as the reference draws all of them. What was
+/// drawn before stays as it was.
+fn one_by_one(gpu: &Gpu) -> Result<(), String> {
+    let mixed =
+        Recipe { count: 600, sh_degree: 2, motion: Motion::Mixed, motion_order: 3, turning: true, seed: 5 };
+    for motion in [Motion::Mixed, Motion::Static, Motion::Dynamic] {
+        let plate =
+            Recipe { count: 50, sh_degree: 1, motion: Motion::Static, turning: false, ..mixed }.field();
+        let bytes = packaged(&Recipe { motion, ..mixed }.field(), Some(&plate), &[60, 61, 250]);
+        let limits = Limits::default();
+        let error = |error: codec::Error| error.to_string();
+        let head = codec::contents(&bytes, &limits).map_err(error)?;
+        let ends = head.layer_bytes();
+        let mut clip = codec::decode(&bytes[..ends[0]], &limits).map_err(error)?;
+        let mut on_gpu = GpuClip::upload(gpu, &clip).map_err(text)?;
+        let (first_bytes, gpu_bytes) = (on_gpu.uploaded_bytes(), on_gpu.bytes());
+        let mut uploaded = first_bytes;
+        let mut drawn: Vec<(Drawing<'_>, Image)> = Vec::new();
+        for layers in 1..=ends.len() {
+            if layers > 1 {
+                let one = NonZero::<usize>::MIN;
+                clip.append(
+                    head.decode_layers(&bytes[..ends[layers - 1]], layers - 1, &limits, one)
+                        .map_err(error)?,
+                );
+                on_gpu = on_gpu.extended(gpu, &clip).map_err(text)?;
+                uploaded += on_gpu.uploaded_bytes();
+            }
+            if on_gpu.bytes() != gpu_bytes || on_gpu.layer_ends().len() != layers {
+                return Err(format!("{} of {gpu_bytes} bytes, {:?}", on_gpu.bytes(), on_gpu.layer_ends()));
+            }
+            let view = camera(Place::Whole, 160, 120);
+            let expected = render(&RenderScene::from(&clip), &view, 0.4, Order::Depth);
+            let shared = Arc::new(on_gpu.clone());
+            let mut drawing = Drawing::new(gpu, shared, &[view], ChannelDepth::Sixteen).map_err(text)?;
+            let image = drawing.frame(0.4, &RenderSettings::default()).map_err(text)?.remove(0);
+            check(&format!("{motion:?}, {layers} layers"), &image, &expected, TOLERANCE.on(gpu))?;
+            drawn.push((drawing, image));
+        }
+        // Fewer layers are those that came first, and every state is drawn as before.
+        let (first, last) = (drawn[0].1.clone(), drawn.len() - 1);
+        let one_layer = RenderSettings { layers: Some(1), ..RenderSettings::default() };
+        let again = drawn[last].0.frame(0.4, &one_layer).map_err(text)?.remove(0);
+        if difference(&again, &first).max_diff > 0.0 {
+            return Err(format!("{motion:?}: the first layer has changed"));
+        }
+        for (layers, (drawing, image)) in (1..).zip(&mut drawn) {
+            let again = drawing.frame(0.4, &RenderSettings::default()).map_err(text)?.remove(0);
+            if difference(&again, image).max_diff > 0.0 {
+                return Err(format!("{motion:?}: {layers} layers have changed"));
+            }
+        }
+        // Every row once: as many bytes as all at once.
+        let whole = GpuClip::upload(gpu, &clip).map_err(text)?;
+        if uploaded != whole.uploaded_bytes() || first_bytes * 3 > uploaded || whole.bytes() != gpu_bytes {
+            return Err(format!("{motion:?}: {uploaded} bytes, {} at once", whole.uploaded_bytes()));
+        }
+    }
+    Ok(())
+}
+
+/// Before the layers that do not fit are there.
+fn too_large(gpu: &Gpu) -> Result<(), String> {
+    let field: Field =
+        Recipe { count: 50, sh_degree: 0, motion: Motion::Static, motion_order: 0, turning: false, seed: 1 }
+            .field();
+    let mut clip = aarc_tests::scene::decoded_with(&field, None, &[]);
+    let rows = gpu.caps.max_buffer_bytes as usize / 32;
+    clip.layers_announced.push(LayerEnd { static_count: rows + 1, dynamic_count: 0 });
+    match GpuClip::upload(gpu, &clip) {
+        Ok(_) => Err(format!("{} rows have room", rows + 1)),
+        Err(fault) => {
+            let sentence = fault.to_string();
+            let expected = sentence.starts_with("the clip takes a buffer of ")
+                && sentence.ends_with(" MiB: package it with a smaller --budget");
+            if expected && fault.exit_code() == 5 { Ok(()) } else { Err(sentence) }
+        }
+    }
 }
 
 fn prefixes(gpu: &Gpu) -> Result<(), String> {

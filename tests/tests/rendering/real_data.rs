@@ -101,11 +101,12 @@ fn gsplat_by_gpu(gpu: &Gpu, path: PathBuf) -> Result<(), String> {
 
 /// A static clip of the field, without the rounding of a package.
 fn unpackaged(field: Field) -> Clip {
+    let end = LayerEnd { static_count: field.len(), dynamic_count: 0 };
     Clip {
         info: aarc_tests::scene::info(),
         bounds: field.bounds(),
-        layers: vec![LayerEnd { static_count: field.len(), dynamic_count: 0 }],
-        layers_announced: 1,
+        layers: vec![end],
+        layers_announced: vec![end],
         static_field: field,
         dynamic_field: Field::default(),
         time_index: TimeIndex::default(),

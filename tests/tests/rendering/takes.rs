@@ -7,9 +7,10 @@ use aarc_tests::image::{Tolerance, check, difference};
 use aarc_tests::scene::{Motion, Place, Recipe, camera, decoded_with};
 use aarc_tests::takes::{SplitTake, clip_of};
 use client::gpu::{
-    ChannelDepth, Gpu, GpuClip, PackedSegment, RenderSettings, Renderer, SlotId, Span, TakeLayout,
+    ChannelDepth, Gpu, GpuClip, PackedLayers, PackedSegment, RenderSettings, Renderer, SlotId, Span,
+    TakeLayout,
 };
-use codec::{Camera, Clip, Field, PixelFilter};
+use codec::{Camera, Clip, Field, Limits, PixelFilter};
 use libtest_mimic::Trial;
 use measure::resident::{ResidentSegments, layout_of};
 use program::Fault;
@@ -39,7 +40,7 @@ pub(crate) fn trials() -> Vec<Trial> {
         gpu::trial("a field split into levels, foveated, and counted", Passes::Shared, foveated),
         gpu::trial("an instant after an hour is as exact as one at the start", Passes::Shared, hour),
         gpu::trial("uploads in pieces", Passes::Shared, pieces),
-        gpu::trial("a segment replaces itself with more layers", Passes::Shared, replaced),
+        gpu::trial("layers of a segment that arrive one by one", Passes::Shared, appended),
         gpu::trial("room is used again", Passes::Shared, room),
         gpu::trial("a picture of a take outlives its segments", Passes::Shared, shared),
     ]
@@ -259,44 +260,76 @@ fn pieces(gpu: &Gpu) -> Result<(), String> {
     Ok(())
 }
 
-/// At no instant are both drawn, or none.
-fn replaced(gpu: &Gpu) -> Result<(), String> {
+/// A segment is drawn with the layers that are complete, while further ones are uploaded behind them: there is room for
+/// the segment once.
+fn appended(gpu: &Gpu) -> Result<(), String> {
     let field = Recipe { motion: Motion::Mixed, ..RECIPE }.field();
-    let clip = decoded_with(&field, None, &[200]);
-    let first = {
-        let bytes = aarc_tests::scene::packaged(&field, None, &[200]);
-        let end = codec::contents(&bytes, &codec::Limits::default()).map_err(|error| error.to_string())?;
-        codec::decode(&bytes[..end.layer_bytes()[0]], &codec::Limits::default())
-            .map_err(|error| error.to_string())?
-    };
-    if first.len() != 200 {
-        return Err(format!("{} Gaussians in the first layer", first.len()));
-    }
+    let plate = Recipe { motion: Motion::Static, count: 100, seed: 5, ..RECIPE }.field();
+    let bytes = aarc_tests::scene::packaged(&field, Some(&plate), &[200, 500]);
+    let limits = Limits::default();
+    let error = |error: codec::Error| error.to_string();
+    let head = codec::contents(&bytes, &limits).map_err(error)?;
+    let ends = head.layer_bytes();
+    let mut clip = codec::decode(&bytes[..ends[0]], &limits).map_err(error)?;
     let span = Span { start_s: 0.0, duration_s: 2.0 };
-    let layout = TakeLayout { rows: clip.len() + first.len(), ..layout_of(&clip, 2.0) };
+    let layout = TakeLayout { rows: field.len(), ..layout_of(&clip, 2.0) };
     let mut take = drawing(gpu, layout, &[whole()])?;
-    let old = insert(gpu, &mut take, (&first, span), &layout)?;
-    let coarse = frame(&mut take, 0.5)?;
-    let packed = PackedSegment::new(&clip, span, &layout).map_err(text)?;
-    let new = take.renderer().slots().and_then(|slots| slots.replace(old, packed)).ok_or("no room")?;
-    let mut seen = Vec::new();
+    let reference = |clip: &Clip| render(&RenderScene::from(clip), &whole(), 0.5, Order::Depth);
+    let id = insert(gpu, &mut take, (&clip, span), &layout)?;
+    check("take, first layers", &frame(&mut take, 0.5)?, &reference(&clip), TOLERANCE.on(gpu))?;
+    let picture = take.renderer().clip().clone();
+    let mut screenshot = Drawing::new(gpu, picture, &[whole()], ChannelDepth::Sixteen).map_err(text)?;
+    let coarse = frame(&mut screenshot, 0.5)?;
+    // Both further layers are on their way at once.
+    let mut states = vec![reference(&clip)];
+    let mut total = 0;
+    for layer in [1, 2] {
+        let one = std::num::NonZero::<usize>::MIN;
+        let layers = head.decode_layers(&bytes[..ends[layer]], layer, &limits, one).map_err(error)?;
+        let packed = PackedLayers::new(&layers, span, &layout).map_err(text)?;
+        if packed.gaussians() != head.layers[layer].total() - head.layers[layer - 1].total() {
+            return Err(format!("{} Gaussians in layer {layer}", packed.gaussians()));
+        }
+        total += packed.bytes();
+        take.renderer().slots().ok_or("no take")?.append(id, packed);
+        clip.append(layers);
+        states.push(reference(&clip));
+    }
+    let (mut written, mut state) = (0, 0);
+    let mut seen = vec![];
     loop {
         let slots = take.renderer().slots().ok_or("no take")?;
         let bytes = slots.upload(gpu, PIECE);
-        seen.push([slots.is_ready(old), slots.is_ready(new)]);
-        let expected = if slots.is_ready(new) {
-            render(&RenderScene::from(&clip), &whole(), 0.5, Order::Depth)
-        } else {
-            coarse.clone()
-        };
+        written += bytes;
+        let ready = slots.is_ready(id);
+        if !slots.is_drawn(id) {
+            return Err("it is not drawn".into());
+        }
         let image = frame(&mut take, 0.5)?;
-        check("take, replaced", &image, &expected, TOLERANCE.on(gpu))?;
+        // The next state, or the same.
+        let is_next =
+            states.get(state + 1).is_some_and(|next| next.psnr(&image) > states[state].psnr(&image));
+        state += usize::from(is_next);
+        check(&format!("take, layers {state}"), &image, &states[state], TOLERANCE.on(gpu))?;
+        seen.push((state, ready));
         if bytes == 0 {
             break;
         }
     }
     seen.dedup();
-    if seen == [[true, false], [false, true]] { Ok(()) } else { Err(format!("{seen:?}")) }
+    if seen != [(0, false), (1, false), (2, true)] || written != total {
+        return Err(format!("{seen:?}, {written} of {total} bytes"));
+    }
+    // A picture of the first layers is that as long as it is drawn, and its room is taken as long.
+    if difference(&frame(&mut screenshot, 0.5)?, &coarse).max_diff > 0.0 {
+        return Err("the picture of the first layers has changed".into());
+    }
+    take.renderer().slots().ok_or("no take")?.remove(id);
+    if insert(gpu, &mut take, (&clip, span), &layout).is_ok() {
+        return Err("rows that are drawn are written again".into());
+    }
+    drop(screenshot);
+    insert(gpu, &mut take, (&clip, span), &layout).map(|_| ())
 }
 
 /// What is removed leaves room at once; ids of segments that are gone have no effect. Static Gaussians come to rows whose

@@ -3,7 +3,6 @@
 
 use client::gpu::{Gpu, PackedSegment, PlateLayout, Renderer, SlotId, Span, TakeLayout};
 use codec::Clip;
-use glam::DVec3;
 use program::Fault;
 
 /// The segments of a take that are resident.
@@ -61,13 +60,12 @@ impl ResidentSegments {
 /// What a renderer is built for to draw `clip` as a take of one segment that lasts `duration_s` seconds.
 pub fn layout_of(clip: &Clip, duration_s: f64) -> TakeLayout {
     let temporal = clip.dynamic_field.temporal.as_ref();
-    let [low, high] = clip.bounds.map(|corner| DVec3::from_array(corner.map(f64::from)));
     TakeLayout {
         sh_degree: clip.sh_degree(),
         motion_order: temporal.map_or(0, |temporal| temporal.motion_order),
         rotates: temporal.is_some_and(|temporal| temporal.rotation_rates.is_some()),
         filter: clip.filter(),
-        origin: 0.5 * (low + high),
+        bounds: clip.bounds,
         rows: clip.len(),
         duration_s,
         plate: clip.plate.as_ref().map(|plate| PlateLayout {

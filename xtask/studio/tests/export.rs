@@ -306,18 +306,18 @@ fn frozen_field_is_the_field_at_that_time() {
 #[test]
 fn merged_clip_has_both_regions() {
     let (static_field, dynamic_field) = (field(5, 0, None, false), field(7, 2, Some(2), true));
-    let clip = |static_field: &Field, dynamic_field: &Field| codec::Clip {
-        info: info(),
-        bounds: [[-9.0; 3], [9.0; 3]],
-        static_field: static_field.clone(),
-        dynamic_field: dynamic_field.clone(),
-        layers: vec![codec::LayerEnd {
-            static_count: static_field.len(),
-            dynamic_count: dynamic_field.len(),
-        }],
-        layers_announced: 1,
-        time_index: codec::TimeIndex::default(),
-        plate: None,
+    let clip = |static_field: &Field, dynamic_field: &Field| {
+        let end = codec::LayerEnd { static_count: static_field.len(), dynamic_count: dynamic_field.len() };
+        codec::Clip {
+            info: info(),
+            bounds: [[-9.0; 3], [9.0; 3]],
+            static_field: static_field.clone(),
+            dynamic_field: dynamic_field.clone(),
+            layers: vec![end],
+            layers_announced: vec![end],
+            time_index: codec::TimeIndex::default(),
+            plate: None,
+        }
     };
     let merged = clip(&static_field, &dynamic_field).merged();
     merged.check().expect("a valid field");

@@ -9,7 +9,8 @@
 //!
 //! At an instant `t` at which the Gaussian is alive, with `h = 2^-11`, the rounding of f16:
 //!
-//! - Position: `h (|w1 u| + |w2 u^2| + |w3 u^3|)`, a two-thousandth of each term, or `2^-39 |u|^k` of the largest coefficient in the field if that is more. A visible
+//! - Position: `h (|w1 u| + |w2 u^2| + |w3 u^3|)`, a two-thousandth of each term, or
+//!   `2^-35 |u|`, `2^-32 |u|^2` and `2^-29 |u|^3` of the bounds of the clip if that is more. A visible
 //!   Gaussian has `|u| <= 3.4`, plus the rounding of `t0` to 65536ths: up to 8 at a width of 1e-6, twice
 //!   that at the end of the clip.
 //! - Opacity: `z` is off by `h |t - t0| / s` for the rounding of `1/s` and by `2^-11` for that of
@@ -17,7 +18,7 @@
 //!   and `z^2 exp(-z^2 / 2) <= 0.74`. Together `h (1.35 + 0.61 |z0|)` of a full alpha: 0.17 of an
 //!   8-bit step if the centre of the window is in the clip, and 0.43 if the clip contains only its end,
 //!   3.4 widths away. With the rounding of `t0`, it is 0.8 of a step at a width of 1e-6.
-//! - Rotation: `h` of the quaternion's change since `t0`.
+//! - Rotation: `h` of the quaternion's change since `t0`, or `2^-20 |u|` if that is more.
 
 use codec::{Field, Temporal};
 use half::f16;
@@ -31,10 +32,11 @@ pub(in crate::gpu) const Z_STEPS: f64 = 1024.0;
 
 /// Limit of motion coefficients, in units of the field per width. A faster Gaussian is visible for a
 /// millionth of its window, and must not cost the others their precision.
-const MOTION_MAX: f64 = 16_777_216.0;
+pub(super) const MOTION_MAX: f64 = 16_777_216.0;
 
-/// Limit of angular rates per width, for the same reason.
-const RATE_MAX: f64 = 16_777_216.0;
+/// Limit of angular rates per width, which f16 holds in units of [`RATE_UNIT`](shaders::RATE_UNIT): such a rotation is
+/// that of the rate, of either sign, but for a millionth of the window.
+const RATE_MAX: f64 = 1_048_576.0;
 
 /// A row of a field about the instant `t0`. With `d = t - t0` and `u = d max(1, 1/s)` its position is
 /// `position + w1 u + w2 u^2 + w3 u^3`, its rotation `rotation + rates u`, normalised, and its opacity

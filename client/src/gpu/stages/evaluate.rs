@@ -3,6 +3,7 @@
 
 use std::mem::size_of;
 
+use codec::LayerEnd;
 use program::Fault;
 use shaders::layout::{Gaussian, Ranges, Slot};
 use shaders::{Features, GAUSSIANS, MOTION, Motion, ORDER, RANGES, SH, SLOTS, sh_words};
@@ -24,100 +25,97 @@ pub(in crate::gpu) struct Buffers {
 }
 
 impl Buffers {
-    /// Checks that the records of `rows` Gaussians with `features` fit the storage buffers of the device.
+    /// Room for a clip with `features` of `count` Gaussians, or for its plate.
     ///
     /// # Errors
-    /// [`Fault::Device`] with both sizes.
-    pub(in crate::gpu) fn check_size(gpu: &Gpu, features: Features, rows: usize) -> Result<(), Fault> {
-        let bytes = size_of::<Gaussian>().max(sh_bytes(features)) as u64 * rows as u64;
-        if bytes <= gpu.caps.max_buffer_bytes {
-            return Ok(());
-        }
-        Err(Fault::Device(format!(
-            "the clip takes a buffer of {} MiB, and {} has at most {} MiB: package it with a smaller --budget",
-            bytes >> 20,
-            gpu.adapter_name,
-            gpu.caps.max_buffer_bytes >> 20,
-        )))
-    }
-
-    /// Uploads packed Gaussians.
-    ///
-    /// # Errors
-    /// [`Fault::Device`] if there is not enough memory.
-    pub(in crate::gpu) fn upload(gpu: &Gpu, packed: &Packed) -> Result<Buffers, Fault> {
-        let storage = wgpu::BufferUsages::STORAGE;
-        let words = |label: &str, words: &[u32]| match words {
-            [] => Ok(None),
-            words => gpu.buffer(label, bytemuck::cast_slice(words), storage).map(Some),
-        };
-        // A binding must not be empty, even if nothing is drawn from it.
-        let nothing = [Gaussian::default()];
-        let gaussians = if packed.gaussians.is_empty() { &nothing[..] } else { &packed.gaussians };
-        let ranges = bytemuck::bytes_of(&packed.ranges);
-        Ok(Buffers {
-            features: packed.features,
-            rows: packed.gaussians.len(),
-            ranges: Some(gpu.buffer("ranges of the clip", ranges, wgpu::BufferUsages::UNIFORM)?),
-            gaussians: gpu.buffer("the clip", bytemuck::cast_slice(gaussians), storage)?,
-            motion: words("the clip's motion", &packed.motion)?,
-            sh: words("the clip's colours", &packed.sh)?,
-        })
+    /// [`Fault::Device`] if they do not fit the storage buffers of the device, with both sizes, or there is not enough
+    /// memory.
+    pub(in crate::gpu) fn of_clip(
+        gpu: &Gpu,
+        features: Features,
+        count: LayerEnd,
+        motion_units: [f32; 3],
+    ) -> Result<Buffers, Fault> {
+        let first_dynamic = u32::try_from(count.static_count).unwrap_or(u32::MAX);
+        let ranges = Ranges { motion_units, first_dynamic };
+        let buffers = Buffers::new(gpu, "the clip", features, count.total(), count.dynamic_count)?;
+        let usage = wgpu::BufferUsages::UNIFORM;
+        let ranges = gpu.buffer("ranges of the clip", bytemuck::bytes_of(&ranges), usage)?;
+        Ok(Buffers { ranges: Some(ranges), ..buffers })
     }
 
     /// Room for `rows` Gaussians of segments with `features`. Each row has room for motion, whether it is dynamic or
     /// not: so a range of rows is all that a segment needs.
     ///
     /// # Errors
-    /// As for [`Buffers::check_size`], and [`Fault::Device`] if there is not enough memory.
-    pub(in crate::gpu) fn with_capacity(
+    /// As for [`Buffers::of_clip`].
+    pub(in crate::gpu) fn of_take(gpu: &Gpu, features: Features, rows: usize) -> Result<Buffers, Fault> {
+        Buffers::new(gpu, "the take", features, rows, rows)
+    }
+
+    fn new(
         gpu: &Gpu,
+        purpose: &str,
         features: Features,
         rows: usize,
+        motion_rows: usize,
     ) -> Result<Buffers, Fault> {
-        Buffers::check_size(gpu, features, rows)?;
-        let column = |label, row_bytes: usize| {
-            (row_bytes > 0).then(|| {
-                gpu.device.create_buffer(&wgpu::BufferDescriptor {
-                    label: Some(label),
-                    size: (row_bytes * rows.max(1)) as u64,
-                    usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
-                    mapped_at_creation: false,
-                })
+        let largest = size_of::<Gaussian>().max(sh_bytes(features)) as u64 * rows as u64;
+        if largest > gpu.caps.max_buffer_bytes {
+            return Err(Fault::Device(format!(
+                "the clip takes a buffer of {} MiB, and {} has at most {} MiB: package it with a smaller --budget",
+                largest >> 20,
+                gpu.adapter_name,
+                gpu.caps.max_buffer_bytes >> 20,
+            )));
+        }
+        // A binding must not be empty, even if nothing is drawn from it.
+        let buffer = |label: &str, row_bytes: usize, rows: usize| {
+            gpu.device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some(label),
+                size: (row_bytes * rows.max(1)) as u64,
+                usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
+                mapped_at_creation: false,
             })
         };
-        gpu.allocate("the take", || {
-            Some(Buffers {
-                features,
-                rows,
-                ranges: None,
-                gaussians: column("the take", size_of::<Gaussian>())?,
-                motion: column("the take's motion", motion_bytes(features)),
-                sh: column("the take's colours", sh_bytes(features)),
-            })
+        let optional = |label, row_bytes, rows| (row_bytes > 0).then(|| buffer(label, row_bytes, rows));
+        gpu.allocate(purpose, || Buffers {
+            features,
+            rows,
+            ranges: None,
+            gaussians: buffer("Gaussians", size_of::<Gaussian>(), rows),
+            motion: optional("motion", motion_bytes(features), motion_rows),
+            sh: optional("colours", sh_bytes(features), rows),
         })
-        .map(|buffers| buffers.expect("a record has bytes"))
     }
 
     /// Writes, for the next submission, at most `budget` bytes of `packed` from byte `start` of its columns, one after
-    /// the other, to the rows from `first` on. Returns the number of bytes, 0 at the end.
+    /// the other. The clip or segment that it belongs to has its static rows from `first` on, and its dynamic rows
+    /// `first_dynamic` further. Returns the number of bytes, 0 at the end.
     pub(in crate::gpu) fn write(
         &self,
         gpu: &Gpu,
         packed: &Packed,
-        first: usize,
+        [first, first_dynamic]: [usize; 2],
         start: usize,
         budget: usize,
     ) -> usize {
-        let first_dynamic = first + packed.ranges.first_dynamic as usize;
-        let columns: [(_, &[u8], _); 3] = [
-            (Some(&self.gaussians), bytemuck::cast_slice(&packed.gaussians), first * size_of::<Gaussian>()),
+        let static_row = first + packed.before.static_count;
+        let dynamic_row = first + first_dynamic + packed.before.dynamic_count;
+        // A clip has no room for the motion of static rows.
+        let motion_row = if self.features.segmented { dynamic_row } else { packed.before.dynamic_count };
+        let gaussians = packed.gaussians.split_at(packed.static_count);
+        let sh = packed.sh.split_at(packed.static_count * sh_words(self.features.sh_degree));
+        let columns: [(_, &[u8], _); 5] = [
+            (Some(&self.gaussians), bytemuck::cast_slice(gaussians.0), static_row * size_of::<Gaussian>()),
+            (Some(&self.gaussians), bytemuck::cast_slice(gaussians.1), dynamic_row * size_of::<Gaussian>()),
             (
                 self.motion.as_ref(),
                 bytemuck::cast_slice(&packed.motion),
-                first_dynamic * motion_bytes(self.features),
+                motion_row * motion_bytes(self.features),
             ),
-            (self.sh.as_ref(), bytemuck::cast_slice(&packed.sh), first * sh_bytes(self.features)),
+            (self.sh.as_ref(), bytemuck::cast_slice(sh.0), static_row * sh_bytes(self.features)),
+            (self.sh.as_ref(), bytemuck::cast_slice(sh.1), dynamic_row * sh_bytes(self.features)),
         ];
         // Writes are multiples of a word.
         let budget = budget / size_of::<u32>() * size_of::<u32>();
@@ -126,7 +124,7 @@ impl Buffers {
             let Some(buffer) = buffer else { continue };
             let begin = skipped.min(bytes.len());
             skipped -= begin;
-            let piece = &bytes[begin..bytes.len().min(begin + budget - written)];
+            let piece = &bytes[begin..bytes.len().min(begin.saturating_add(budget - written))];
             if !piece.is_empty() {
                 gpu.queue.write_buffer(buffer, (place + begin) as u64, piece);
                 written += piece.len();

@@ -55,8 +55,19 @@ fn open(file: &Written) -> OpenTake {
     OpenTake::open(&file.path, &Limits::default()).unwrap().expect("it is a take")
 }
 
+/// Number of Gaussians of the first layers of a segment.
 fn gaussians(opened: &OpenTake, segment: usize, layers: usize) -> Result<usize, Fault> {
-    opened.load(Want { segment, layers }, &opened.layout()).map(|(packed, _)| packed.gaussians())
+    further(opened, segment, 0, layers)
+}
+
+/// Number of Gaussians of the layers of a segment behind the first `from`.
+fn further(opened: &OpenTake, segment: usize, from: usize, layers: usize) -> Result<usize, Fault> {
+    let (packed, _) = opened.load(Want { segment, from, layers }, &opened.layout())?;
+    Ok(match packed {
+        PackedWant::Segment(packed) if from == 0 => packed.gaussians(),
+        PackedWant::Layers(packed) if from > 0 => packed.gaussians(),
+        _ => panic!("first layers are a segment, others are not"),
+    })
 }
 
 #[test]
@@ -67,8 +78,13 @@ fn segments_are_loaded_in_any_order_and_in_layers() {
     for (segment, layers, count) in [(2, 3, 70), (0, 1, 20), (1, 1, 50), (2, 2, 50), (0, 2, 60), (2, 1, 30)] {
         assert_eq!(gaussians(&opened, segment, layers).unwrap(), count, "{segment}, {layers}");
     }
+    // Behind those that are there, only the others.
+    for (segment, from, layers, count) in [(2, 1, 3, 40), (2, 2, 3, 20), (2, 1, 2, 20), (0, 1, 2, 40)] {
+        let found = further(&opened, segment, from, layers).unwrap();
+        assert_eq!(found, count, "{segment}, {from} to {layers}");
+    }
     assert_eq!(opened.layer_ends(), [100, 160, 180]);
-    // What holds an instant, the two after it, and a second version of the largest.
+    // What holds an instant, the two after it, and a gap of the size of the largest.
     assert_eq!(opened.layout().rows, 180 + 70);
     let subject = opened.subject();
     assert!((subject.ground.x - 9.5).abs() < 0.1, "by the first layer at the start: {subject:?}");
@@ -153,6 +169,14 @@ fn a_damaged_segment_is_refused_alone() {
     let text = gaussians(&opened, 1, 1).unwrap_err().to_string();
     assert!(text.contains("a.aarc: segment 1, at 1.000 s: ") && text.contains("copy it again"), "{text}");
     assert!(gaussians(&opened, 0, 2).is_ok() && gaussians(&opened, 2, 3).is_ok());
+    // Of a segment of which the last layer is damaged, those before are loaded.
+    let mut bytes = three();
+    *bytes.last_mut().unwrap() ^= 1;
+    let file = written(&bytes);
+    let opened = open(&file);
+    assert_eq!(further(&opened, 2, 1, 2).unwrap(), 20);
+    let text = further(&opened, 2, 2, 3).unwrap_err().to_string();
+    assert!(text.contains("a.aarc: segment 2, at 2.000 s: ") && text.contains("copy it again"), "{text}");
 }
 
 #[test]

@@ -89,11 +89,13 @@ fn what_holds_the_instant_comes_first_and_its_first_layers_before_all() {
             let holds = |index: &usize| span(&take.segments[*index]).holds(t_s, take.duration_s);
             let held: Vec<usize> = (0..take.segments.len()).filter(holds).collect();
             assert_eq!(plan.held(), held, "{t_s}");
-            let firsts: Vec<Want> = held.iter().map(|&segment| Want { segment, layers: 1 }).collect();
+            let firsts: Vec<Want> =
+                held.iter().map(|&segment| Want { segment, from: 0, layers: 1 }).collect();
             assert_eq!(plan.wants[..held.len()], firsts, "{t_s}");
             let deep = held.iter().filter(|segment| take.segments[**segment].layers.len() > 1);
-            let rest: Vec<Want> =
-                deep.map(|&segment| Want { segment, layers: take.segments[segment].layers.len() }).collect();
+            let rest: Vec<Want> = deep
+                .map(|&segment| Want { segment, from: 1, layers: take.segments[segment].layers.len() })
+                .collect();
             assert_eq!(plan.wants[held.len()..][..rest.len()], rest, "{t_s}");
         }
     }
@@ -219,6 +221,19 @@ fn what_is_needed_are_the_segments_ahead() {
     let fast = Playhead { t_s: 2.5, speed: 2.0, ..Playhead::default() };
     assert_eq!(needs(&take, 1, &fast), Needs { bytes: 200.0, segments: 2.0 });
     assert_eq!(needs(&take, 1, &Playhead::default()), Needs::default());
+}
+
+#[test]
+fn only_layers_that_are_not_there_are_missing() {
+    let plan = plan(&joined(&[1.0; 3]), 0.5, Direction::Forward, false);
+    let missing = |resident: [usize; 3]| {
+        let wants = plan.missing(|segment| resident[segment]).into_iter();
+        wants.map(|Want { segment, from, layers }| (segment, from, layers)).collect::<Vec<_>>()
+    };
+    assert_eq!(missing([0, 0, 0]), [(0, 0, 1), (0, 1, 3), (1, 0, 3), (2, 0, 3)]);
+    assert_eq!(missing([1, 0, 3]), [(0, 1, 3), (1, 0, 3)]);
+    assert_eq!(missing([2, 1, 3]), [(0, 2, 3), (1, 1, 3)]);
+    assert_eq!(missing([3; 3]), []);
 }
 
 #[test]

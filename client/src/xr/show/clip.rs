@@ -23,8 +23,15 @@ pub(super) struct HeadsetTarget {
 
 impl ClipTarget for HeadsetTarget {
     type Ready = Box<ReadyClip>;
+    type Uploaded = Arc<GpuClip>;
 
-    fn prepare(&self, _: &Entry, content: Content, beginning: Beginning) -> Result<Box<ReadyClip>, Fault> {
+    fn prepare(
+        &self,
+        _: &Entry,
+        content: Content,
+        beginning: Beginning,
+        uploaded: &mut Option<Arc<GpuClip>>,
+    ) -> Result<Box<ReadyClip>, Fault> {
         let gpu = self
             .gpu
             .upgrade()
@@ -32,7 +39,7 @@ impl ClipTarget for HeadsetTarget {
         let layout = FrameLayout { format: self.format.drawn(), eyes: 2, foveated: true };
         let (renderer, take, layer_ends) = match &content {
             Content::Clip(clip) => {
-                let on_gpu = Arc::new(GpuClip::upload(&gpu, clip)?);
+                let on_gpu = GpuClip::following(&gpu, uploaded, clip)?;
                 let layer_ends = on_gpu.layer_ends();
                 (Renderer::new(&gpu, on_gpu, layout)?, None, layer_ends)
             }

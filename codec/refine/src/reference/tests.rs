@@ -362,16 +362,15 @@ fn layers_of_a_clip_are_prefixes_drawn_together() {
         1.0,
         &[],
     );
+    let layers =
+        vec![LayerEnd { static_count: 1, dynamic_count: 1 }, LayerEnd { static_count: 2, dynamic_count: 2 }];
     let clip = Clip {
         info: ClipInfo::default(),
         bounds: [[-1.0; 3], [5.0; 3]],
         static_field: static_part.clone(),
         dynamic_field: dynamic_part.clone(),
-        layers: vec![
-            LayerEnd { static_count: 1, dynamic_count: 1 },
-            LayerEnd { static_count: 2, dynamic_count: 2 },
-        ],
-        layers_announced: 2,
+        layers: layers.clone(),
+        layers_announced: layers,
         time_index: TimeIndex::default(),
         plate: None,
     };

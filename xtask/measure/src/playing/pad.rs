@@ -59,9 +59,11 @@ pub(super) fn with_temporal(mut field: Field) -> Field {
 pub(super) fn all_dynamic(clip: &Clip) -> Clip {
     let dynamic_field = with_temporal(clip.merged());
     let rows = dynamic_field.len();
+    let end = LayerEnd { static_count: 0, dynamic_count: rows };
     Clip {
         static_field: Field { sh_degree: clip.static_field.sh_degree, ..Field::default() },
-        layers: vec![LayerEnd { static_count: 0, dynamic_count: rows }],
+        layers: vec![end],
+        layers_announced: vec![end],
         time_index: TimeIndex::of_candidates(rows),
         dynamic_field,
         ..clip.clone()
@@ -71,8 +73,10 @@ pub(super) fn all_dynamic(clip: &Clip) -> Clip {
 /// The clip without a time index: all dynamic Gaussians are tested at every instant.
 pub(super) fn without_index(clip: &Clip) -> Clip {
     let (static_count, dynamic_count) = (clip.static_field.len(), clip.dynamic_field.len());
+    let end = LayerEnd { static_count, dynamic_count };
     Clip {
-        layers: vec![LayerEnd { static_count, dynamic_count }],
+        layers: vec![end],
+        layers_announced: vec![end],
         time_index: TimeIndex::of_candidates(dynamic_count),
         ..clip.clone()
     }

@@ -70,8 +70,10 @@ pub(super) fn to_alive(clip: &Clip, t: f64, least: f64) -> Clip {
         field.select(&rows)
     };
     let (static_field, dynamic_field) = (alive(&clip.static_field), alive(&clip.dynamic_field));
+    let end = LayerEnd { static_count: static_field.len(), dynamic_count: dynamic_field.len() };
     Clip {
-        layers: vec![LayerEnd { static_count: static_field.len(), dynamic_count: dynamic_field.len() }],
+        layers: vec![end],
+        layers_announced: vec![end],
         time_index: TimeIndex::of_candidates(dynamic_field.len()),
         static_field,
         dynamic_field,

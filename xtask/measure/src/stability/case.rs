@@ -172,7 +172,7 @@ pub(super) fn exact(field: Field) -> Clip {
         static_field,
         dynamic_field,
         layers: vec![end],
-        layers_announced: 1,
+        layers_announced: vec![end],
         plate: None,
     }
 }

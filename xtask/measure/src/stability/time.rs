@@ -176,7 +176,7 @@ pub(super) fn cases() -> Vec<StabilityCase> {
             GROUP,
             "turning at 1e9, and through the zero quaternion",
             2.0,
-            "rotated in f64 to the record's instant; rates are limited to 2^24 per width",
+            "rotated in f64 to the record's instant; rates are limited to 2^20 per width",
             || {
                 let turning = |i: usize, s: f32, rotation: [f32; 4], rate: [f32; 4]| {
                     Gaussian { center: place(i), s, rotation, rate, ..Gaussian::default() }

@@ -70,9 +70,9 @@ impl Batch {
 }
 
 impl RowColumns {
-    /// Prepares the columns of `field`; `origin` is that of the clip, in the world of the field.
-    pub(super) fn new(field: &Field, origin: DVec3) -> RowColumns {
-        let rows = 0..field.len();
+    /// Prepares the columns of `rows` of `field`; `origin` is that of the clip, in the world of the field.
+    pub(super) fn new(field: &Field, rows: Range<usize>, origin: DVec3) -> RowColumns {
+        let first = rows.start;
         let moment = |row: usize| match &field.temporal {
             Some(temporal) => Moment::of(field, temporal, row),
             None => Moment { position: field.centers[row].map(f64::from), ..Moment::default() },
@@ -100,7 +100,7 @@ impl RowColumns {
         let contribution: Vec<ContributionBound> = rows.clone().zip(&moments).map(contribution).collect();
         let support_radius = |row: usize| {
             let radius = (2.0 * (f64::from(field.opacities[row]) / ALPHA_MIN).ln()).max(0.0).sqrt();
-            contribution[row].sigmas.x * radius as f32
+            contribution[row - first].sigmas.x * radius as f32
         };
         let center = |axis: usize| moments.iter().map(|m| (m.position[axis] - origin[axis]) as f32).collect();
         let order = field.temporal.as_ref().map_or(0, |temporal| usize::from(temporal.motion_order));

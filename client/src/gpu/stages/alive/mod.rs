@@ -12,12 +12,14 @@ mod eye;
 mod tests;
 
 use std::ops::Range;
+use std::sync::Arc;
 
-use codec::{Field, LayerEnd, PixelFilter, TimeIndex};
+use codec::{LayerEnd, PixelFilter, TimeIndex};
 use glam::{DVec3, Vec3A};
 
 use super::sort::Item;
 use crate::gpu::frame_views::{EYES_MAX, FrameViews};
+use crate::gpu::layer_run::LayerRun;
 use crate::gpu::settings::{RenderSettings, SortOrder};
 use crate::view::{CyclopeanEye, View};
 pub(in crate::gpu) use columns::ROW_BYTES;
@@ -25,11 +27,23 @@ use columns::{BATCH, Batch, Places, RowColumns};
 use eye::Eye;
 pub(in crate::gpu) use eye::slope_limits;
 
-/// The columns of a clip, or of a segment, in CPU memory that culling and sorting read.
+/// The columns of a clip, or of a segment, in CPU memory that culling and sorting read, as they arrived: nothing is copied
+/// when further layers do.
 pub(in crate::gpu) struct Rows {
+    runs: Vec<Arc<LayerRows>>,
+    /// First dynamic row, behind the room for all static ones.
+    pub(in crate::gpu) first_dynamic: u32,
+}
+
+/// The columns of consecutive layers.
+pub(in crate::gpu) struct LayerRows {
     static_field: RowColumns,
     dynamic_field: RowColumns,
-    layers: Vec<LayerEnd>,
+    /// Rows of the layers before.
+    before: LayerEnd,
+    /// Rows up to the end of each layer, those before included.
+    ends: Vec<LayerEnd>,
+    /// Counts from the first of these dynamic rows.
     time_index: TimeIndex,
 }
 
@@ -43,38 +57,71 @@ pub(in crate::gpu) struct CullCounts {
 }
 
 impl Rows {
-    /// Prepares the rows; `origin` is that of the clip, in the world of the fields.
-    pub(in crate::gpu) fn new(
-        [static_field, dynamic_field]: [&Field; 2],
-        origin: DVec3,
-        layers: Vec<LayerEnd>,
-        time_index: TimeIndex,
-    ) -> Rows {
-        let [static_field, dynamic_field] =
-            [static_field, dynamic_field].map(|field| RowColumns::new(field, origin));
-        Rows { static_field, dynamic_field, layers, time_index }
+    /// Rows of first layers, with room for `first_dynamic` static ones.
+    pub(in crate::gpu) fn new(rows: LayerRows, first_dynamic: u32) -> Rows {
+        Rows { runs: vec![Arc::new(rows)], first_dynamic }
+    }
+
+    /// These rows and those of further layers.
+    pub(in crate::gpu) fn followed_by(&self, rows: LayerRows) -> Rows {
+        let runs = self.runs.iter().cloned().chain([Arc::new(rows)]).collect();
+        Rows { runs, first_dynamic: self.first_dynamic }
+    }
+
+    /// Number of Gaussians in the first k layers, for k from 1.
+    pub(in crate::gpu) fn layer_ends(&self) -> impl Iterator<Item = LayerEnd> {
+        self.runs.iter().flat_map(|run| run.ends.iter().copied())
+    }
+
+    /// Culls the rows at clip time `t`: of the layers as they arrived, static rows first, then the candidates of the time
+    /// index in order. In the draw order they count from `first`.
+    pub(in crate::gpu) fn alive(&self, t: f64, first: u32, culler: &mut Culler<'_>) {
+        let mut layers = culler.layers.unwrap_or(usize::MAX);
+        for run in &self.runs {
+            run.alive(t, layers, [first, first + self.first_dynamic], culler);
+            layers = layers.saturating_sub(run.ends.len());
+        }
+    }
+}
+
+impl LayerRows {
+    /// Prepares the rows of layers; `origin` is that of the clip, in the world of the fields.
+    pub(in crate::gpu) fn new(run: &LayerRun<'_>, origin: DVec3) -> LayerRows {
+        let columns = |region: usize| RowColumns::new(run.fields[region], run.rows[region].clone(), origin);
+        LayerRows {
+            static_field: columns(0),
+            dynamic_field: columns(1),
+            before: run.before,
+            ends: run.ends.clone(),
+            time_index: run.time_index.clone(),
+        }
     }
 
     pub(in crate::gpu) fn len(&self) -> usize {
         self.static_field.len() + self.dynamic_field.len()
     }
 
-    /// Number of Gaussians in the first k layers, for k from 1.
-    pub(in crate::gpu) fn layer_ends(&self) -> impl Iterator<Item = usize> {
-        self.layers.iter().map(|end| end.total())
+    /// Rows of the layers before.
+    pub(in crate::gpu) fn before(&self) -> LayerEnd {
+        self.before
     }
 
-    /// Culls the rows at clip time `t`: static rows first, then the candidates of the time index in order. In the draw
-    /// order they count from `first`.
-    pub(in crate::gpu) fn alive(&self, t: f64, first: u32, culler: &mut Culler<'_>) {
-        let layers = culler.layers.map_or(self.layers.len(), |layers| layers.min(self.layers.len()));
-        let Some(end) = layers.checked_sub(1).map(|last| self.layers[last]) else {
+    /// Rows up to the end of the last of these layers, those before included.
+    pub(in crate::gpu) fn end(&self) -> LayerEnd {
+        self.ends.last().copied().unwrap_or(self.before)
+    }
+
+    /// Culls the rows of the first `layers` layers. `firsts` are those of all static and of all dynamic rows of the clip.
+    fn alive(&self, t: f64, layers: usize, firsts: [u32; 2], culler: &mut Culler<'_>) {
+        let layers = layers.min(self.ends.len());
+        let Some(end) = layers.checked_sub(1).map(|last| self.ends[last]) else {
             return;
         };
-        culler.cull(&self.static_field, t, 0..end.static_count, first);
-        let first = first + self.static_field.len() as u32;
+        let LayerEnd { static_count, dynamic_count } = self.before;
+        let rows = 0..end.static_count - static_count;
+        culler.cull(&self.static_field, t, rows, firsts[0] + static_count as u32);
         for rows in self.time_index.candidates(t, layers) {
-            culler.cull(&self.dynamic_field, t, rows, first);
+            culler.cull(&self.dynamic_field, t, rows, firsts[1] + dynamic_count as u32);
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Compares the stage with a test of every row.
 
-use codec::{ALPHA_MIN, Camera, Temporal};
+use codec::{ALPHA_MIN, Camera, Field, Temporal};
 
 use super::*;
 use crate::gpu::stages::sort::Sorter;
@@ -33,13 +33,14 @@ fn dynamic_field() -> Field {
 }
 
 fn rows(field: &Field) -> Rows {
-    let time_index = TimeIndex::of_candidates(ROWS);
-    Rows::new(
-        [&Field::default(), field],
-        ORIGIN,
-        vec![LayerEnd { static_count: 0, dynamic_count: ROWS }],
-        time_index,
-    )
+    let run = LayerRun {
+        fields: [&Field::default(), field],
+        rows: [0..0, 0..ROWS],
+        before: LayerEnd::default(),
+        ends: vec![LayerEnd { static_count: 0, dynamic_count: ROWS }],
+        time_index: TimeIndex::of_candidates(ROWS),
+    };
+    Rows::new(LayerRows::new(&run, ORIGIN), 0)
 }
 
 /// Replaces `items` by the rows to draw.
@@ -166,6 +167,55 @@ fn two_eyes_see_the_union() {
     assert_eq!(both, either);
 }
 
+/// Whichever layers arrive together, the same rows are drawn in the same places, with any number of layers.
+#[test]
+fn layers_that_arrive_one_by_one_are_drawn_as_those_that_arrive_at_once() {
+    let dynamic_field = dynamic_field();
+    let static_field = Field { temporal: None, opacities: vec![1.0; ROWS], ..dynamic_field.clone() };
+    let ends = [(100, 0), (100, 1000), (700, 1500), (ROWS, ROWS)]
+        .map(|(static_count, dynamic_count)| LayerEnd { static_count, dynamic_count });
+    let rows_of = |layers: Range<usize>| {
+        let before = layers.start.checked_sub(1).map_or(LayerEnd::default(), |last| ends[last]);
+        let mut time_index = TimeIndex::default();
+        let mut row = before.dynamic_count;
+        for end in &ends[layers.clone()] {
+            time_index.append(TimeIndex::of_candidates(end.dynamic_count - row));
+            row = end.dynamic_count;
+        }
+        let end = ends[layers.end - 1];
+        let run = LayerRun {
+            fields: [&static_field, &dynamic_field],
+            rows: [before.static_count..end.static_count, before.dynamic_count..end.dynamic_count],
+            before,
+            ends: ends[layers].to_vec(),
+            time_index,
+        };
+        LayerRows::new(&run, ORIGIN)
+    };
+    let first = |layers: Range<usize>| Rows::new(rows_of(layers), ROWS as u32);
+    let at_once = first(0..4);
+    let arrived = [
+        first(0..1).followed_by(rows_of(1..2)).followed_by(rows_of(2..3)).followed_by(rows_of(3..4)),
+        first(0..2).followed_by(rows_of(2..4)),
+    ];
+    let view = [View::from_camera(&camera())];
+    let drawn = |rows: &Rows, layers| {
+        let settings = RenderSettings { layers, ..RenderSettings::default() };
+        let mut items = Vec::new();
+        let seen = alive(rows, 0.4, &FrameViews::new(&view, None), &settings, &mut items);
+        let mut order = order_of(items);
+        order.sort_unstable();
+        (seen, order)
+    };
+    for layers in [Some(0), Some(1), Some(2), Some(3), Some(4), Some(9), None] {
+        let expected = drawn(&at_once, layers);
+        assert_eq!(expected.1.is_empty(), layers == Some(0));
+        assert!(arrived.iter().all(|rows| drawn(rows, layers) == expected), "{layers:?}");
+    }
+    let all: Vec<LayerEnd> = at_once.layer_ends().collect();
+    assert!(all == ends && arrived.iter().all(|rows| rows.layer_ends().eq(ends)));
+}
+
 #[test]
 fn layers_are_prefixes() {
     let mut static_field = dynamic_field();
@@ -175,7 +225,14 @@ fn layers_are_prefixes() {
         LayerEnd { static_count: 10, dynamic_count: 0 },
         LayerEnd { static_count: ROWS, dynamic_count: 0 },
     ];
-    let rows = Rows::new([&static_field, &Field::default()], ORIGIN, layers, TimeIndex::default());
+    let run = LayerRun {
+        fields: [&static_field, &Field::default()],
+        rows: [0..ROWS, 0..0],
+        before: LayerEnd::default(),
+        ends: layers,
+        time_index: TimeIndex::default(),
+    };
+    let rows = Rows::new(LayerRows::new(&run, ORIGIN), ROWS as u32);
     let view = [View::from_camera(&camera())];
     let mut items = Vec::new();
     let mut alive = |layers| {
