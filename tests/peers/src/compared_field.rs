@@ -9,7 +9,7 @@ use studio::input::{Input, read_package};
 use studio::package::QUALITY_DB;
 use studio::report::ReportSubject;
 
-use crate::coding::{Judge, views_of};
+use crate::coding::{Judge, SIZE, views_of};
 
 /// Angle in degrees beside the first viewpoint of the images that rank Gaussians for a budget.
 const ASIDE: f64 = 10.0;
@@ -45,7 +45,7 @@ impl ComparedField {
         }
         if let Some(budget) = budget.filter(|&budget| budget < field.len()) {
             progress.set_message("ranking");
-            let seen = contributions_to(&views_of(&field, info, ASIDE), &field, || progress.tick());
+            let seen = contributions_to(&views_of(&field, info, ASIDE, SIZE), &field, || progress.tick());
             let mut rows = by_importance(&Ranking::BlendSum.scores(&field, &seen));
             rows.truncate(budget);
             field = field.select(&rows);

@@ -262,13 +262,13 @@ fn a_budget_of_fragments_leaves_out_what_shows_least() {
     let share = |report: &Value| {
         let shares = report["lens_fragments"].as_array().unwrap()[..2].iter().map(|count| {
             let (before, after) = (number(&count["before"]), number(&count["after"]));
-            assert!(0.0 < after && after <= before, "{count}");
+            assert!(0.0 < after && after < 1.03 * before, "{count}");
             after / before
         });
         shares.collect::<Vec<f64>>()
     };
     let whole = package(&[]);
-    // Coding alone takes 2 % away.
+    // Coding alone changes them by 2 %.
     assert!(share(&whole).iter().all(|share| (share - 1.0).abs() < 0.03), "{whole}");
     let report = package(&["--fragments", "0.7", "--no-floor"]);
     let dropped = count(&report["dropped"], "over the budget of fragments");

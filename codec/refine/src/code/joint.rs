@@ -119,6 +119,11 @@ impl JointRounding {
         JointRounding { rounds, pictures }
     }
 
+    /// The same pictures, for another number of rounds at a precision.
+    pub fn with_rounds(self, rounds: NonZero<usize>) -> JointRounding {
+        JointRounding { rounds, ..self }
+    }
+
     /// Number of rounds at the first precision.
     pub(super) fn rounds(&self) -> usize {
         self.rounds.get()

@@ -1,11 +1,12 @@
 //! [`Judge`]: compares another coder's file with this project's package of the same error.
 
+use std::num::NonZero;
 use std::time::Instant;
 
 use anyhow::anyhow;
-use codec::{ClipInfo, Field, Limits, Source};
+use codec::{ClipInfo, Coder, Field, Limits, Source};
 use indicatif::ProgressBar;
-use refine::code::{CodeError, Coded, code};
+use refine::code::{CodeError, Coded, JOINT_ROUNDS, JointRounding, PackageTarget, code};
 use refine::prune::{Pictures, PosedView, instants, posed_views, steps_aside};
 use refine::reference::RenderScene;
 use serde::Serialize;
@@ -15,7 +16,7 @@ use super::peer_file::PeerFile;
 use crate::median_range::{MedianRange, in_turn};
 
 /// Size of the judged images in pixels.
-const SIZE: (u32, u32) = (640, 480);
+pub(crate) const SIZE: (u32, u32) = (640, 480);
 
 /// Number of instants of the judged images.
 const INSTANTS: usize = 4;
@@ -23,6 +24,10 @@ const INSTANTS: usize = 4;
 /// Angles in degrees beside the first viewpoint of the images for the coder, and of the judged images.
 const CODING_ASIDE: f64 = 10.0;
 const JUDGED_ASIDE: f64 = 6.0;
+
+/// Angles of the images for joint rounding, and their size.
+const ROUNDING_ASIDE: [f64; 5] = [2.0, 4.0, 8.0, 12.0, 15.0];
+const ROUNDING_SIZE: (u32, u32) = (256, 192);
 
 /// A peer's coder and this project's, on one field.
 #[derive(Clone, Debug, Serialize)]
@@ -56,17 +61,21 @@ pub(crate) struct Judge<'a> {
 impl<'a> Judge<'a> {
     pub(crate) fn new(field: &'a Field, info: &'a ClipInfo, progress: &'a ProgressBar) -> Judge<'a> {
         progress.set_message("rendering images to judge codings by");
-        let judging = views_of(field, info, JUDGED_ASIDE);
+        let judging = views_of(field, info, JUDGED_ASIDE, SIZE);
         let pictures = Pictures::take(&RenderScene::from(field), judging, || progress.tick());
-        Judge { field, info, coding_views: views_of(field, info, CODING_ASIDE), pictures, progress }
+        Judge { field, info, coding_views: views_of(field, info, CODING_ASIDE, SIZE), pictures, progress }
     }
 
     /// This project's package of the field, of at least `psnr_db` if possible.
     pub(crate) fn ours(&self, psnr_db: f64) -> anyhow::Result<Coded> {
         self.progress.set_message(format!("coding to {psnr_db:.1} dB"));
         let source = Source { info: self.info, field: self.field, plate: None };
-        let coded =
-            code(&source, &LAYERS, psnr_db, &self.coding_views, &self.pictures, None, || self.progress.tick());
+        let tick = || self.progress.tick();
+        let views =
+            ROUNDING_ASIDE.map(|aside| views_of(self.field, self.info, aside, ROUNDING_SIZE)).concat();
+        let joint = NonZero::new(JOINT_ROUNDS).map(|rounds| JointRounding::new(&source, views, rounds, tick));
+        let target = PackageTarget { coder: Coder::Rans, layers: &LAYERS, psnr_db };
+        let coded = code(&source, target, &self.coding_views, &self.pictures, joint.as_ref(), tick);
         coded.map_err(|error| match error {
             CodeError::Encode(error) => anyhow!(error),
             CodeError::Decode(error) => anyhow!(error),
@@ -108,8 +117,9 @@ impl<'a> Judge<'a> {
     }
 }
 
-/// Views from the first viewpoint and from `aside` degrees to its sides, at instants over the clip.
-pub(crate) fn views_of(field: &Field, info: &ClipInfo, aside: f64) -> Vec<PosedView> {
-    let cameras = steps_aside(&info.viewpoints[0], info.up, aside.to_radians(), SIZE);
+/// Views of this size in pixels from the first viewpoint and from `aside` degrees to its sides, at instants over the
+/// clip.
+pub(crate) fn views_of(field: &Field, info: &ClipInfo, aside: f64, size: (u32, u32)) -> Vec<PosedView> {
+    let cameras = steps_aside(&info.viewpoints[0], info.up, aside.to_radians(), size);
     posed_views(&cameras, &instants(field, INSTANTS))
 }

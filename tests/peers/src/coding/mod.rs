@@ -14,7 +14,7 @@ use studio::export;
 
 use crate::compared_field::ComparedField;
 
-pub(crate) use judge::{CoderRow, Judge, views_of};
+pub(crate) use judge::{CoderRow, Judge, SIZE, views_of};
 
 /// Compares all coders on the field and on its instant at clip time `t`. Writes the files to `folder`.
 pub(crate) fn compare(

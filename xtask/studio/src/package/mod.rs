@@ -29,7 +29,8 @@ pub use report::{Counts, PackageReport, PreservedTopology, Shortfall, TriedCandi
 pub use settings::{Coding, DropPart, LAYERS, PackageSettings, QUALITY_DB};
 pub use snap::Snapped;
 pub(crate) use views::{
-    CODED_SIZE, Places, blind_viewpoints, compared_views, render_scene, views_of, visibility_views,
+    CODED_SIZE, Places, blind_viewpoints, compared_views, render_scene, rounding_views, views_of,
+    visibility_views,
 };
 #[cfg(feature = "measure")]
 pub(crate) use views::{JUDGING_PLACES, STEERING_PLACES, recolor_views};

@@ -3,6 +3,8 @@
 //! stability of the renderer, and what a take costs over time.
 
 pub mod ablation;
+#[cfg(feature = "measure")]
+mod coding;
 mod file;
 #[cfg(feature = "measure")]
 pub mod fitting;

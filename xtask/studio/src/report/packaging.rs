@@ -1,41 +1,23 @@
-//! Measures the parameters of packaging: coder precision, the ranking that selects the Gaussians of a
+//! Measures the parameters of packaging: those of [`coding`], the ranking that selects the Gaussians of a
 //! budget, recolouring, the budget of fragments, and the fragment term of a refinement.
 //!
 //! Coding is compared with the Gaussians before coding, selection with the whole field, each in the images
 //! that `package` compares, at the size of the reports. A refinement is compared with photographs.
 
-use std::collections::BTreeMap;
 use std::time::Instant;
 
-use codec::{Clip, Coder, EncodeOptions, Field, Limits, Source};
+use codec::Field;
 use program::Standpoint;
-use refine::code::{CodeError, TRIALS, TargetCoder};
 use refine::fit::{Cpu, FRAGMENT_WEIGHT};
-use refine::prune::{Candidate, Pictures, PosedView, Ranking, Selection, by_importance, recolor};
-use refine::reference::{self, RenderScene, sensitivities};
+use refine::prune::{Candidate, Pictures, Ranking, Selection, recolor};
+use refine::reference::RenderScene;
 
+use super::coding::{self, counts, point};
 use super::subject::ReportSubject;
 use crate::fit::{Refinement, TrainingViews};
-use crate::package::{
-    Coding, FieldAnalysis, JUDGING_PLACES, LAYERS, LensCounter, PackageSettings, QUALITY_DB, STEERING_PLACES,
-    recolor_views, refused, render_scene, views_of,
-};
+use crate::package::{FieldAnalysis, LAYERS, LensCounter, PackageSettings, recolor_views, render_scene};
 use crate::progress::StagedProgress;
-use measure::parameter::{FlowStage, ImageErrors, Parameter, ParameterValue, Quartiles};
-
-/// Target PSNRs in dB, the finest first.
-const TARGETS_DB: [f64; 8] = [55.0, 52.5, QUALITY_DB, 50.0, 47.5, 45.0, 42.5, 40.0];
-
-/// Maximum number of Gaussians coded.
-const CODED: usize = 40_000;
-
-/// Number of timed decodings per package.
-const DECODINGS: usize = 5;
-
-/// Size in pixels of the pictures that measure precision, and their numbers: each is drawn many times.
-const SIZE: (u32, u32) = (320, 240);
-const CODED_VIEWS: usize = 6;
-const SEEN_VIEWS: usize = 8;
+use measure::parameter::{FlowStage, Parameter, ParameterValue, Quartiles};
 
 /// Budgets of fragments, as fractions; 1 leaves out none.
 const FRACTIONS: [f64; 6] = [1.0, 0.95, 0.9, 0.85, 0.7, 0.5];
@@ -50,7 +32,7 @@ const FRAGMENTS: &str = "fragments per pixel, 0.7 m in front";
 const WHY_BEST: &str = "`package` keeps the candidate of the highest PSNR, or one about as good that severs fewer \
                         features, which the fraction of lost features does not count";
 
-/// Measures coder precision and the budget of fragments, ranking and recolouring if a budget is smaller than the
+/// Measures coding and the budget of fragments, ranking and recolouring if a budget is smaller than the
 /// field, and the fragment term with the photographs and steps of a `refinement`.
 ///
 /// # Errors
@@ -61,7 +43,7 @@ pub fn measure(
     refinement: Option<(&TrainingViews, u64)>,
     progress: &StagedProgress,
 ) -> anyhow::Result<Vec<Parameter>> {
-    let mut parameters = vec![precision(subject, progress)?];
+    let mut parameters = Vec::from(coding::measure(subject, progress)?);
     let ReportSubject { scene, field, plate } = subject;
     let settings = PackageSettings::default();
     let analysis = FieldAnalysis::new(scene, field, plate.as_ref(), &settings, progress)?;
@@ -81,91 +63,6 @@ pub fn measure(
 /// The largest layer that is smaller than the field.
 fn budget(field: &Field) -> Option<usize> {
     LAYERS.into_iter().rev().find(|&budget| budget < field.len())
-}
-
-/// Size and PSNR of packages over the coder's target PSNR.
-fn precision(subject: &ReportSubject, progress: &StagedProgress) -> anyhow::Result<Parameter> {
-    progress.stage("coding", (1 + TARGETS_DB.len() * TRIALS) + seen_views(subject).len());
-    let ReportSubject { scene, field, plate } = subject;
-    let mut rows = by_importance(&Ranking::Mass.scores(field, &[]));
-    rows.truncate(CODED);
-    let part = field.select(&rows);
-    let plate = plate.as_ref();
-    let source = Source { info: &scene.info, field: &part, plate };
-    let visible = sensitivities(&part, plate, &seen_views(subject), || progress.step());
-    let judge = Pictures::take(&render_scene(&part, plate), coded_views(subject), || ());
-    let tried = || progress.step();
-
-    let mut coder = TargetCoder::new(&source, Coding::default().coder(), &LAYERS, visible, &judge);
-    let mut points = Vec::new();
-    for target_db in TARGETS_DB {
-        let coded = coder.code(target_db, tried).map_err(|error| refused(scene, error))?;
-        let label = format!("{target_db} dB");
-        points.push(package(&label, target_db == QUALITY_DB, &coded.bytes, coded.fidelity.psnr_db)?);
-    }
-    let options = EncodeOptions { coder: Coder::Fixed, layers: LAYERS.to_vec(), ..EncodeOptions::default() };
-    let bytes = codec::encode(&source, &options).map_err(|error| refused(scene, CodeError::Encode(error)))?;
-    let clip = decode(&bytes)?;
-    points.push(package("fixed", false, &bytes, judge.psnr(&reference::RenderScene::from(&clip), || ()))?);
-    tried();
-    Ok(Parameter {
-        stage: FlowStage::Packaging,
-        name: "coder precision".into(),
-        about: format!(
-            "Precision of the coder `rans`: PSNR of the decoded package against the Gaussians before coding, \
-             which are {} of {}, those of the greatest mass. `fixed` is the paper's coder, which has one \
-             precision. The run time is the median of {DECODINGS} decodings on one thread.",
-            part.len(),
-            field.len()
-        ),
-        why_default:
-            "it holds for all fields: coding then costs 0.01 dB of a field that fits its photographs to \
-                      24.3 dB"
-                .into(),
-        cost: "bytes".into(),
-        points,
-    }
-    .mark_front())
-}
-
-fn decode(bytes: &[u8]) -> anyhow::Result<Clip> {
-    Ok(codec::decode(bytes, &Limits::default())?)
-}
-
-/// The point of a package: its size, decoding time and PSNR.
-fn package(value: &str, default: bool, bytes: &[u8], psnr_db: f64) -> anyhow::Result<ParameterValue> {
-    let mut times = Vec::new();
-    let mut gaussians = 0;
-    for _ in 0..DECODINGS {
-        let start = Instant::now();
-        gaussians = decode(bytes)?.len();
-        times.push(start.elapsed().as_secs_f64() * 1e3);
-    }
-    let size = bytes.len() as f64;
-    Ok(ParameterValue {
-        cost: Quartiles::exactly(size),
-        run_time_ms: Some(Quartiles::of(times)),
-        counts: counts([("bytes", size), ("bytes_per_gaussian", size / gaussians as f64)]),
-        ..point(value, default, psnr_db)
-    })
-}
-
-/// A point with a PSNR only.
-fn point(value: &str, default: bool, psnr_db: f64) -> ParameterValue {
-    ParameterValue {
-        value: value.into(),
-        default,
-        on_front: false,
-        cost: Quartiles::default(),
-        errors: ImageErrors { psnr_db: psnr_db.is_finite().then_some(psnr_db), ..ImageErrors::default() },
-        run_time_ms: None,
-        stages_ms: BTreeMap::new(),
-        counts: BTreeMap::new(),
-    }
-}
-
-fn counts<const N: usize>(counts: [(&str, f64); N]) -> BTreeMap<String, f64> {
-    counts.map(|(name, count)| (name.to_owned(), count)).into()
 }
 
 /// PSNR and topology of the rankings at a budget, and the effect of recolouring on the selected Gaussians.
@@ -313,16 +210,6 @@ fn fragment_term(
         points,
     }
     .mark_front()
-}
-
-/// Views in which the precision of the coder is measured.
-fn coded_views(subject: &ReportSubject) -> Vec<PosedView> {
-    views_of(&subject.scene, &subject.field, JUDGING_PLACES, SIZE, CODED_VIEWS)
-}
-
-/// Views from which visibility is measured for the coder.
-fn seen_views(subject: &ReportSubject) -> Vec<PosedView> {
-    views_of(&subject.scene, &subject.field, STEERING_PLACES, SIZE, SEEN_VIEWS)
 }
 
 #[cfg(test)]

@@ -1,13 +1,17 @@
 //! Rate of the coder over its precision, and the savings of its parts: packages of the same Gaussians, coded
 //! to several PSNRs against the Gaussians before coding.
 
-use codec::{AttributeSize, Limits, Source};
-use refine::code::{TRIALS, TargetCoder};
+use std::num::NonZero;
+
+use codec::{AttributeSize, Coder, Limits, Source};
+use refine::code::{JOINT_ROUNDS, JointRounding, TRIALS, TargetCoder, code_steps};
 use refine::prune::Pictures;
 use refine::reference::sensitivities;
 use serde::Serialize;
 
-use crate::package::{Coding, LAYERS, compared_views, refused, render_scene, visibility_views};
+use crate::package::{
+    Coding, LAYERS, compared_views, refused, render_scene, rounding_views, visibility_views,
+};
 use crate::progress::StagedProgress;
 use crate::report::subject::ReportSubject;
 
@@ -34,6 +38,8 @@ pub struct CoderRate {
     pub bytes_per_gaussian: f64,
     /// Sizes by simpler coders.
     pub simpler: SimplerCoders,
+    /// Size in bytes with numbers that are rounded jointly, at the same PSNR.
+    pub jointly: usize,
 }
 
 /// Sizes in bytes of the package by simpler coders. From `order_0` to `predicted`, each adds one part of the
@@ -48,6 +54,8 @@ pub struct SimplerCoders {
     pub predicted: f64,
     /// The complete coder with equal precision for all Gaussians, at the same PSNR.
     pub alike: f64,
+    /// The coder `context`, at the same PSNR.
+    pub context: f64,
 }
 
 /// Codes the first rows of `order` to every target PSNR, in images of this `size`.
@@ -57,7 +65,6 @@ pub(super) fn measure(
     size: [u32; 2],
     progress: &StagedProgress,
 ) -> anyhow::Result<Vec<CoderRate>> {
-    progress.stage("rates", 2 * TRIALS * TARGETS_DB.len());
     let step = || progress.step();
     let ReportSubject { scene, field, plate } = subject;
     let part = field.select(&order[..BUDGET.min(order.len())]);
@@ -65,10 +72,18 @@ pub(super) fn measure(
     let compared = compared_views(scene, &part, size.into());
     let judge = Pictures::take(&render_scene(&part, plate.as_ref()), compared, || ());
     let visible = sensitivities(&part, plate.as_ref(), &visibility_views(scene, &part, size.into()), || ());
+    let views = rounding_views(scene, &part);
+    progress.stage("pictures to round by", views.len());
+    let rounds = NonZero::new(JOINT_ROUNDS).expect("a default above 0");
+    let joint = JointRounding::new(&source, views, rounds, step);
+    let mut context = TargetCoder::new(&source, Coder::Context, &LAYERS, visible.clone(), &judge);
     let mut coder = TargetCoder::new(&source, Coding::default().coder(), &LAYERS, visible, &judge);
+    progress.stage("rates", (3 * TRIALS + code_steps(Some(&joint))) * TARGETS_DB.len());
     let rate = |target_db: f64| {
         let coded = coder.code(target_db, step).map_err(|error| refused(scene, error))?;
         let alike = coder.code_equally(target_db, step).map_err(|error| refused(scene, error))?;
+        let jointly = coder.code_jointly(target_db, &joint, step).map_err(|error| refused(scene, error))?;
+        let context = context.code(target_db, step).map_err(|error| refused(scene, error))?;
         Ok(CoderRate {
             gaussians: part.len(),
             target_db,
@@ -76,15 +91,16 @@ pub(super) fn measure(
             mbps: subject.mbps(coded.bytes.len()),
             bytes: coded.bytes.len(),
             bytes_per_gaussian: coded.bytes.len() as f64 / part.len() as f64,
-            simpler: simpler(&coded.bytes, alike.bytes.len())?,
+            simpler: simpler(&coded.bytes, alike.bytes.len(), context.bytes.len())?,
+            jointly: jointly.bytes.len(),
         })
     };
     TARGETS_DB.into_iter().map(rate).collect()
 }
 
-/// Sizes of a package by simpler coders. `alike` is the size with equal precision, which the caller has
-/// measured.
-fn simpler(package: &[u8], alike: usize) -> anyhow::Result<SimplerCoders> {
+/// Sizes of a package by simpler coders. The caller has measured `alike`, the size with equal precision, and that by the
+/// coder `context`.
+fn simpler(package: &[u8], alike: usize, context: usize) -> anyhow::Result<SimplerCoders> {
     let sizes = codec::measure(package, &Limits::default())?;
     let sum = |of: fn(&AttributeSize) -> f64| sizes.iter().map(of).sum::<f64>();
     // Headers and tables.
@@ -93,5 +109,11 @@ fn simpler(package: &[u8], alike: usize) -> anyhow::Result<SimplerCoders> {
     let order: f64 = position.map(|size| size.order_0 - size.predicted).sum();
     let order_0 = rest + sum(|size| size.order_0);
     let predicted = rest + sum(|size| size.predicted);
-    Ok(SimplerCoders { order_0, ordered: order_0 - order, predicted, alike: alike as f64 })
+    Ok(SimplerCoders {
+        order_0,
+        ordered: order_0 - order,
+        predicted,
+        alike: alike as f64,
+        context: context as f64,
+    })
 }

@@ -259,21 +259,31 @@ fn rates(text: &mut String, fields: &[FieldRd]) {
          against images of the Gaussians before coding, of {width}x{height} pixels. B/G is the size of the file in bytes per Gaussian. The columns \
          before it are sizes by simpler coders: *order 0* is the entropy of the numbers, *+ order* the same with a free \
          order, *+ prediction* the entropy of the residuals; contexts save the rest. *all alike* is the complete coder \
-         at the same PSNR, with equal precision for visible and invisible Gaussians.\n\n\
-         | field | Gaussians | target PSNR (dB) | PSNR (dB) | Mbps | bytes | order 0 | + order | + prediction | B/G | all alike |\n\
-         |---|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|\n",
+         at the same PSNR, with equal precision for visible and invisible Gaussians; *context* is that coder instead of \
+         `rans`; *jointly* has numbers that are rounded jointly, as `package` rounds them.\n\n\
+         | field | Gaussians | target PSNR (dB) | PSNR (dB) | Mbps | bytes | order 0 | + order | + prediction | B/G | all alike | context | jointly |\n\
+         |---|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|\n",
     );
     for field in fields {
-        for CoderRate { gaussians, target_db, self_psnr_db, mbps, bytes, bytes_per_gaussian, simpler } in
-            &field.rates
+        for CoderRate {
+            gaussians,
+            target_db,
+            self_psnr_db,
+            mbps,
+            bytes,
+            bytes_per_gaussian,
+            simpler,
+            jointly,
+        } in &field.rates
         {
-            let SimplerCoders { order_0, ordered, predicted, alike } = *simpler;
-            let [order_0, ordered, predicted, alike] =
-                [order_0, ordered, predicted, alike].map(|bytes| format!("{:.2}", bytes / *gaussians as f64));
+            let SimplerCoders { order_0, ordered, predicted, alike, context } = *simpler;
+            let [order_0, ordered, predicted, alike, context, jointly] =
+                [order_0, ordered, predicted, alike, context, *jointly as f64]
+                    .map(|bytes| format!("{:.2}", bytes / *gaussians as f64));
             let _ = writeln!(
                 text,
                 "| {} | {gaussians} | {target_db} | {self_psnr_db:.1} | {mbps:.2} | {bytes} | {order_0} | {ordered} | \
-                 {predicted} | {bytes_per_gaussian:.2} | {alike} |",
+                 {predicted} | {bytes_per_gaussian:.2} | {alike} | {context} | {jointly} |",
                 field.field
             );
         }
@@ -356,7 +366,14 @@ mod tests {
                 mbps: 0.25,
                 bytes: 31_250,
                 bytes_per_gaussian: 6.25,
-                simpler: SimplerCoders { order_0: 5e4, ordered: 45e3, predicted: 4e4, alike: 42e3 },
+                simpler: SimplerCoders {
+                    order_0: 5e4,
+                    ordered: 45e3,
+                    predicted: 4e4,
+                    alike: 42e3,
+                    context: 41e3,
+                },
+                jointly: 30_000,
             }],
         }
     }
@@ -380,7 +397,9 @@ mod tests {
             "| 5000 | ours | mass | 4 | 29.00 | 0.900 | 1.000 | 0.750 | 0.0100 | 0.50 | 100000 | 20.0 |";
         assert!(text.contains(full), "{text}");
         assert!(
-            text.contains("| a | 5000 | 45 | 45.1 | 0.25 | 31250 | 10.00 | 9.00 | 8.00 | 6.25 | 8.40 |"),
+            text.contains(
+                "| a | 5000 | 45 | 45.1 | 0.25 | 31250 | 10.00 | 9.00 | 8.00 | 6.25 | 8.40 | 8.20 | 6.00 |"
+            ),
             "{text}"
         );
         assert!(!text.contains(MEAN) && text.contains("1 s (assumed)"), "{text}");
