@@ -1,4 +1,4 @@
-//! Measures the parameters of packaging: those of [`coding`], the ranking that selects the Gaussians of a
+//! Measures the parameters of packaging: those of coding (`coding.rs`), the ranking that selects the Gaussians of a
 //! budget, recolouring, the budget of fragments, and the fragment term of a refinement.
 //!
 //! Coding is compared with the Gaussians before coding, selection with the whole field, each in the images
