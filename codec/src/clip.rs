@@ -171,6 +171,14 @@ pub struct LayerEnd {
 }
 
 impl LayerEnd {
+    /// Numbers of Gaussians before layer `first` of those with these ends, counted from 0.
+    ///
+    /// # Panics
+    /// If there are fewer than `first` layers.
+    pub fn before(ends: &[LayerEnd], first: usize) -> LayerEnd {
+        first.checked_sub(1).map_or(LayerEnd::default(), |last| ends[last])
+    }
+
     /// Number of Gaussians, static and dynamic, without the plate.
     pub fn total(self) -> usize {
         self.static_count + self.dynamic_count

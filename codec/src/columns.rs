@@ -21,9 +21,9 @@ pub(crate) struct TemporalColumns {
 /// Which columns each region of a package has.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct PackageColumns {
-    /// Of the static and the dynamic region.
+    /// SH degree in the static and the dynamic region.
     pub(crate) sh_degree: u8,
-    /// Of the dynamic region.
+    /// Temporal columns of the dynamic region.
     pub(crate) temporal: TemporalColumns,
     pub(crate) plate_sh_degree: u8,
 }

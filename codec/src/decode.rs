@@ -126,7 +126,7 @@ pub(crate) fn decode_further(
     assert!((1..contents.layers.len()).contains(&first), "layer {first} of {}", contents.layers.len());
     let complete = complete_layers(contents, first, bytes.len())?;
     // The rows that the caller has already.
-    let before = start_of(contents, first);
+    let before = LayerEnd::before(&contents.layers, first);
     for (region, rows) in [
         (Region::Static, before.static_count),
         (Region::Dynamic, before.dynamic_count),
@@ -149,7 +149,7 @@ fn decode_chunks(
     budget: &mut Budget,
     threads: NonZero<usize>,
 ) -> Result<(Layers, Field), Error> {
-    let before = start_of(contents, layers.start);
+    let before = LayerEnd::before(&contents.layers, layers.start);
     let ends = &contents.layers[layers.clone()];
     let scratch = match contents.coder {
         Coder::Fixed => Vec::new(),
@@ -167,11 +167,6 @@ fn decode_chunks(
         Coder::Context | Coder::Rans => sort_by_cell(&mut dynamic_field, before, ends, scratch),
     };
     Ok((Layers { before, static_field, dynamic_field, ends: ends.to_vec(), time_index }, plate))
-}
-
-/// Numbers of Gaussians before layer `first`.
-fn start_of(contents: &Contents, first: usize) -> LayerEnd {
-    first.checked_sub(1).map_or(LayerEnd::default(), |last| contents.layers[last])
 }
 
 /// The Gaussians of some layers, in the order of their sections.
@@ -204,7 +199,8 @@ impl Regions {
         budget: &mut Budget,
         threads: NonZero<usize>,
     ) -> Result<Regions, Error> {
-        let (before, end) = (start_of(contents, layers.start), contents.layers[layers.end - 1]);
+        let (before, end) =
+            (LayerEnd::before(&contents.layers, layers.start), contents.layers[layers.end - 1]);
         let mut region = |region, rows| columns.of(region).zeros(rows, budget);
         let mut static_field = region(Region::Static, end.static_count - before.static_count)?;
         let mut dynamic_field = region(Region::Dynamic, end.dynamic_count - before.dynamic_count)?;

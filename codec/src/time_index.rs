@@ -92,7 +92,7 @@ impl TimeIndex {
     /// If there are not 448 counts, or a row number exceeds 32 bits.
     pub fn push_layer(&mut self, counts: &[u32]) {
         assert_eq!(counts.len(), CELLS, "one count per cell");
-        let mut row = self.layers.last().and_then(|layer| layer.last()).copied().unwrap_or(0);
+        let mut row = self.end();
         let mut starts = Vec::with_capacity(counts.len() + 1);
         starts.push(row);
         for &count in counts {
@@ -102,12 +102,17 @@ impl TimeIndex {
         self.layers.push(starts);
     }
 
+    /// Row behind the last one.
+    fn end(&self) -> u32 {
+        self.layers.last().and_then(|layer| layer.last()).copied().unwrap_or(0)
+    }
+
     /// Adds the layers of `further`, whose row numbers count from the first row behind those of this index.
     ///
     /// # Panics
     /// If a row number exceeds 32 bits.
     pub fn append(&mut self, further: TimeIndex) {
-        let first = self.layers.last().and_then(|layer| layer.last()).copied().unwrap_or(0);
+        let first = self.end();
         for mut layer in further.layers {
             layer.iter_mut().for_each(|row| *row = row.checked_add(first).expect("rows fit u32"));
             self.layers.push(layer);

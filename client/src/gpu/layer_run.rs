@@ -20,7 +20,7 @@ pub(crate) struct LayerRun<'a> {
 impl<'a> LayerRun<'a> {
     /// The layers of `clip` from layer `first` on, counted from 0.
     pub(crate) fn of_clip(clip: &'a Clip, first: usize) -> LayerRun<'a> {
-        let before = first.checked_sub(1).map_or(LayerEnd::default(), |last| clip.layers[last]);
+        let before = LayerEnd::before(&clip.layers, first);
         LayerRun {
             fields: [&clip.static_field, &clip.dynamic_field],
             rows: [

@@ -58,7 +58,7 @@ fn report(version: Option<ClipVersion>) -> Flow {
 #[derive(Debug)]
 struct Arrived {
     head: Contents,
-    /// Shared with whoever draws it: it is copied if layers are appended meanwhile.
+    /// The display shares it while it draws. Layers that are appended meanwhile make a copy.
     clip: Arc<Clip>,
 }
 

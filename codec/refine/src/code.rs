@@ -106,13 +106,16 @@ fn joint_rounds(joint: &JointRounding, trial: usize) -> usize {
 }
 
 /// Packages a source with target PSNRs, one after another. What a small field's trials for one target
-/// found out is not computed again for the next.
+/// found out is not computed again for the next. Nor is the package of the latest target, with which joint rounding
+/// begins.
 #[derive(Debug)]
 pub struct TargetCoder<'a> {
     /// With the precision of each row by its sensitivity.
     own: Trials<'a>,
     /// With equal precision for all rows; `None` if that is the same.
     equal: Option<Trials<'a>>,
+    /// The latest target in dB and its package, with each number rounded alone.
+    latest: Option<(f64, Met)>,
 }
 
 impl<'a> TargetCoder<'a> {
@@ -130,6 +133,7 @@ impl<'a> TargetCoder<'a> {
             return TargetCoder {
                 own: Trials::new(source, coder, layers, Precision::default(), judge),
                 equal: None,
+                latest: None,
             };
         };
         let trials = |sensitivities: Vec<Sensitivity>| {
@@ -137,7 +141,7 @@ impl<'a> TargetCoder<'a> {
             Trials::new(source, coder, layers, precision, judge)
         };
         let equal = Some(equal_sensitivities(&rows)).filter(|equal| *equal != rows);
-        TargetCoder { equal: equal.map(trials), own: trials(rows) }
+        TargetCoder { equal: equal.map(trials), own: trials(rows), latest: None }
     }
 
     /// Packages the source at `psnr_db`, as [`code`] does. `on_step` is called after each of [`TRIALS`].
@@ -191,8 +195,19 @@ impl<'a> TargetCoder<'a> {
         Ok(best)
     }
 
-    /// The package of the rows' own precisions, or of equal ones if that is better.
-    fn meet(&mut self, psnr_db: f64, on_step: impl FnMut()) -> Result<Met, CodeError> {
+    /// The package of the rows' own precisions, or of equal ones if that is better. The latest one is not made again.
+    fn meet(&mut self, psnr_db: f64, mut on_step: impl FnMut()) -> Result<Met, CodeError> {
+        if let Some((_, met)) = self.latest.as_ref().filter(|(latest_db, _)| *latest_db == psnr_db) {
+            (0..TRIALS).for_each(|_| on_step());
+            return Ok(met.clone());
+        }
+        let met = self.search(psnr_db, on_step)?;
+        self.latest = Some((psnr_db, met.clone()));
+        Ok(met)
+    }
+
+    /// Makes the package that [`TargetCoder::meet`] returns.
+    fn search(&mut self, psnr_db: f64, on_step: impl FnMut()) -> Result<Met, CodeError> {
         let own = meet(&mut self.own, psnr_db, on_step)?;
         let Some(equal) = self.equal.as_mut().filter(|equal| equal.is_small()) else { return Ok(own) };
         let equal = match own.coded.miss {
@@ -222,6 +237,7 @@ fn equal_sensitivities(rows: &[Sensitivity]) -> Vec<Sensitivity> {
 }
 
 /// A package, with its precision.
+#[derive(Clone, Debug)]
 struct Met {
     coded: Coded,
     precision: Precision,

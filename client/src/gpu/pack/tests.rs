@@ -186,8 +186,8 @@ fn further_layers_are_packed_as_with_those_before() {
     assert_eq!(parts.map(|packed| packed.before.total()), [0, 35, 41]);
 }
 
-/// Gaussians that cross the bounds in a fraction of their windows have their motion in range, and others lose nothing:
-/// whatever the unit of length.
+/// Gaussians that cross the bounds in a fraction of their windows have their motion in range, and others lose nothing.
+/// The unit of length does not matter.
 #[test]
 fn motion_across_the_bounds_is_in_range() {
     for scale in [1e-6, 1.0, 1e3] {

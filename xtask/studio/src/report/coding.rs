@@ -12,8 +12,8 @@ use refine::reference::{RenderScene, sensitivities};
 
 use super::subject::ReportSubject;
 use crate::package::{
-    Coding, JUDGING_PLACES, LAYERS, QUALITY_DB, STEERING_PLACES, refused, render_scene, rounding_views,
-    views_of,
+    Coding, JUDGING_PLACES, LAYERS, Places, QUALITY_DB, STEERING_PLACES, refused, render_scene,
+    rounding_views, views_of,
 };
 use crate::progress::StagedProgress;
 use measure::parameter::{FlowStage, ImageErrors, Parameter, ParameterValue, Quartiles};
@@ -188,6 +188,6 @@ pub(super) fn counts<const N: usize>(counts: [(&str, f64); N]) -> BTreeMap<Strin
 }
 
 /// Views of the subject in small pictures.
-fn views(subject: &ReportSubject, places: crate::package::Places, count: usize) -> Vec<PosedView> {
+fn views(subject: &ReportSubject, places: Places, count: usize) -> Vec<PosedView> {
     views_of(&subject.scene, &subject.field, places, SIZE, count)
 }

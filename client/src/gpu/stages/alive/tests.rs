@@ -175,7 +175,7 @@ fn layers_that_arrive_one_by_one_are_drawn_as_those_that_arrive_at_once() {
     let ends = [(100, 0), (100, 1000), (700, 1500), (ROWS, ROWS)]
         .map(|(static_count, dynamic_count)| LayerEnd { static_count, dynamic_count });
     let rows_of = |layers: Range<usize>| {
-        let before = layers.start.checked_sub(1).map_or(LayerEnd::default(), |last| ends[last]);
+        let before = LayerEnd::before(&ends, layers.start);
         let mut time_index = TimeIndex::default();
         let mut row = before.dynamic_count;
         for end in &ends[layers.clone()] {
