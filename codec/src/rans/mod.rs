@@ -5,6 +5,8 @@
 
 mod cdf;
 mod decoder;
+#[cfg(test)]
+mod document;
 #[cfg(feature = "encode")]
 mod encoder;
 mod integer;
