@@ -10,7 +10,7 @@ use std::convert::Infallible;
 use std::num::NonZero;
 
 use crate::{
-    ClipInfo, Coder, Contents, EncodeError, Field, LayerEnd, PixelFilter, Precision, VERSION_MINOR,
+    ClipInfo, Coder, Contents, EncodeError, Field, LayerEnd, Limits, PixelFilter, Precision, VERSION_MINOR,
     bytes::Writer,
     columns::Columns,
     context,
@@ -18,7 +18,7 @@ use crate::{
     fixed,
     format::{CHUNK_ROWS, LAYERS_MAX},
     gaussian,
-    header::PlannedSection,
+    header::{PlannedSection, contents},
     order::{Layer, along_curve, split},
     parallel::try_for_each,
     precision::Prepared,
@@ -80,20 +80,22 @@ pub fn encode_parallel(
     options: &EncodeOptions,
     threads: NonZero<usize>,
 ) -> Result<Vec<u8>, EncodeError> {
-    encode_sections(source, options, threads).map(|encoded| encoded.package)
+    encode_sections(source, options, None, threads).map(|encoded| encoded.package)
 }
 
 /// Encodes as [`encode_parallel`] does, and also returns the Gaussians as the package holds them: the rows and columns
-/// of `source.field`, with decoded numbers.
+/// of `source.field`, with decoded numbers. With the coder `rans`, chunks take over whether neighbours predict from `like`,
+/// a package with as many Gaussians in each chunk: that saves half of the time.
 ///
 /// # Errors
 /// See [`encode`].
 pub fn encode_rounded(
     source: &Source,
     options: &EncodeOptions,
+    like: Option<&[u8]>,
     threads: NonZero<usize>,
 ) -> Result<(Vec<u8>, Field), EncodeError> {
-    let Encoded { package, static_rows, dynamic_rows } = encode_sections(source, options, threads)?;
+    let Encoded { package, static_rows, dynamic_rows } = encode_sections(source, options, like, threads)?;
     let decoded = decode_regions(&package, threads).expect("an encoded package decodes");
     let mut rounded = source.field.clone();
     rounded.set_rows(&static_rows, &decoded.static_field);
@@ -112,6 +114,7 @@ struct Encoded {
 fn encode_sections(
     source: &Source,
     options: &EncodeOptions,
+    like: Option<&[u8]>,
     threads: NonZero<usize>,
 ) -> Result<Encoded, EncodeError> {
     let Source { info, field, plate } = *source;
@@ -149,7 +152,8 @@ fn encode_sections(
     contents.plate_filter = source.plate.map(|plate| plate.filter).unwrap_or_default();
 
     let plan: Vec<PlannedSection> = contents.plan().collect();
-    let payload = |planned: &PlannedSection| {
+    let forms = like.map_or_else(Vec::new, chunk_forms);
+    let payload = |planned: &PlannedSection, has_neighbors: Option<bool>| {
         let layer = &layers[usize::from(planned.layer)];
         let (chunks, rows) = match planned.region {
             Region::Static => (&chunks, &layer.static_rows),
@@ -160,17 +164,18 @@ fn encode_sections(
             SectionKind::TimeIndex => Payload::of_any_version(time_index_payload(&layer.cells), &[]),
             _ => {
                 let start = planned.chunk as usize * CHUNK_ROWS;
-                chunks.encode(&rows[start..start + planned.rows], contents.columns().of(planned.region))
+                let columns = contents.columns().of(planned.region);
+                chunks.encode(&rows[start..start + planned.rows], columns, has_neighbors)
             }
         }
     };
     let mut payloads = vec![Payload::default(); plan.len()];
-    let encode = |(planned, coded): (&PlannedSection, &mut Payload)| -> Result<(), Infallible> {
-        *coded = payload(planned);
+    let encode = |((i, planned), coded): ((usize, &PlannedSection), &mut Payload)| -> Result<(), Infallible> {
+        *coded = payload(planned, forms.get(i).copied());
         Ok(())
     };
     let threads = threads.get().min(plan.len());
-    try_for_each(plan.iter().zip(&mut payloads), vec![encode; threads])
+    try_for_each(plan.iter().enumerate().zip(&mut payloads), vec![encode; threads])
         .unwrap_or_else(|never| match never {});
 
     // Flags make every chunk of version 2 longer by a byte. Readers of version 1 are older, and know one filter.
@@ -207,6 +212,16 @@ fn encode_sections(
     Ok(Encoded { package, static_rows, dynamic_rows })
 }
 
+/// Whether neighbours predict in each section of a package, in the order of [`Contents::plan`].
+fn chunk_forms(package: &[u8]) -> Vec<bool> {
+    let Ok(head) = contents(package, &Limits::default()) else { return Vec::new() };
+    let of_section = |section: &Section| {
+        let payload = section.payload(package);
+        payload.is_ok_and(|payload| gaussian::has_neighbors(payload, head.version_major))
+    };
+    head.planned_sections().map(|(_, section)| of_section(section)).collect()
+}
+
 /// Encodes chunks of a field.
 enum ChunkEncoder<'a> {
     Fixed(&'a Field),
@@ -223,14 +238,16 @@ impl<'a> ChunkEncoder<'a> {
         }
     }
 
-    fn encode(&self, rows: &[usize], columns: Columns) -> Payload {
+    fn encode(&self, rows: &[usize], columns: Columns, has_neighbors: Option<bool>) -> Payload {
         match self {
             ChunkEncoder::Fixed(field) => {
                 let chunk = select(field, rows, columns.temporal.is_some());
                 Payload::of_any_version(fixed::encode(&chunk, columns), rows)
             }
             ChunkEncoder::Context(prepared) => Payload::Gaussian(context::encode(prepared, rows, columns)),
-            ChunkEncoder::Rans(prepared) => Payload::Gaussian(rans::encode(prepared, rows, columns)),
+            ChunkEncoder::Rans(prepared) => {
+                Payload::Gaussian(rans::encode(prepared, rows, columns, has_neighbors))
+            }
         }
     }
 

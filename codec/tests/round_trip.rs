@@ -174,8 +174,10 @@ fn rounded_rows_are_the_decoded_ones_in_the_order_of_the_source() {
             let info = ClipInfo::default();
             let source = Source { info: &info, field: &field, plate: Some(&plate) };
             let options = exact(coder, &field, &[30, 100]);
-            let (package, rounded) = encode_rounded(&source, &options, threads).unwrap();
+            let (package, rounded) = encode_rounded(&source, &options, None, threads).unwrap();
             assert!(package == encode(&source, &options).unwrap());
+            // Chunks that take over their form from this package are the same.
+            assert!(encode_rounded(&source, &options, Some(&package), threads).unwrap().0 == package);
             assert!(rounded.check().is_ok() && rounded != field);
             let clip = decode(&package, &Limits::default()).unwrap();
             let regions = [&clip.static_field, &clip.dynamic_field];

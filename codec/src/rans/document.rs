@@ -36,6 +36,7 @@ fn the_document_has_the_bases_of_tokens_and_the_shares_of_squares() {
     let words = |numbers: &[u32]| numbers.iter().map(u32::to_string).collect::<Vec<_>>().join(" ");
     assert!(DOCUMENT.contains(&format!("has the base {}.", words(&BASES))));
     let [_, _, two, three, four] = SQUARES.map(words);
-    let shares = format!("1 for levels 0 and 1, {two} for level 2, {three} for level 3, and {four} for level 4.");
+    let shares =
+        format!("1 for levels 0 and 1, {two} for level 2, {three} for level 3, and {four} for level 4.");
     assert!(DOCUMENT.contains(&shares), "{shares}");
 }
