@@ -10,7 +10,7 @@ use std::convert::Infallible;
 use std::num::NonZero;
 
 use crate::{
-    ClipInfo, Coder, Contents, EncodeError, Field, LayerEnd, Limits, PixelFilter, Precision, VERSION_MINOR,
+    ClipInfo, Coder, Contents, EncodeError, Field, LayerEnd, PixelFilter, Precision, VERSION_MINOR,
     bytes::Writer,
     columns::Columns,
     context,
@@ -18,7 +18,7 @@ use crate::{
     fixed,
     format::{CHUNK_ROWS, LAYERS_MAX},
     gaussian,
-    header::{PlannedSection, contents},
+    header::PlannedSection,
     order::{Layer, along_curve, split},
     parallel::try_for_each,
     precision::Prepared,
@@ -80,32 +80,52 @@ pub fn encode_parallel(
     options: &EncodeOptions,
     threads: NonZero<usize>,
 ) -> Result<Vec<u8>, EncodeError> {
-    encode_sections(source, options, None, threads).map(|encoded| encoded.package)
+    encode_sections(source, options, &ChunkForms::default(), threads).map(|encoded| encoded.package)
 }
 
-/// Encodes as [`encode_parallel`] does, and also returns the Gaussians as the package holds them: the rows and columns
-/// of `source.field`, with decoded numbers. With the coder `rans`, chunks take over whether neighbours predict from `like`,
-/// a package with as many Gaussians in each chunk: that saves half of the time.
+/// The form of each chunk of a package: whether neighbours predict. Only the coder `rans` takes it over.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ChunkForms {
+    /// By section; `None` where neighbours never predict.
+    has_neighbors: Vec<Option<bool>>,
+}
+
+/// A package with the Gaussians that it holds.
+#[derive(Clone, Debug)]
+pub struct Rounded {
+    /// Bytes of the package.
+    pub package: Vec<u8>,
+    /// The rows and columns of the source, with decoded numbers.
+    pub field: Field,
+    /// The forms of the chunks.
+    pub forms: ChunkForms,
+}
+
+/// Encodes as [`encode_parallel`] does, and also returns the Gaussians as the package holds them. Chunks take over
+/// `forms`, those of a package with as many Gaussians in each chunk; without, each is coded in both forms, which takes
+/// twice as long, and has the smaller one.
 ///
 /// # Errors
 /// See [`encode`].
 pub fn encode_rounded(
     source: &Source,
     options: &EncodeOptions,
-    like: Option<&[u8]>,
+    forms: Option<&ChunkForms>,
     threads: NonZero<usize>,
-) -> Result<(Vec<u8>, Field), EncodeError> {
-    let Encoded { package, static_rows, dynamic_rows } = encode_sections(source, options, like, threads)?;
+) -> Result<Rounded, EncodeError> {
+    let encoded = encode_sections(source, options, forms.unwrap_or(&ChunkForms::default()), threads)?;
+    let Encoded { package, forms, static_rows, dynamic_rows } = encoded;
     let decoded = decode_regions(&package, threads).expect("an encoded package decodes");
-    let mut rounded = source.field.clone();
-    rounded.set_rows(&static_rows, &decoded.static_field);
-    rounded.set_rows(&dynamic_rows, &decoded.dynamic_field);
-    Ok((package, rounded))
+    let mut field = source.field.clone();
+    field.set_rows(&static_rows, &decoded.static_field);
+    field.set_rows(&dynamic_rows, &decoded.dynamic_field);
+    Ok(Rounded { package, field, forms })
 }
 
-/// A package with the source rows of its Gaussians, in the order of its sections.
+/// A package with the forms of its chunks and the source rows of its Gaussians, in the order of its sections.
 struct Encoded {
     package: Vec<u8>,
+    forms: ChunkForms,
     static_rows: Vec<usize>,
     dynamic_rows: Vec<usize>,
 }
@@ -114,7 +134,7 @@ struct Encoded {
 fn encode_sections(
     source: &Source,
     options: &EncodeOptions,
-    like: Option<&[u8]>,
+    forms: &ChunkForms,
     threads: NonZero<usize>,
 ) -> Result<Encoded, EncodeError> {
     let Source { info, field, plate } = *source;
@@ -152,7 +172,6 @@ fn encode_sections(
     contents.plate_filter = source.plate.map(|plate| plate.filter).unwrap_or_default();
 
     let plan: Vec<PlannedSection> = contents.plan().collect();
-    let forms = like.map_or_else(Vec::new, chunk_forms);
     let payload = |planned: &PlannedSection, has_neighbors: Option<bool>| {
         let layer = &layers[usize::from(planned.layer)];
         let (chunks, rows) = match planned.region {
@@ -171,7 +190,7 @@ fn encode_sections(
     };
     let mut payloads = vec![Payload::default(); plan.len()];
     let encode = |((i, planned), coded): ((usize, &PlannedSection), &mut Payload)| -> Result<(), Infallible> {
-        *coded = payload(planned, forms.get(i).copied());
+        *coded = payload(planned, forms.has_neighbors.get(i).copied().flatten());
         Ok(())
     };
     let threads = threads.get().min(plan.len());
@@ -191,6 +210,8 @@ fn encode_sections(
             Region::Plate => (),
         }
     }
+    let has_neighbors =
+        payloads.iter().map(|payload| payload.has_neighbors(contents.version_major)).collect();
     let payloads: Vec<(Vec<u8>, usize)> =
         payloads.into_iter().map(|payload| payload.finish(contents.version_major)).collect();
 
@@ -209,17 +230,7 @@ fn encode_sections(
     contents.sections = plan.iter().zip(&payloads).map(section).collect();
     let mut package = contents.write()?;
     payloads.iter().for_each(|(payload, _)| package.extend_from_slice(payload));
-    Ok(Encoded { package, static_rows, dynamic_rows })
-}
-
-/// Whether neighbours predict in each section of a package, in the order of [`Contents::plan`].
-fn chunk_forms(package: &[u8]) -> Vec<bool> {
-    let Ok(head) = contents(package, &Limits::default()) else { return Vec::new() };
-    let of_section = |section: &Section| {
-        let payload = section.payload(package);
-        payload.is_ok_and(|payload| gaussian::has_neighbors(payload, head.version_major))
-    };
-    head.planned_sections().map(|(_, section)| of_section(section)).collect()
+    Ok(Encoded { package, forms: ChunkForms { has_neighbors }, static_rows, dynamic_rows })
 }
 
 /// Encodes chunks of a field.
@@ -299,6 +310,14 @@ impl Payload {
         match self {
             Payload::Any { .. } => 0,
             Payload::Gaussian(chunk) => chunk.saved_by_version_2(),
+        }
+    }
+
+    /// Whether neighbours predict; `None` if they never do.
+    fn has_neighbors(&self, version_major: u16) -> Option<bool> {
+        match self {
+            Payload::Any { .. } => None,
+            Payload::Gaussian(chunk) => Some(chunk.has_neighbors(version_major)),
         }
     }
 

@@ -121,18 +121,19 @@ impl Subject {
                 assert_eq!(self.read(&damaged, outcomes), None, "byte {at} ^ {mask:02x}");
             }
         }
+        let [bits @ .., all] = MASKS;
         for (index, segment) in self.take.segments.iter().enumerate() {
             for at in 0..segment.bytes() {
                 let mut damaged = self.parts.segments[index].clone();
-                for mask in &MASKS[..MASKS.len() - 1] {
+                for mask in bits {
                     damaged[at] = self.parts.segments[index][at] ^ mask;
                     let decoded = self.take.decode_segment(index, &damaged, &LIMITS, NonZero::<usize>::MIN);
                     assert!(decoded.is_err(), "segment {index}, byte {at} ^ {mask:02x}");
                     outcomes.refused_segments += 1;
                 }
-                // The last change in the whole take, whose other segments play.
+                // All bits in the whole take, whose other segments play.
                 let mut damaged = self.bytes.clone();
-                damaged[segment.offset as usize + at] ^= MASKS[MASKS.len() - 1];
+                damaged[segment.offset as usize + at] ^= all;
                 let same = self.read(&damaged, outcomes).expect("the head is right");
                 assert!(
                     same.iter().enumerate().all(|(i, same)| *same == (i != index)),

@@ -12,7 +12,7 @@ use super::{
 };
 use crate::{
     ALPHA_MIN, Field, Limits, Sensitivity, Temporal,
-    bytes::{Reader, Writer},
+    bytes::Writer,
     columns::Columns,
     limits::Budget,
     morton::{deinterleave, interleave},
@@ -96,25 +96,23 @@ impl EncodedChunk {
         forms.map_or(0, |(with_neighbors, without)| with_neighbors.len().saturating_sub(without.len()))
     }
 
+    /// Whether neighbours predict in the chunk in a package of this major version.
+    pub(crate) fn has_neighbors(&self, version_major: u16) -> bool {
+        version_major < 2 || (self.with_neighbors.is_some() && self.saved_by_version_2() == 0)
+    }
+
     /// The payload of the chunk in a package of this major version.
     ///
     /// # Panics
     /// In version 1, of a chunk that was coded without neighbours only.
     pub(crate) fn payload(self, version_major: u16) -> Vec<u8> {
-        let is_smaller_without = self.saved_by_version_2() > 0 || self.with_neighbors.is_none();
-        let has_neighbors = version_major < 2 || !is_smaller_without;
+        let has_neighbors = self.has_neighbors(version_major);
         let mut writer = Writer::default();
         Chunk { has_neighbors, ..self.chunk }.write(&mut writer, version_major);
         let symbols = if has_neighbors { self.with_neighbors } else { self.without };
         writer.bytes.extend_from_slice(&symbols.expect("the form was coded"));
         writer.bytes
     }
-}
-
-/// Whether neighbours predict in a chunk of a package of this major version, given its payload.
-pub(crate) fn has_neighbors(payload: &[u8], version_major: u16) -> bool {
-    Chunk::read(&mut Reader::new(payload, 0, "chunk of Gaussians"), version_major)
-        .is_ok_and(|chunk| chunk.has_neighbors)
 }
 
 /// Encodes rows, which are in the order of their cells, as symbols.

@@ -30,7 +30,7 @@ mod trajectory;
 pub(crate) use arithmetic::{Arithmetic, Unit, half_octaves};
 pub(crate) use decode::{DecodeChunk, Reading, WORK_BYTES, decode_with};
 #[cfg(feature = "encode")]
-pub(crate) use encode::{EncodedChunk, encode_with, has_neighbors};
+pub(crate) use encode::{EncodedChunk, encode_with};
 pub(crate) use neighbors::{NEAREST, Search, WINDOW};
 #[cfg(feature = "encode")]
 pub(crate) use observer::BitStats;

@@ -21,7 +21,7 @@ mod numbers;
 
 use std::num::NonZero;
 
-use codec::{EncodeOptions, Field, Source, encode_rounded};
+use codec::{ChunkForms, EncodeOptions, Field, Source, encode_rounded};
 
 use super::error::CodeError;
 use crate::fit::cpu::render;
@@ -142,27 +142,27 @@ impl JointRounding {
         mut on_round: impl FnMut(),
     ) -> Result<Vec<u8>, CodeError> {
         let threads = NonZero::new(rayon::current_num_threads()).unwrap_or(NonZero::<usize>::MIN);
-        let encode = |targets: &Field, like: Option<&[u8]>| {
+        let encode = |targets: &Field, forms: Option<&ChunkForms>| {
             let source = Source { field: targets, ..*source };
-            encode_rounded(&source, options, like, threads).map_err(CodeError::Encode)
+            encode_rounded(&source, options, forms, threads).map_err(CodeError::Encode)
         };
-        let (mut bytes, mut decoded) = encode(&state.targets, None)?;
-        let errors = Numbers::errors(source.field, &decoded);
+        let mut rounded = encode(&state.targets, None)?;
+        let errors = Numbers::errors(source.field, &rounded.field);
         let rounds = self.rounds();
         for round in 0..rounds {
             let part = state.rounds % PARTS;
             let is_of_part = |picture: &&Picture| picture.number as usize % PARTS == part;
             let pictures: Vec<&Picture> = self.pictures.iter().filter(is_of_part).collect();
             let is_first = state.rounds < PARTS;
-            let gradient = descent(&decoded, &pictures, is_first.then_some(&mut state.curvature));
+            let gradient = descent(&rounded.field, &pictures, is_first.then_some(&mut state.curvature));
             state.rounds += 1;
             let share = SHARE * (rounds - round) as f64 / rounds as f64;
             let curvature = (&state.curvature, 1.0 / state.rounds.min(PARTS) as f64);
             move_targets(&mut state.targets, source.field, &gradient, curvature, &errors, share);
-            (bytes, decoded) = encode(&state.targets, Some(&bytes))?;
+            rounded = encode(&state.targets, Some(&rounded.forms))?;
             on_round();
         }
-        Ok(bytes)
+        Ok(rounded.package)
     }
 }
 
