@@ -26,7 +26,7 @@ use codec::{ALPHA_MIN, ClipInfo, Field, Viewpoint};
 use program::Fault;
 use serde::Deserialize;
 
-use crate::import::{FORMATS, Hints, Imported, Repairs, import};
+use crate::import::{EXTENSIONS, FORMATS, FitRecord, Hints, Imported, Repairs, import, import_sequence};
 use crate::messages::unreadable;
 
 /// Default duration in seconds: clip time then equals seconds.
@@ -200,7 +200,7 @@ impl Scene {
     /// A scene of a field in memory.
     pub fn made(name: &str, field: Field, info: ClipInfo) -> Scene {
         let (hints, repairs) = (Hints::default(), Repairs::default());
-        let subject = Imported { field, hints, repairs, format: "made up", assumption: None };
+        let subject = Imported { field, hints, repairs, format: "made up", notes: Vec::new() };
         Scene { name: name.to_owned(), subject, plate: None, info, assumed: Vec::new(), is_segment: false }
     }
 
@@ -413,7 +413,7 @@ fn is_field_name(name: &str) -> bool {
 
 /// Whether a file of this name has a field format.
 fn is_field_file(name: &str) -> bool {
-    name == "meta.json" || ["ply", "splatv", "spz", "sog", "splat"].contains(&extension_of(name).as_str())
+    name == "meta.json" || EXTENSIONS.contains(&extension_of(name).as_str())
 }
 
 /// Whether an entry of this name marks a folder as a capture.

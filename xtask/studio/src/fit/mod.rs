@@ -30,7 +30,7 @@ use refine::fit::{Backend, DeviceError, Fit, Lpips, RenderedImage, Run, Training
 
 use crate::capture::CaptureFiles;
 use crate::scene::{DEFAULT_DURATION_S, DEFAULT_METRES_PER_UNIT, DEFAULT_UP, plate_path};
-use crate::up_axis::up_of;
+use crate::import::up_of;
 pub use cameras::learned_cameras;
 use checkpoint::{Checkpoint, Tally};
 use log::LogEntry;
