@@ -11,11 +11,8 @@ mod clean;
 mod compressed_ply;
 mod error;
 pub mod field_file;
-mod freetime;
-mod glb;
 mod imported;
 mod inria;
-mod ksplat;
 mod ply;
 mod probe;
 mod sequence;
@@ -25,7 +22,6 @@ mod spacetime;
 mod splat;
 pub mod splatv;
 pub mod spz;
-mod turn;
 mod up_axis;
 
 use std::path::Path;
@@ -39,7 +35,6 @@ pub use field_file::VERSION as FIELD_FILE_VERSION;
 pub use imported::{Hints, Imported, Repairs};
 pub use sequence::{SequenceFiles, import_sequence};
 pub use source::{EXTENSIONS, FORMATS};
-pub use turn::{Turn, turned};
 pub use up_axis::up_of;
 
 /// Reads a fitted field within the default limits.

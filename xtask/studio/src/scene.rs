@@ -26,7 +26,9 @@ use codec::{ALPHA_MIN, ClipInfo, Field, Viewpoint};
 use program::Fault;
 use serde::Deserialize;
 
-use crate::import::{EXTENSIONS, FORMATS, FitRecord, Hints, Imported, Repairs, import, import_sequence};
+use crate::import::{
+    EXTENSIONS, FORMATS, FitRecord, Hints, Imported, Repairs, SequenceFiles, import, import_sequence,
+};
 use crate::messages::unreadable;
 
 /// Default duration in seconds: clip time then equals seconds.
@@ -195,6 +197,11 @@ impl Scene {
     pub fn frames(&self) -> Option<usize> {
         let (duration_s, fps) = self.subject.hints.duration_s.zip(self.subject.hints.fps)?;
         Some(frames_in(duration_s, fps))
+    }
+
+    /// The photographs that the field was fitted to, as far as its file records them.
+    pub(crate) fn fit_record(&self) -> FitRecord {
+        FitRecord::of(&self.subject.hints).unwrap_or_default()
     }
 
     /// A scene of a field in memory.

@@ -23,7 +23,7 @@ use crate::error::ImportError;
 use crate::imported::{Hints, Imported};
 
 use alone::FramesAlone;
-use fitted::{FitError, Frames, fitted};
+use fitted::{FitError, fitted};
 use reading::{Apart, Frame, Sequence, read_frame};
 
 pub use files::SequenceFiles;

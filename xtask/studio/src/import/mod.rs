@@ -4,10 +4,12 @@ mod fit_record;
 
 use std::path::Path;
 
-use ::import::{ImportError, SequenceFiles};
+use ::import::ImportError;
 use program::Fault;
 
-pub use ::import::{EXTENSIONS, FIELD_FILE_VERSION, FORMATS, Hints, ImportLimits, Imported, Repairs, up_of};
+pub use ::import::{
+    EXTENSIONS, FIELD_FILE_VERSION, FORMATS, Hints, ImportLimits, Imported, Repairs, SequenceFiles, up_of,
+};
 pub(crate) use ::import::{field_file, splatv, spz};
 pub use fit_record::FitRecord;
 
