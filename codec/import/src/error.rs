@@ -18,9 +18,7 @@ impl ImportError {
     /// The error of a file or folder that cannot be read.
     pub(crate) fn unreadable(path: &Path, error: &io::Error) -> ImportError {
         match error.kind() {
-            ErrorKind::NotFound => {
-                ImportError::new(path, "there is no such file or folder; check the path")
-            }
+            ErrorKind::NotFound => ImportError::new(path, "there is no such file or folder; check the path"),
             ErrorKind::PermissionDenied => {
                 ImportError::new(path, "it may not be read; change its permissions")
             }

@@ -2,7 +2,7 @@
 //!
 //! Each format has a file that turns bytes into unchecked rows of a field; `clean` then repairs or drops
 //! rows that violate the field's invariants, and drops unused columns. `sequence` makes one moving field of a folder of
-//! static ones. The host tool and the player read the same files by this crate, which depends on `codec` alone.
+//! static ones. `scene` adds the background and the metadata of a clip. The host tool and the player read the same files by this crate, which depends on `codec` alone.
 
 #![forbid(unsafe_code)]
 
@@ -11,11 +11,19 @@ mod clean;
 mod compressed_ply;
 mod error;
 pub mod field_file;
+mod folder;
+mod freetime;
+mod glb;
 mod imported;
 mod inria;
+mod ksplat;
+mod overrides;
+mod padding;
 mod ply;
 mod probe;
+mod scene;
 mod sequence;
+mod similarity;
 mod sog;
 mod source;
 mod spacetime;
@@ -32,8 +40,15 @@ use source::FieldSource;
 pub use budget::ImportLimits;
 pub use error::ImportError;
 pub use field_file::VERSION as FIELD_FILE_VERSION;
+pub use folder::{FieldPath, NoField, POINT_CLOUDS, is_field_file, is_field_name, list_folder};
 pub use imported::{Hints, Imported, Repairs};
+pub use overrides::Overrides;
+pub use scene::{
+    DEFAULT_DURATION_S, DEFAULT_FPS, DEFAULT_METRES_PER_UNIT, DEFAULT_UP, ImportedScene, PLATE, SceneFiles,
+    import_plate, plate_path,
+};
 pub use sequence::{SequenceFiles, import_sequence};
+pub use similarity::Similarity;
 pub use source::{EXTENSIONS, FORMATS};
 pub use up_axis::up_of;
 

@@ -322,7 +322,7 @@ fn parse_number(word: &[u8], kind: Kind) -> Option<f64> {
 mod tests {
     use std::cell::Cell;
 
-    use crate::*;
+    use super::*;
     use crate::budget::ImportLimits;
     use crate::inria;
 

@@ -89,13 +89,15 @@ impl<'a> Probe<'a> {
         let [x, y, depth] = [0, 1, 2].map(|axis| along(camera.camera_from_world[axis]));
         let sigma = self.0.log_scales[row].iter().map(|&scale| f64::from(scale)).sum::<f64>() / 3.0;
         let radius = (RADIUS_SIGMAS * sigma.exp() * camera.k[1][1] / depth).max(RADIUS_MIN);
-        let center = [
-            camera.k[0][0] * x / depth + camera.k[0][2],
-            camera.k[1][1] * y / depth + camera.k[1][2],
-        ];
+        let center =
+            [camera.k[0][0] * x / depth + camera.k[0][2], camera.k[1][1] * y / depth + camera.k[1][2]];
         let is_inside = |x: f64, size: u32| (-radius..f64::from(size) + radius).contains(&x);
-        (depth > 0.0 && is_inside(center[0], SIZE.0) && is_inside(center[1], SIZE.1))
-            .then(|| Disc { depth, center, radius, opacity: self.0.opacity_at(row, t) })
+        (depth > 0.0 && is_inside(center[0], SIZE.0) && is_inside(center[1], SIZE.1)).then(|| Disc {
+            depth,
+            center,
+            radius,
+            opacity: self.0.opacity_at(row, t),
+        })
     }
 }
 

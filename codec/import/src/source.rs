@@ -8,14 +8,17 @@ use crate::budget::ImportBudget;
 use crate::error::ImportError;
 use crate::imported::Imported;
 use crate::ply::Ply;
-use crate::{clean, compressed_ply, field_file, inria, sog, spacetime, splat, splatv, spz};
+use crate::{
+    clean, compressed_ply, field_file, freetime, glb, inria, ksplat, sog, spacetime, splat, splatv, spz,
+};
 
 /// The formats that [`crate::import`] reads, for messages.
-pub const FORMATS: &str = "PLY (3D Gaussian Splatting, Spacetime Gaussians lite, compressed, or this tool's own), \
-                           .splatv, .spz, SOG (.sog, or meta.json with its images), .splat";
+pub const FORMATS: &str = "PLY (3D Gaussian Splatting, Spacetime Gaussians lite, FreeTimeGS, compressed, or this tool's own), \
+                           a folder of numbered PLYs, .splatv, .spz, SOG (.sog, or meta.json with its images), .glb and \
+                           .gltf with KHR_gaussian_splatting, .splat, .ksplat";
 
 /// Extensions of files that [`crate::import`] reads, in lower case. An unbundled SOG is a `meta.json` besides.
-pub const EXTENSIONS: [&str; 5] = ["ply", "splatv", "spz", "sog", "splat"];
+pub const EXTENSIONS: [&str; 8] = ["ply", "splatv", "spz", "sog", "glb", "gltf", "splat", "ksplat"];
 
 /// A file or folder, by its format.
 pub(crate) enum FieldSource {
@@ -26,6 +29,11 @@ pub(crate) enum FieldSource {
     Splat(Vec<u8>),
     Splatv(Vec<u8>),
     Spz(Vec<u8>),
+    Ksplat(Vec<u8>),
+    /// The file, and the folder of its buffers.
+    Glb(Vec<u8>, PathBuf),
+    /// The text, and the folder of its buffers.
+    Gltf(Vec<u8>, PathBuf),
 }
 
 impl FieldSource {
@@ -57,7 +65,9 @@ impl FieldSource {
             [] => return fault("the file is empty; get it again, or export it again".into()),
             // The only formats without a magic number.
             _ if extension == "splat" => FieldSource::Splat(bytes),
+            _ if extension == "ksplat" => FieldSource::Ksplat(bytes),
             [b'p', b'l', b'y', b'\n' | b'\r', ..] => FieldSource::Ply(bytes),
+            [b'g', b'l', b'T', b'F', ..] => FieldSource::Glb(bytes, folder()),
             [0x4b, 0x67, 0, 0, ..] => FieldSource::Splatv(bytes),
             [0x1f, 0x8b, ..] | [b'N', b'G', b'S', b'P', ..] => FieldSource::Spz(bytes),
             [b'P', b'K', 3, 4, ..] => FieldSource::SogBundle(bytes),
@@ -67,6 +77,7 @@ impl FieldSource {
                         .into(),
                 );
             }
+            _ if extension == "gltf" => FieldSource::Gltf(bytes, folder()),
             _ if extension == "json" => FieldSource::Sog(folder(), name.into()),
             _ => {
                 let start: Vec<String> = bytes.iter().take(4).map(|byte| format!("{byte:02x}")).collect();
@@ -104,6 +115,9 @@ impl FieldSource {
             FieldSource::Splat(bytes) => splat::read(bytes, budget),
             FieldSource::Splatv(bytes) => splatv::read(bytes, budget),
             FieldSource::Spz(bytes) => spz::read(bytes, budget),
+            FieldSource::Ksplat(bytes) => ksplat::read(bytes, budget),
+            FieldSource::Glb(bytes, folder) => glb::read_binary(bytes, folder, budget),
+            FieldSource::Gltf(bytes, folder) => glb::read_text(bytes, folder, budget),
         }
     }
 }
@@ -119,6 +133,8 @@ fn read_ply(ply: &Ply, budget: &mut ImportBudget) -> Result<Imported, String> {
         compressed_ply::read(ply, vertex, budget)
     } else if vertex.has("trbf_center") {
         spacetime::read(vertex, budget)
+    } else if freetime::is_one(vertex) {
+        freetime::read(vertex, budget)
     } else {
         inria::read(vertex, budget)
     }?;

@@ -281,7 +281,7 @@ fn viewpoint(name: &str, camera: &Camera, field: &Field) -> Viewpoint {
 
 #[cfg(test)]
 mod tests {
-    use crate::*;
+    use super::*;
 
     #[test]
     fn metadata_that_a_clip_cannot_have_are_refused() {

@@ -4,7 +4,7 @@ use codec::{Field, Temporal, sh_coefficients};
 
 use crate::budget::ImportBudget;
 
-use super::padding::padded_sh;
+use crate::padding::padded_sh;
 
 /// Standard deviation of a window, in frames. At the instant of a frame its neighbours have 8 % of their opacity;
 /// halfway between two frames both have 54 %.

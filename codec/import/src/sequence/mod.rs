@@ -7,7 +7,6 @@
 mod alone;
 mod files;
 mod fitted;
-mod padding;
 mod polynomial;
 mod reading;
 mod rows;

@@ -34,7 +34,8 @@ pub(super) fn fit(degree: usize, samples: impl Iterator<Item = (f64, f64, f64)> 
             }
         }
     }
-    let coefficients = (1..=degree + 1).rev().find_map(|count| solve(count, normal, right)).unwrap_or_default();
+    let coefficients =
+        (1..=degree + 1).rev().find_map(|count| solve(count, normal, right)).unwrap_or_default();
     Polynomial { origin, width, coefficients }
 }
 
@@ -95,7 +96,8 @@ mod tests {
     #[test]
     fn a_cubic_is_found_again_and_few_samples_give_less() {
         let cubic = |t: f64| 1.0 - 2.0 * t + 3.0 * t * t - 4.0 * t * t * t;
-        let samples = |count: usize| (0..count).map(move |k| 0.2 + 0.1 * k as f64).map(|t| (t, 1.0 + t, cubic(t)));
+        let samples =
+            |count: usize| (0..count).map(move |k| 0.2 + 0.1 * k as f64).map(|t| (t, 1.0 + t, cubic(t)));
         let fitted = fit(3, samples(7));
         assert!((fitted.at(0.77) - cubic(0.77)).abs() < 1e-9);
         for (found, expected) in fitted.about(0.0).iter().zip([1.0, -2.0, 3.0, -4.0]) {

@@ -11,8 +11,8 @@ use crate::source::FieldSource;
 
 use super::files::SequenceFiles;
 use super::fitted::Frames;
-use super::padding::padded_sh;
 use super::rows::correspond;
+use crate::padding::padded_sh;
 
 /// Bytes of a row in a frame without view-dependent colour.
 const BYTES_PER_ROW: u64 = 56;
@@ -75,7 +75,9 @@ impl Sequence {
         let (_, first) = &files.frames[0];
         if 2 * files.frames.len() < steps {
             let (found, folder) = (files.frames.len(), first.parent().unwrap_or(Path::new(".")));
-            let what = format!("{found} of {steps} frames are there by their numbers; add the missing ones, or renumber");
+            let what = format!(
+                "{found} of {steps} frames are there by their numbers; add the missing ones, or renumber"
+            );
             return Err(ImportError::new(folder, what));
         }
         let frames =
@@ -104,7 +106,10 @@ impl Sequence {
             before = Some(frame);
         }
         if before.is_none() {
-            return Err(ImportError::new(first, "neither this frame nor a later one has Gaussians; export them again"));
+            return Err(ImportError::new(
+                first,
+                "neither this frame nor a later one has Gaussians; export them again",
+            ));
         }
         Ok(sequence)
     }
@@ -164,11 +169,11 @@ impl Sequence {
 
     /// What was repaired: missing and empty frames.
     pub(super) fn notes(&self, files: &SequenceFiles) -> Vec<String> {
-        let missing = files
-            .missing()
-            .map(|frames| format!("{frames} missing; the frames beside are shown in that time, or the motion goes on"));
-        let empty = (self.empty > 0)
-            .then(|| format!("{} frames without Gaussians count as missing", self.empty));
+        let missing = files.missing().map(|frames| {
+            format!("{frames} missing; the frames beside are shown in that time, or the motion goes on")
+        });
+        let empty =
+            (self.empty > 0).then(|| format!("{} frames without Gaussians count as missing", self.empty));
         missing.into_iter().chain(empty).collect()
     }
 }

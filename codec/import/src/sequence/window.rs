@@ -59,7 +59,8 @@ impl Window {
             Window { tau, s, peak: (constant + 0.5 * slope * slope * s * s).exp().min(1.0) }
         };
         let is_determined = window.s > 0.0 && (window.tau - 0.5).abs() <= 0.5 + OUTSIDE_MAX;
-        let follows = |k: usize| (window.at(samples.times[k]) - samples.opacities[k]).abs() <= OPACITY_TOLERANCE;
+        let follows =
+            |k: usize| (window.at(samples.times[k]) - samples.opacities[k]).abs() <= OPACITY_TOLERANCE;
         (is_determined && (0..samples.len()).all(follows)).then_some(window)
     }
 

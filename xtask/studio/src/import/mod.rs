@@ -7,9 +7,7 @@ use std::path::Path;
 use ::import::ImportError;
 use program::Fault;
 
-pub use ::import::{
-    EXTENSIONS, FIELD_FILE_VERSION, FORMATS, Hints, ImportLimits, Imported, Repairs, SequenceFiles, up_of,
-};
+pub use ::import::{FIELD_FILE_VERSION, FORMATS, Hints, ImportLimits, Imported, Repairs, up_of};
 pub(crate) use ::import::{field_file, splatv, spz};
 pub use fit_record::FitRecord;
 
@@ -28,21 +26,22 @@ pub fn import(path: &Path) -> anyhow::Result<Imported> {
 /// Those of [`import`].
 pub fn import_within(path: &Path, limits: ImportLimits) -> anyhow::Result<Imported> {
     let imported = ::import::import_within(path, limits).map_err(fault)?;
-    FitRecord::of(&imported.hints).map_err(|what| {
-        Fault::Data(format!("{}: {what}; get the file again, or export it again", path.display()))
-    })?;
+    check_record(path, &imported.hints)?;
     Ok(imported)
 }
 
-/// Reads a sequence of static fields as one moving field, within the default limits.
+/// Checks the record of the fit in the metadata of the file at `path`.
 ///
 /// # Errors
-/// [`Fault::Data`], as for [`::import::import_sequence`].
-pub fn import_sequence(files: &SequenceFiles) -> anyhow::Result<Imported> {
-    Ok(::import::import_sequence(files, ImportLimits::default()).map_err(fault)?)
+/// [`Fault::Data`] that names the file and the comment.
+pub(crate) fn check_record(path: &Path, hints: &Hints) -> Result<(), Fault> {
+    let check = FitRecord::of(hints).map(drop);
+    check.map_err(|what| {
+        Fault::Data(format!("{}: {what}; get the file again, or export it again", path.display()))
+    })
 }
 
 /// The fault of a file that cannot be imported.
-fn fault(error: ImportError) -> Fault {
+pub(crate) fn fault(error: ImportError) -> Fault {
     Fault::Data(error.to_string())
 }

@@ -7,8 +7,8 @@ use serde::Serialize;
 
 use super::calibration::{Calibration, RigCamera};
 use super::options::{IngestOptions, UpSource};
-use crate::messages::decimal;
 use crate::import::up_of;
+use crate::messages::decimal;
 
 /// Where a rig is in its world.
 #[derive(Clone, Debug, Serialize)]
