@@ -41,6 +41,7 @@ pub use budget::ImportLimits;
 pub use error::ImportError;
 pub use field_file::VERSION as FIELD_FILE_VERSION;
 pub use folder::{FieldPath, NoField, POINT_CLOUDS, is_field_file, is_field_name, list_folder};
+pub use glb::{EXTENSION as GAUSSIANS_EXTENSION, PREFIX as GAUSSIANS_PREFIX};
 pub use imported::{Hints, Imported, Repairs};
 pub use overrides::Overrides;
 pub use scene::{

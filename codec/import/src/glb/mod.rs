@@ -24,10 +24,12 @@ use crate::padding::padded_sh;
 
 use buffers::Buffers;
 use document::Document;
-use primitive::{Gaussians, PREFIX, ScaleForm};
+use primitive::{Gaussians, ScaleForm};
+
+pub use primitive::PREFIX;
 
 /// Name of the extension.
-pub(crate) const EXTENSION: &str = "KHR_gaussian_splatting";
+pub const EXTENSION: &str = "KHR_gaussian_splatting";
 
 /// Extensions that may be required: the one that is read, and one that allows integers in attributes.
 const KNOWN: [&str; 2] = [EXTENSION, "KHR_mesh_quantization"];

@@ -11,7 +11,7 @@ use super::buffers::Buffers;
 use super::document::{Document, Primitive};
 
 /// Prefix of the attributes of the extension.
-pub(super) const PREFIX: &str = "KHR_gaussian_splatting:";
+pub const PREFIX: &str = "KHR_gaussian_splatting:";
 
 /// What `SCALE` holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
