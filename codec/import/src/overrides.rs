@@ -51,7 +51,7 @@ impl Overrides {
     pub fn load(path: &Path) -> Result<Overrides, ImportError> {
         let text = fs::read_to_string(path).map_err(|error| ImportError::unreadable(path, &error))?;
         let document: Document = serde_json::from_str(&text).map_err(|error| {
-            ImportError::new(path, format!("{error}; `aarc-studio package --help` shows its keys"))
+            ImportError::new(path, format!("{error}; `package --help` shows its keys"))
         })?;
         document.check().map_err(|what| ImportError::new(path, what))?;
         Ok(Overrides {
