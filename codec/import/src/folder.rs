@@ -6,13 +6,16 @@ use std::path::{Path, PathBuf};
 
 use crate::budget::ImportLimits;
 use crate::error::ImportError;
+use crate::import_within;
 use crate::imported::Imported;
 use crate::sequence::{SequenceFiles, import_sequence};
 use crate::source::EXTENSIONS;
-use crate::{PLATE, import_within};
 
 /// Clouds of points without Gaussians that captures and fitting programs put beside a field.
 pub const POINT_CLOUDS: [&str; 4] = ["input.ply", "points3D.ply", "points3d.ply", "sparse_pc.ply"];
+
+/// File name of a scene's background, and end of the name of one that belongs to the field with the same name before it.
+pub(crate) const PLATE: &str = "plate.ply";
 
 /// A field on disk.
 #[derive(Clone, Debug, PartialEq, Eq)]

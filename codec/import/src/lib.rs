@@ -45,7 +45,7 @@ pub use glb::{EXTENSION as GAUSSIANS_EXTENSION, PREFIX as GAUSSIANS_PREFIX};
 pub use imported::{Hints, Imported, Repairs};
 pub use overrides::Overrides;
 pub use scene::{
-    DEFAULT_DURATION_S, DEFAULT_FPS, DEFAULT_METRES_PER_UNIT, DEFAULT_UP, ImportedScene, PLATE, SceneFiles,
+    DEFAULT_DURATION_S, DEFAULT_FPS, DEFAULT_METRES_PER_UNIT, DEFAULT_UP, ImportedScene, SceneFiles,
     import_plate, plate_path,
 };
 pub use sequence::{SequenceFiles, import_sequence};

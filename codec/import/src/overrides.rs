@@ -50,9 +50,8 @@ impl Overrides {
     /// [`ImportError`] that names the file and the key.
     pub fn load(path: &Path) -> Result<Overrides, ImportError> {
         let text = fs::read_to_string(path).map_err(|error| ImportError::unreadable(path, &error))?;
-        let document: Document = serde_json::from_str(&text).map_err(|error| {
-            ImportError::new(path, format!("{error}; `package --help` shows its keys"))
-        })?;
+        let document: Document = serde_json::from_str(&text)
+            .map_err(|error| ImportError::new(path, format!("{error}; `package --help` shows its keys")))?;
         document.check().map_err(|what| ImportError::new(path, what))?;
         Ok(Overrides {
             duration_s: document.duration_s,

@@ -24,7 +24,7 @@ use codec::{ALPHA_MIN, ClipInfo, Field, Viewpoint};
 
 use crate::budget::ImportLimits;
 use crate::error::ImportError;
-use crate::folder::{FieldPath, NoField, list_folder};
+use crate::folder::{FieldPath, NoField, PLATE, list_folder};
 use crate::import_within;
 use crate::imported::{Hints, Imported};
 use crate::overrides::Overrides;
@@ -41,9 +41,6 @@ pub const DEFAULT_UP: [f32; 3] = [0.0, -1.0, 0.0];
 
 /// Default scale.
 pub const DEFAULT_METRES_PER_UNIT: f32 = 1.0;
-
-/// File name of a scene's background, and end of the name of one that belongs to the field with the same name before it.
-pub const PLATE: &str = "plate.ply";
 
 /// File name of a scene's overrides.
 const OVERRIDES: &str = "scene.json";

@@ -11,7 +11,7 @@ use studio::scene::Scene;
 use support::{assert_close, assert_same_rotations, data, field, import_bytes, import_error};
 
 /// Gaussians on cubics, some in windows.
-fn moving(rows: usize) -> Field {
+fn on_cubics(rows: usize) -> Field {
     let mut noise = support::Noise(7);
     let fixed = Field { sh_degree: 0, ..field(rows, 0, None, false) };
     let temporal = Temporal {
@@ -41,7 +41,7 @@ fn info() -> ClipInfo {
 #[test]
 fn a_sequence_is_fitted_by_trajectories_and_windows() {
     let folder = tempfile::tempdir().unwrap();
-    let original = moving(60);
+    let original = on_cubics(60);
     write_frames(folder.path(), &original, &info(), 21);
     let scene = Scene::load(folder.path()).unwrap();
     let found = &scene.subject.field;
@@ -100,7 +100,7 @@ fn rows_in_another_order_are_found_out() {
 fn missing_empty_and_broken_frames_are_filled_or_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = |k: usize| folder.path().join(format!("frame_{k:04}.ply"));
-    write_frames(folder.path(), &moving(30), &info(), 21);
+    write_frames(folder.path(), &on_cubics(30), &info(), 21);
     std::fs::remove_file(path(5)).unwrap();
     std::fs::write(path(9), static_ply(&Field::default(), None)).unwrap();
     let scene = Scene::load(folder.path()).unwrap();
@@ -119,7 +119,7 @@ fn missing_empty_and_broken_frames_are_filled_or_refused() {
     std::fs::write(path(7), "ply\nformat ascii 1.0\nelement vertex 0\nproperty float x\nend_header\n")
         .unwrap();
     assert!(error().contains("frame_0007.ply") && error().contains("lacks the properties"), "{}", error());
-    std::fs::write(path(7), studio::export::field_file(&moving(3), &info())).unwrap();
+    std::fs::write(path(7), studio::export::field_file(&on_cubics(3), &info())).unwrap();
     assert!(error().contains("frame_0007.ply: this frame moves or fades by itself"), "{}", error());
     (7..20).for_each(|k| std::fs::remove_file(path(k)).unwrap());
     assert!(error().contains("7 of 21 frames are there"), "{}", error());

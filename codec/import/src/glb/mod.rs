@@ -26,10 +26,7 @@ use buffers::Buffers;
 use document::Document;
 use primitive::{Gaussians, ScaleForm};
 
-pub use primitive::PREFIX;
-
-/// Name of the extension.
-pub const EXTENSION: &str = "KHR_gaussian_splatting";
+pub use primitive::{EXTENSION, PREFIX};
 
 /// Extensions that may be required: the one that is read, and one that allows integers in attributes.
 const KNOWN: [&str; 2] = [EXTENSION, "KHR_mesh_quantization"];

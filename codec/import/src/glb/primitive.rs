@@ -5,10 +5,12 @@ use serde_json::Value;
 
 use crate::imported::{Repairs, log_of_scales, sh_of_rgb};
 
-use super::EXTENSION;
 use super::accessor::Column;
 use super::buffers::Buffers;
 use super::document::{Document, Primitive};
+
+/// Name of the extension.
+pub const EXTENSION: &str = "KHR_gaussian_splatting";
 
 /// Prefix of the attributes of the extension.
 pub const PREFIX: &str = "KHR_gaussian_splatting:";

@@ -2,10 +2,9 @@
 
 use std::ops::Range;
 
+use ::import::Hints;
 use ::import::field_file::MARK;
 use refine::capture::Holdout;
-
-use super::Hints;
 
 /// Value of the comment on mattes.
 const MATTES: &str = "difference";

@@ -20,10 +20,10 @@ pub fn import(path: &Path) -> anyhow::Result<Imported> {
     import_within(path, ImportLimits::default())
 }
 
-/// Reads a fitted field as [`import`] does, within `limits`.
+/// Reads a fitted field as [`import()`] does, within `limits`.
 ///
 /// # Errors
-/// Those of [`import`].
+/// Those of [`import()`].
 pub fn import_within(path: &Path, limits: ImportLimits) -> anyhow::Result<Imported> {
     let imported = ::import::import_within(path, limits).map_err(fault)?;
     check_record(path, &imported.hints)?;
