@@ -74,6 +74,7 @@ struct Inspection {
     motion_order: u8,
     rotation_rates: bool,
     filter: &'static str,
+    by_device: bool,
     plate: Option<Plate>,
     layers: Vec<Layer>,
     /// One, as a clip is a take of one segment.
@@ -162,6 +163,7 @@ fn inspect(bytes: &[u8], contents: Contents, clip: &Clip, attributes: Vec<Attrib
         motion_order: contents.motion_order,
         rotation_rates: contents.rotation_rates,
         filter: contents.filter.name(),
+        by_device: contents.by_device,
         plate: clip.plate.as_ref().map(|plate| Plate {
             gaussians: plate.len(),
             sh_degree: plate.sh_degree,
@@ -284,6 +286,9 @@ impl Inspection {
             self.sh_degree, self.motion_order
         );
         println!("filter      {}", self.filter);
+        if self.by_device {
+            println!("computed    by a graphics device; elsewhere the same field may give another package");
+        }
         match &self.plate {
             Some(Plate { gaussians, sh_degree, filter }) => {
                 println!("plate       {gaussians} Gaussians, SH degree {sh_degree}, filter {filter}")

@@ -13,6 +13,7 @@ use std::time::Duration;
 use codec::ClipInfo;
 use indicatif::HumanDuration;
 use program::{Fault, counted};
+use refine::fit::Backend;
 use refine::prune::Ranking;
 
 use super::agreement::Agreement;
@@ -53,6 +54,7 @@ struct Survey {
 pub fn package_take(
     sources: &SegmentSources,
     settings: &PackageSettings,
+    backend: &mut dyn Backend,
     out: &Path,
 ) -> anyhow::Result<TakeReport> {
     let mut writer = TakeWriter::begin(out)?;
@@ -90,7 +92,8 @@ pub fn package_take(
         let rank = rank.or(budget.map(|_| Ranking::Mass));
         let of_segment = PackageSettings { budget, rank, ..settings.clone() };
         let scene = sources.scene(i)?;
-        let Package { bytes, report } = package_with(&scene, &of_segment, None, &StagedProgress::hidden())?;
+        let Package { bytes, report } =
+            package_with(&scene, &of_segment, None, backend, &StagedProgress::hidden())?;
         if let Some(miss) = report.miss.as_ref().filter(|miss| settings.strict && miss.is_below) {
             anyhow::bail!("{}: {}; --strict refuses it, choose a lower --quality", scene.name, miss.text);
         }
