@@ -3,16 +3,20 @@
 use std::path::Path;
 
 use codec::{Clip, Field, LayerEnd, Limits, TimeIndex};
-use import::{ImportLimits, ImportedScene, SceneFiles, is_field_file};
+use import::{ImportLimits, ImportedScene, SceneFiles, is_field_file, is_field_name, list_folder};
 use program::{Fault, counted};
 
 /// First bytes of a package.
 const PACKAGE_MAGIC: &[u8] = b"AARC";
 
-/// Whether importers read what is at a path: a folder, or a file with the extension of a field that is no package.
+/// Whether importers read what is at a path: a folder with a field or several, or a file with the extension of a field
+/// that is no package.
 pub(super) fn is_field(path: &Path) -> bool {
-    let has_name = || path.file_name().and_then(|name| name.to_str()).is_some_and(is_field_file);
-    path.is_dir() || has_name() && !starts_as_package(path)
+    if path.is_dir() {
+        return list_folder(path).is_ok_and(|names| names.iter().any(|name| is_field_name(name)));
+    }
+    let has_name = path.file_name().and_then(|name| name.to_str()).is_some_and(is_field_file);
+    has_name && !starts_as_package(path)
 }
 
 /// Whether a file begins as a package does. Opening a pipe would wait for its other end.
@@ -126,5 +130,8 @@ mod tests {
         fs::write(&path, include_bytes!("../../../assets/demo.aarc")).unwrap();
         assert!(!is_field(&path), "a package with another name");
         assert!(!is_field(&folder.path().join("a.aarc")));
+        let clips = tempfile::tempdir().unwrap();
+        fs::write(clips.path().join("a.aarc"), "").unwrap();
+        assert!(!is_field(clips.path()), "a folder without a field");
     }
 }
