@@ -25,4 +25,3 @@ pub mod scene;
 pub mod segments;
 pub mod synth;
 pub mod takes;
-mod up_axis;

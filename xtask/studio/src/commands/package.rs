@@ -371,8 +371,8 @@ fn write_package(args: &Args) -> anyhow::Result<WrittenPackage> {
         bail!("{}: {}; --strict refuses it, choose a lower --quality", scene.name, miss.text);
     }
     output::write(&out, &package.bytes)?;
-    if let Some(assumption) = scene.subject.assumption {
-        eprintln!("note: {}: {assumption}", scene.name);
+    for note in &scene.subject.notes {
+        eprintln!("note: {}: {note}", scene.name);
     }
     print_blind_viewpoints(&scene);
     let prefix_steps = match args.prefix_quality {
