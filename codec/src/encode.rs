@@ -80,30 +80,52 @@ pub fn encode_parallel(
     options: &EncodeOptions,
     threads: NonZero<usize>,
 ) -> Result<Vec<u8>, EncodeError> {
-    encode_sections(source, options, threads).map(|encoded| encoded.package)
+    encode_sections(source, options, &ChunkForms::default(), threads).map(|encoded| encoded.package)
 }
 
-/// Encodes as [`encode_parallel`] does, and also returns the Gaussians as the package holds them: the rows and columns
-/// of `source.field`, with decoded numbers.
+/// The form of each chunk of a package: whether neighbours predict. Only the coder `rans` takes it over.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ChunkForms {
+    /// By section; `None` where neighbours never predict.
+    has_neighbors: Vec<Option<bool>>,
+}
+
+/// A package with the Gaussians that it holds.
+#[derive(Clone, Debug)]
+pub struct Rounded {
+    /// Bytes of the package.
+    pub package: Vec<u8>,
+    /// The rows and columns of the source, with decoded numbers.
+    pub field: Field,
+    /// The forms of the chunks.
+    pub forms: ChunkForms,
+}
+
+/// Encodes as [`encode_parallel`] does, and also returns the Gaussians as the package holds them. Chunks take over
+/// `forms`, those of a package with as many Gaussians in each chunk; without, each is coded in both forms, which takes
+/// twice as long, and has the smaller one.
 ///
 /// # Errors
 /// See [`encode`].
 pub fn encode_rounded(
     source: &Source,
     options: &EncodeOptions,
+    forms: Option<&ChunkForms>,
     threads: NonZero<usize>,
-) -> Result<(Vec<u8>, Field), EncodeError> {
-    let Encoded { package, static_rows, dynamic_rows } = encode_sections(source, options, threads)?;
+) -> Result<Rounded, EncodeError> {
+    let encoded = encode_sections(source, options, forms.unwrap_or(&ChunkForms::default()), threads)?;
+    let Encoded { package, forms, static_rows, dynamic_rows } = encoded;
     let decoded = decode_regions(&package, threads).expect("an encoded package decodes");
-    let mut rounded = source.field.clone();
-    rounded.set_rows(&static_rows, &decoded.static_field);
-    rounded.set_rows(&dynamic_rows, &decoded.dynamic_field);
-    Ok((package, rounded))
+    let mut field = source.field.clone();
+    field.set_rows(&static_rows, &decoded.static_field);
+    field.set_rows(&dynamic_rows, &decoded.dynamic_field);
+    Ok(Rounded { package, field, forms })
 }
 
-/// A package with the source rows of its Gaussians, in the order of its sections.
+/// A package with the forms of its chunks and the source rows of its Gaussians, in the order of its sections.
 struct Encoded {
     package: Vec<u8>,
+    forms: ChunkForms,
     static_rows: Vec<usize>,
     dynamic_rows: Vec<usize>,
 }
@@ -112,6 +134,7 @@ struct Encoded {
 fn encode_sections(
     source: &Source,
     options: &EncodeOptions,
+    forms: &ChunkForms,
     threads: NonZero<usize>,
 ) -> Result<Encoded, EncodeError> {
     let Source { info, field, plate } = *source;
@@ -149,7 +172,7 @@ fn encode_sections(
     contents.plate_filter = source.plate.map(|plate| plate.filter).unwrap_or_default();
 
     let plan: Vec<PlannedSection> = contents.plan().collect();
-    let payload = |planned: &PlannedSection| {
+    let payload = |planned: &PlannedSection, has_neighbors: Option<bool>| {
         let layer = &layers[usize::from(planned.layer)];
         let (chunks, rows) = match planned.region {
             Region::Static => (&chunks, &layer.static_rows),
@@ -160,17 +183,18 @@ fn encode_sections(
             SectionKind::TimeIndex => Payload::of_any_version(time_index_payload(&layer.cells), &[]),
             _ => {
                 let start = planned.chunk as usize * CHUNK_ROWS;
-                chunks.encode(&rows[start..start + planned.rows], contents.columns().of(planned.region))
+                let columns = contents.columns().of(planned.region);
+                chunks.encode(&rows[start..start + planned.rows], columns, has_neighbors)
             }
         }
     };
     let mut payloads = vec![Payload::default(); plan.len()];
-    let encode = |(planned, coded): (&PlannedSection, &mut Payload)| -> Result<(), Infallible> {
-        *coded = payload(planned);
+    let encode = |((i, planned), coded): ((usize, &PlannedSection), &mut Payload)| -> Result<(), Infallible> {
+        *coded = payload(planned, forms.has_neighbors.get(i).copied().flatten());
         Ok(())
     };
     let threads = threads.get().min(plan.len());
-    try_for_each(plan.iter().zip(&mut payloads), vec![encode; threads])
+    try_for_each(plan.iter().enumerate().zip(&mut payloads), vec![encode; threads])
         .unwrap_or_else(|never| match never {});
 
     // Flags make every chunk of version 2 longer by a byte. Readers of version 1 are older, and know one filter.
@@ -186,6 +210,8 @@ fn encode_sections(
             Region::Plate => (),
         }
     }
+    let has_neighbors =
+        payloads.iter().map(|payload| payload.has_neighbors(contents.version_major)).collect();
     let payloads: Vec<(Vec<u8>, usize)> =
         payloads.into_iter().map(|payload| payload.finish(contents.version_major)).collect();
 
@@ -204,7 +230,7 @@ fn encode_sections(
     contents.sections = plan.iter().zip(&payloads).map(section).collect();
     let mut package = contents.write()?;
     payloads.iter().for_each(|(payload, _)| package.extend_from_slice(payload));
-    Ok(Encoded { package, static_rows, dynamic_rows })
+    Ok(Encoded { package, forms: ChunkForms { has_neighbors }, static_rows, dynamic_rows })
 }
 
 /// Encodes chunks of a field.
@@ -223,14 +249,16 @@ impl<'a> ChunkEncoder<'a> {
         }
     }
 
-    fn encode(&self, rows: &[usize], columns: Columns) -> Payload {
+    fn encode(&self, rows: &[usize], columns: Columns, has_neighbors: Option<bool>) -> Payload {
         match self {
             ChunkEncoder::Fixed(field) => {
                 let chunk = select(field, rows, columns.temporal.is_some());
                 Payload::of_any_version(fixed::encode(&chunk, columns), rows)
             }
             ChunkEncoder::Context(prepared) => Payload::Gaussian(context::encode(prepared, rows, columns)),
-            ChunkEncoder::Rans(prepared) => Payload::Gaussian(rans::encode(prepared, rows, columns)),
+            ChunkEncoder::Rans(prepared) => {
+                Payload::Gaussian(rans::encode(prepared, rows, columns, has_neighbors))
+            }
         }
     }
 
@@ -282,6 +310,14 @@ impl Payload {
         match self {
             Payload::Any { .. } => 0,
             Payload::Gaussian(chunk) => chunk.saved_by_version_2(),
+        }
+    }
+
+    /// Whether neighbours predict; `None` if they never do.
+    fn has_neighbors(&self, version_major: u16) -> Option<bool> {
+        match self {
+            Payload::Any { .. } => None,
+            Payload::Gaussian(chunk) => Some(chunk.has_neighbors(version_major)),
         }
     }
 

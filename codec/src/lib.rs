@@ -147,7 +147,7 @@ pub use clip::{Clip, ClipInfo, LayerEnd, Layers, Viewpoint};
 pub use coder::Coder;
 pub use decode::{decode, decode_parallel};
 #[cfg(feature = "encode")]
-pub use encode::{EncodeOptions, Source, encode, encode_parallel, encode_rounded};
+pub use encode::{ChunkForms, EncodeOptions, Rounded, Source, encode, encode_parallel, encode_rounded};
 #[cfg(feature = "encode")]
 pub use error::EncodeError;
 pub use error::{Error, FormatError};

@@ -391,7 +391,7 @@ fn an_inconsistent_time_index_is_refused() {
 fn mutations_under_valid_checksums_never_break_the_decoder() {
     let mut rng = Rng(7);
     for (coder, rounds, least) in
-        [(Coder::Fixed, 6_000, 500), (Coder::Context, 20_000, 50), (Coder::Rans, 20_000, 50)]
+        [(Coder::Fixed, 6_000, 500), (Coder::Context, 8_000, 50), (Coder::Rans, 8_000, 50)]
     {
         let parts = Parts::of(&package_by(coder, 60));
         let (mut accepted, mut refused) = (0, 0);

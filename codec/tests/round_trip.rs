@@ -9,7 +9,7 @@ use std::num::NonZero;
 
 use codec::{
     ALPHA_MIN, Clip, ClipInfo, Coder, EncodeError, EncodeOptions, Field, LayerEnd, Limits, PixelFilter,
-    Source, Temporal, contents, decode, encode, encode_rounded,
+    Rounded, Source, Temporal, contents, decode, encode, encode_rounded,
 };
 use common::{
     Parts, Shape, field, info, options, package,
@@ -174,8 +174,12 @@ fn rounded_rows_are_the_decoded_ones_in_the_order_of_the_source() {
             let info = ClipInfo::default();
             let source = Source { info: &info, field: &field, plate: Some(&plate) };
             let options = exact(coder, &field, &[30, 100]);
-            let (package, rounded) = encode_rounded(&source, &options, threads).unwrap();
+            let Rounded { package, field: rounded, forms } =
+                encode_rounded(&source, &options, None, threads).unwrap();
             assert!(package == encode(&source, &options).unwrap());
+            // Chunks that take over their forms are the same.
+            let again = encode_rounded(&source, &options, Some(&forms), threads).unwrap();
+            assert!(again.package == package && again.forms == forms);
             assert!(rounded.check().is_ok() && rounded != field);
             let clip = decode(&package, &Limits::default()).unwrap();
             let regions = [&clip.static_field, &clip.dynamic_field];

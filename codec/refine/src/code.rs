@@ -25,8 +25,8 @@ pub use error::CodeError;
 use joint::RoundingState;
 pub use joint::{JOINT_ROUNDS, JointRounding};
 use scan::Scan;
-use search::{AIM_DB, SLOPE, Search};
 pub use search::{Miss, SURPLUS_MAX_DB, TRIALS, WORST_BELOW_DB};
+use search::{SLOPE, Search};
 use trials::{Trials, decode};
 
 /// A package with its decoded clip and quality.
@@ -53,6 +53,9 @@ const JOINT_TRIALS: usize = 3;
 
 /// Excess in dB over the target PSNR that ends joint rounding: 0.1 dB is 0.4 % of the bytes.
 const JOINT_CLOSE_DB: f64 = 0.2;
+
+/// Excess in dB that each further precision aims at. Its gain is not known exactly, and what misses the target is lost.
+const JOINT_AIM_DB: f64 = 0.5 * JOINT_CLOSE_DB;
 
 /// What to make of a source.
 #[derive(Clone, Copy, Debug)]
@@ -94,15 +97,10 @@ pub fn code_steps(joint: Option<&JointRounding>) -> usize {
     TRIALS + joint.map_or(0, joint_steps)
 }
 
-/// Number of rounds at all precisions of joint rounding.
+/// Number of rounds at all precisions of joint rounding. Further precisions begin with the targets of the last one. With
+/// half the rounds there, they often lost what the first one had gained.
 fn joint_steps(joint: &JointRounding) -> usize {
-    (0..JOINT_TRIALS).map(|trial| joint_rounds(joint, trial)).sum()
-}
-
-/// Number of rounds at a precision. Those after the first begin with the targets of the last one, which want the same
-/// errors to cancel, and take half the rounds.
-fn joint_rounds(joint: &JointRounding, trial: usize) -> usize {
-    if trial == 0 { joint.rounds() } else { joint.rounds().div_ceil(2) }
+    JOINT_TRIALS * joint.rounds()
 }
 
 /// Packages a source with target PSNRs, one after another. What a small field's trials for one target
@@ -172,9 +170,8 @@ impl<'a> TargetCoder<'a> {
         options.precision.psnr -= gain_db / SLOPE;
         let mut state = RoundingState::new(source.field);
         let mut steps = 0;
-        for trial in 0..JOINT_TRIALS {
-            let rounds = joint_rounds(joint, trial);
-            let bytes = joint.round(source, &options, rounds, &mut state, || {
+        for _ in 0..JOINT_TRIALS {
+            let bytes = joint.round(source, &options, &mut state, || {
                 steps += 1;
                 on_step();
             })?;
@@ -189,7 +186,7 @@ impl<'a> TargetCoder<'a> {
             if (0.0..JOINT_CLOSE_DB).contains(&surplus_db) || gain_db == 0.0 {
                 break;
             }
-            options.precision.psnr += (AIM_DB - surplus_db) / SLOPE;
+            options.precision.psnr += (JOINT_AIM_DB - surplus_db) / SLOPE;
         }
         (steps..joint_steps(joint)).for_each(|_| on_step());
         Ok(best)

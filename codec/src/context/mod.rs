@@ -54,5 +54,5 @@ pub(crate) fn decode_observed(
 /// Encodes `rows` of a field as a chunk.
 #[cfg(feature = "encode")]
 pub(crate) fn encode(source: &Prepared, rows: &[usize], columns: Columns) -> EncodedChunk {
-    encode_with::<range::Encoder>(source, rows, columns, decode)
+    encode_with::<range::Encoder>(source, rows, columns, None, decode)
 }

@@ -26,11 +26,13 @@ const CELLS_PER_STEP: f64 = 0.25;
 /// Largest distance from the clip of the centre of an infinite window.
 const TAU_MAX: f64 = 1e5;
 
-/// Encodes `rows` of a field as a chunk, which `decode` decodes. The chunk orders the rows by grid cell.
+/// Encodes `rows` of a field as a chunk, which `decode` decodes. The chunk orders the rows by grid cell. It is coded with
+/// and without neighbours, or in one form only, which `has_neighbors` names.
 pub(crate) fn encode_with<S: Writing>(
     source: &Prepared,
     rows: &[usize],
     columns: Columns,
+    has_neighbors: Option<bool>,
     decode: DecodeChunk,
 ) -> EncodedChunk {
     let footprint = source.footprint.clamp(*FOOTPRINT.start(), *FOOTPRINT.end());
@@ -63,21 +65,23 @@ pub(crate) fn encode_with<S: Writing>(
     ordered.sort_by_key(|(cell, ..)| *cell);
     let rows = ordered.iter().map(|(.., row)| *row).collect();
     let order: Vec<(u64, &Target)> = ordered.iter().map(|&(cell, target, _)| (cell, target)).collect();
-    let with_neighbors = encode_ordered::<S>(&chunk, &order, columns, decode);
-    let chunk_without = Chunk { has_neighbors: false, ..chunk.clone() };
-    let without = encode_ordered::<S>(&chunk_without, &order, columns, decode);
+    let [with_neighbors, without] = [true, false].map(|form| {
+        let chunk = Chunk { has_neighbors: form, ..chunk.clone() };
+        let is_coded = has_neighbors.is_none_or(|only| only == form);
+        is_coded.then(|| encode_ordered::<S>(&chunk, &order, columns, decode))
+    });
     EncodedChunk { chunk, rows, with_neighbors, without }
 }
 
-/// A chunk in both forms of version 2; version 1 has only that with neighbours.
+/// A chunk in the forms of version 2 that were coded, at least one; version 1 has only that with neighbours.
 #[derive(Clone, Debug)]
 pub(crate) struct EncodedChunk {
     chunk: Chunk,
     /// Source rows of the Gaussians, in coded order.
     rows: Vec<usize>,
     /// Symbols where neighbours predict, and where they do not.
-    with_neighbors: Vec<u8>,
-    without: Vec<u8>,
+    with_neighbors: Option<Vec<u8>>,
+    without: Option<Vec<u8>>,
 }
 
 impl EncodedChunk {
@@ -86,17 +90,27 @@ impl EncodedChunk {
         &self.rows
     }
 
-    /// Bytes that the chunk has fewer in version 2 than in version 1, not counting its flags.
+    /// Bytes that the chunk has fewer in version 2 than in version 1, not counting its flags; 0 in one form only.
     pub(crate) fn saved_by_version_2(&self) -> usize {
-        self.with_neighbors.len().saturating_sub(self.without.len())
+        let forms = self.with_neighbors.as_ref().zip(self.without.as_ref());
+        forms.map_or(0, |(with_neighbors, without)| with_neighbors.len().saturating_sub(without.len()))
+    }
+
+    /// Whether neighbours predict in the chunk in a package of this major version.
+    pub(crate) fn has_neighbors(&self, version_major: u16) -> bool {
+        version_major < 2 || (self.with_neighbors.is_some() && self.saved_by_version_2() == 0)
     }
 
     /// The payload of the chunk in a package of this major version.
+    ///
+    /// # Panics
+    /// In version 1, of a chunk that was coded without neighbours only.
     pub(crate) fn payload(self, version_major: u16) -> Vec<u8> {
-        let has_neighbors = version_major < 2 || self.saved_by_version_2() == 0;
+        let has_neighbors = self.has_neighbors(version_major);
         let mut writer = Writer::default();
         Chunk { has_neighbors, ..self.chunk }.write(&mut writer, version_major);
-        writer.bytes.extend_from_slice(if has_neighbors { &self.with_neighbors } else { &self.without });
+        let symbols = if has_neighbors { self.with_neighbors } else { self.without };
+        writer.bytes.extend_from_slice(&symbols.expect("the form was coded"));
         writer.bytes
     }
 }

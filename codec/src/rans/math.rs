@@ -103,7 +103,7 @@ const RECIPROCALS: [f64; 64] = {
 };
 
 /// Bits of `2^(j / 64)`. Format.
-const POWERS: [u64; 64] = [
+pub(super) const POWERS: [u64; 64] = [
     0x3ff0_0000_0000_0000,
     0x3ff0_2c9a_3e77_8061,
     0x3ff0_59b0_d315_8574,
@@ -171,7 +171,7 @@ const POWERS: [u64; 64] = [
 ];
 
 /// Bits of `-ln(128 / (129 + 2 j))`, the quotient rounded. Format.
-const LOGARITHMS: [u64; 64] = [
+pub(super) const LOGARITHMS: [u64; 64] = [
     0x3f7f_e02a_6b10_6799,
     0x3f97_b91b_07d5_b126,
     0x3fa3_9e87_b9fe_bd68,

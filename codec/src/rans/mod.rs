@@ -5,6 +5,8 @@
 
 mod cdf;
 mod decoder;
+#[cfg(test)]
+mod document;
 #[cfg(feature = "encode")]
 mod encoder;
 mod integer;
@@ -57,8 +59,13 @@ pub(crate) fn decode_observed(
     decode_with(payload, version_major, columns, offset, out, |bytes| decoder::Decoder::new(bytes, observer))
 }
 
-/// Encodes `rows` of a field as a chunk.
+/// Encodes `rows` of a field as a chunk, as [`encode_with`] does.
 #[cfg(feature = "encode")]
-pub(crate) fn encode(source: &Prepared, rows: &[usize], columns: Columns) -> EncodedChunk {
-    encode_with::<encoder::Encoder>(source, rows, columns, decode)
+pub(crate) fn encode(
+    source: &Prepared,
+    rows: &[usize],
+    columns: Columns,
+    has_neighbors: Option<bool>,
+) -> EncodedChunk {
+    encode_with::<encoder::Encoder>(source, rows, columns, has_neighbors, decode)
 }

@@ -8,7 +8,7 @@ use crate::gaussian::{Attribute, Prior};
 
 /// Sums of the frequencies below each token, by context, as trained (`training.rs`). From context 11 on, tokens stand for
 /// twice as many numbers in every second context, and the last two rows repeat. Format.
-const SIGNED: [[u16; SYMBOLS]; 13] = [
+pub(super) const SIGNED: [[u16; SYMBOLS]; 13] = [
     [
         0, 32136, 32397, 32635, 32678, 32728, 32740, 32749, 32753, 32757, 32761, 32762, 32764, 32765, 32766,
         32767,
@@ -80,7 +80,7 @@ pub(super) fn start(attribute: Attribute, context: usize) -> Cdf {
     Cdf::new(starts, pace(attribute))
 }
 
-const NATURAL: [[u16; SYMBOLS]; 17] = [
+pub(super) const NATURAL: [[u16; SYMBOLS]; 17] = [
     [
         0, 32742, 32754, 32755, 32756, 32757, 32758, 32759, 32760, 32761, 32762, 32763, 32764, 32765, 32766,
         32767,
@@ -144,7 +144,7 @@ const NATURAL: [[u16; SYMBOLS]; 17] = [
 
 /// Shares of the cells of a square with 2^level cells along an edge by distance from its middle, for each level.
 /// Format.
-const SQUARES: [&[u32]; 5] = [&[1], &[1], &[10, 8], &[12, 6, 4, 4], &[16, 8, 5, 4, 3, 3, 3, 4]];
+pub(super) const SQUARES: [&[u32]; 5] = [&[1], &[1], &[10, 8], &[12, 6, 4, 4], &[16, 8, 5, 4, 3, 3, 3, 4]];
 
 /// The share of a number of `bits` bits in the distribution from which a tree starts. Format.
 pub(super) fn share(value: u32, bits: u32, prior: Prior) -> u32 {

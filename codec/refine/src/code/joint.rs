@@ -21,7 +21,7 @@ mod numbers;
 
 use std::num::NonZero;
 
-use codec::{EncodeOptions, Field, Source, encode_rounded};
+use codec::{ChunkForms, EncodeOptions, Field, Source, encode_rounded};
 
 use super::error::CodeError;
 use crate::fit::cpu::render;
@@ -30,8 +30,8 @@ use crate::in_order::for_each_in_order;
 use crate::prune::PosedView;
 use numbers::Numbers;
 
-/// Default number of rounds at a precision. More rounds gain more, see codec/README.md.
-pub const JOINT_ROUNDS: usize = 5;
+/// Default number of rounds at a precision, with which `package` takes about twice as long; see codec/README.md.
+pub const JOINT_ROUNDS: usize = 3;
 
 /// Number of parts that the views are split into; each round looks at one part.
 const PARTS: usize = 5;
@@ -82,14 +82,14 @@ pub(super) struct RoundingState {
     targets: Field,
     /// Sum of the squared derivatives over the pixels of all pictures seen, the diagonal of the Gauss-Newton matrix.
     curvature: Numbers,
-    /// Number of rounds in that sum.
-    rounds_seen: usize,
+    /// Number of rounds so far. Each looks at the next part of the views; the first ones of each part are in the sum.
+    rounds: usize,
 }
 
 impl RoundingState {
     /// The state before the first round.
     pub(super) fn new(field: &Field) -> RoundingState {
-        RoundingState { targets: field.clone(), curvature: Numbers::zeros(field), rounds_seen: 0 }
+        RoundingState { targets: field.clone(), curvature: Numbers::zeros(field), rounds: 0 }
     }
 }
 
@@ -124,13 +124,13 @@ impl JointRounding {
         JointRounding { rounds, ..self }
     }
 
-    /// Number of rounds at the first precision.
+    /// Number of rounds at a precision.
     pub(super) fn rounds(&self) -> usize {
         self.rounds.get()
     }
 
-    /// Packages the source with numbers rounded together in `rounds` rounds, beginning with the targets of `state`.
-    /// `on_round` is called after each.
+    /// Packages the source with numbers rounded together, beginning with the targets of `state`. `on_round` is called
+    /// after each round.
     ///
     /// # Errors
     /// Errors of [`codec::encode`].
@@ -138,29 +138,31 @@ impl JointRounding {
         &self,
         source: &Source,
         options: &EncodeOptions,
-        rounds: usize,
         state: &mut RoundingState,
         mut on_round: impl FnMut(),
     ) -> Result<Vec<u8>, CodeError> {
         let threads = NonZero::new(rayon::current_num_threads()).unwrap_or(NonZero::<usize>::MIN);
-        let encode = |targets: &Field| {
-            encode_rounded(&Source { field: targets, ..*source }, options, threads).map_err(CodeError::Encode)
+        let encode = |targets: &Field, forms: Option<&ChunkForms>| {
+            let source = Source { field: targets, ..*source };
+            encode_rounded(&source, options, forms, threads).map_err(CodeError::Encode)
         };
-        let (mut bytes, mut decoded) = encode(&state.targets)?;
-        let errors = Numbers::errors(source.field, &decoded);
+        let mut rounded = encode(&state.targets, None)?;
+        let errors = Numbers::errors(source.field, &rounded.field);
+        let rounds = self.rounds();
         for round in 0..rounds {
-            let part = |picture: &&Picture| picture.number as usize % PARTS == round % PARTS;
-            let pictures: Vec<&Picture> = self.pictures.iter().filter(part).collect();
-            let is_first = state.rounds_seen < PARTS;
-            let gradient = descent(&decoded, &pictures, is_first.then_some(&mut state.curvature));
-            state.rounds_seen += usize::from(is_first);
+            let part = state.rounds % PARTS;
+            let is_of_part = |picture: &&Picture| picture.number as usize % PARTS == part;
+            let pictures: Vec<&Picture> = self.pictures.iter().filter(is_of_part).collect();
+            let is_first = state.rounds < PARTS;
+            let gradient = descent(&rounded.field, &pictures, is_first.then_some(&mut state.curvature));
+            state.rounds += 1;
             let share = SHARE * (rounds - round) as f64 / rounds as f64;
-            let curvature = (&state.curvature, 1.0 / state.rounds_seen as f64);
+            let curvature = (&state.curvature, 1.0 / state.rounds.min(PARTS) as f64);
             move_targets(&mut state.targets, source.field, &gradient, curvature, &errors, share);
-            (bytes, decoded) = encode(&state.targets)?;
+            rounded = encode(&state.targets, Some(&rounded.forms))?;
             on_round();
         }
-        Ok(bytes)
+        Ok(rounded.package)
     }
 }
 

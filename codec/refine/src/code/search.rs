@@ -16,7 +16,7 @@ pub const SURPLUS_MAX_DB: f64 = 0.3;
 pub const WORST_BELOW_DB: f64 = 6.0;
 
 /// Excess that the search aims at, in dB.
-pub(super) const AIM_DB: f64 = 0.05;
+const AIM_DB: f64 = 0.05;
 
 /// Assumed gain in PSNR per gain in precision. From the first trial to the second it was 0.81 to 0.97 for spinach with
 /// 20,000 and 40,000 Gaussians and all, and 0.86 for the guitar.

@@ -22,7 +22,7 @@ use measure::parameter::{FlowStage, ImageErrors, Parameter, ParameterValue, Quar
 const TARGETS_DB: [f64; 8] = [55.0, 52.5, QUALITY_DB, 50.0, 47.5, 45.0, 42.5, 40.0];
 
 /// Numbers of rounds of joint rounding beside 0.
-const ROUNDS: [usize; 3] = [2, JOINT_ROUNDS, 10];
+const ROUNDS: [usize; 3] = [1, JOINT_ROUNDS, 10];
 
 /// Maximum number of Gaussians coded.
 const CODED: usize = 40_000;
