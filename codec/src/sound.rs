@@ -166,8 +166,9 @@ impl Sound {
             end = end.saturating_add(length.into());
             ends.push(end);
         }
-        let mut bytes = budget.vec(end as usize)?;
-        bytes.extend_from_slice(reader.take(end as usize)?);
+        let packets = reader.take(end as usize)?;
+        let mut bytes = budget.vec(packets.len())?;
+        bytes.extend_from_slice(packets);
         reader.finish()?;
         Ok(Sound { info, ends, bytes })
     }

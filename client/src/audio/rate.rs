@@ -68,13 +68,19 @@ mod rate_tests {
             for run in 0..2 {
                 converter.restart();
                 let mut converted = Vec::new();
-                let tone = |i: usize, rate: u32| (i as f32 / rate as f32 * 440.0 * std::f32::consts::TAU).sin();
+                let tone =
+                    |i: usize, rate: u32| (i as f32 / rate as f32 * 440.0 * std::f32::consts::TAU).sin();
                 for block in 0..100 {
-                    let frames: Vec<Frame> = (0..CHUNK).map(|i| [tone(block * CHUNK + i, 48_000); 2]).collect();
+                    let frames: Vec<Frame> =
+                        (0..CHUNK).map(|i| [tone(block * CHUNK + i, 48_000); 2]).collect();
                     converter.convert(&frames, |frame| converted.push(frame));
                 }
                 let expected = rate_hz as usize;
-                assert!(converted.len() > expected - expected / 20 && converted.len() <= expected, "{}", converted.len());
+                assert!(
+                    converted.len() > expected - expected / 20 && converted.len() <= expected,
+                    "{}",
+                    converted.len()
+                );
                 // Behind the beginning, where the filter has only a half.
                 for i in expected / 20..expected / 2 {
                     let error = (converted[i][0] - tone(i, rate_hz)).abs();

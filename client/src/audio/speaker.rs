@@ -80,13 +80,7 @@ impl Speaker {
 
     /// Takes in the player before a frame that is seen `ahead_s` seconds from now, `elapsed_s` after the one before by the
     /// display's clock. Returns the seconds by which the frame advances the player.
-    pub(crate) fn step(
-        &mut self,
-        player: &Player,
-        is_scrubbing: bool,
-        elapsed_s: f64,
-        ahead_s: f64,
-    ) -> f64 {
+    pub(crate) fn step(&mut self, player: &Player, is_scrubbing: bool, elapsed_s: f64, ahead_s: f64) -> f64 {
         if self.has_sound() {
             self.parts.start_thread();
         }

@@ -206,7 +206,9 @@ fn ten_minutes_of_a_loop_are_in_time_whatever_the_two_clocks_do() {
     // A duration that is no whole number of samples, and a device that is 200 ppm too fast or too slow.
     let (duration_s, claps_s) = (2.000_013, [0.7]);
     let sound = clapping(duration_s, &claps_s);
-    for (device_speed, rate_hz, frames_hz) in [(1.0002, 48_000, 60.0), (0.9998, 48_000, 90.0), (1.0002, 44_100, 72.0)] {
+    for (device_speed, rate_hz, frames_hz) in
+        [(1.0002, 48_000, 60.0), (0.9998, 48_000, 90.0), (1.0002, 44_100, 72.0)]
+    {
         let (track, player) = looping(sound.clone(), duration_s);
         let mut simulation = Simulation::new(track, player, rate_hz);
         simulation.device_speed = device_speed;
@@ -215,12 +217,17 @@ fn ten_minutes_of_a_loop_are_in_time_whatever_the_two_clocks_do() {
         assert_eq!(offsets.len(), (600.0 * device_speed / duration_s).round() as usize);
         let (first, last) = (largest(&offsets[..30]), largest(&offsets[offsets.len() - 30..]));
         let all = largest(&offsets);
-        println!("{rate_hz} Hz, device {device_speed}: offset at most {:.2} ms, first minute {:.2}, last {:.2}",
-            all * 1e3, first * 1e3, last * 1e3);
+        println!(
+            "{rate_hz} Hz, device {device_speed}: offset at most {:.2} ms, first minute {:.2}, last {:.2}",
+            all * 1e3,
+            first * 1e3,
+            last * 1e3
+        );
         assert!(all < OFFSET_MAX_S, "{all} s");
         assert!((last - first).abs() < 1e-3, "no drift: {first} s, then {last} s");
         // Frames are even: the picture neither stands nor jumps for the sound.
-        let steps = simulation.seen.windows(2).skip(60).map(|pair| (pair[1].1 - pair[0].1).rem_euclid(duration_s));
+        let steps =
+            simulation.seen.windows(2).skip(60).map(|pair| (pair[1].1 - pair[0].1).rem_euclid(duration_s));
         let (least, most) = steps.fold((f64::MAX, 0.0f64), |(a, b), step| (a.min(step), b.max(step)));
         assert!(least > 0.94 / frames_hz && most < 1.06 / frames_hz, "{least} to {most}");
     }
@@ -252,12 +259,14 @@ fn a_take_of_many_segments_is_one_sound_in_time() {
     };
     assert!(read(&track, 0, 960_000) == read(&whole, 0, 960_000), "no seam is heard");
     // From a seek on, a decoder that was primed makes nearly the same.
-    let difference = |a: &[Frame], b: &[Frame]| {
-        a.iter().zip(b).map(|(a, b)| (a[0] - b[0]).abs()).fold(0.0f32, f32::max)
-    };
+    let difference =
+        |a: &[Frame], b: &[Frame]| a.iter().zip(b).map(|(a, b)| (a[0] - b[0]).abs()).fold(0.0f32, f32::max);
     let reference = read(&whole, 0, 500_000);
     for from in [100_000, 191_880, 191_881, 250_001, 300_000] {
-        let error = difference(&read(&track, from, 20_000)[EDGE_FRAMES..], &reference[from + EDGE_FRAMES..from + 20_000]);
+        let error = difference(
+            &read(&track, from, 20_000)[EDGE_FRAMES..],
+            &reference[from + EDGE_FRAMES..from + 20_000],
+        );
         assert!(error < 0.02, "from {from}: {error}");
     }
     let mut simulation = Simulation::new(track, Player::new(60.0, 30.0), 48_000);
@@ -307,7 +316,12 @@ fn after_a_thousand_seeks_it_is_in_time_and_none_of_them_clicks() {
         simulation.run(0.7, 60.0);
         let heard: Vec<f64> = simulation.offsets_s(&claps_s);
         let times = simulation.claps_heard_s();
-        let settled: Vec<f64> = times.iter().zip(heard).filter(|(at, _)| **at > from + 0.15 && **at < simulation.now_s - 0.02).map(|(_, offset)| offset).collect();
+        let settled: Vec<f64> = times
+            .iter()
+            .zip(heard)
+            .filter(|(at, _)| **at > from + 0.15 && **at < simulation.now_s - 0.02)
+            .map(|(_, offset)| offset)
+            .collect();
         count += settled.len();
         assert!(largest(&settled) < OFFSET_MAX_S, "seek {seek}: {settled:?}");
         simulation.calls.clear();
@@ -356,7 +370,12 @@ fn other_speeds_backwards_and_scrubbing_are_silent_and_follow_the_display() {
         let before = simulation.player.position_s();
         let frames = (seconds * 60.0) as usize;
         (0..frames).for_each(|_| simulation.frame(1.0 / 60.0, is_scrubbing));
-        let played = simulation.calls.iter().flat_map(|(_, frames)| frames).map(|frame| frame[0].abs()).fold(0.0, f32::max);
+        let played = simulation
+            .calls
+            .iter()
+            .flat_map(|(_, frames)| frames)
+            .map(|frame| frame[0].abs())
+            .fold(0.0, f32::max);
         (played, (simulation.player.position_s() - before).rem_euclid(duration_s))
     };
     let (played, moved) = level(&mut simulation, 0.5, false);

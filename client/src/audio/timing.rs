@@ -116,15 +116,8 @@ impl SoundTiming {
     fn start(&mut self, player: &Player, track: &SoundTrack, frame: FrameTime, holds: bool) -> SoundCommand {
         self.number += 1;
         let (number, loops, position_s) = (self.number, player.starts_over(), player.position_s());
-        self.run = Some(TimedRun {
-            number,
-            holds,
-            is_heard: false,
-            loops,
-            elapsed_s: 0.0,
-            position_s,
-            held_s: 0.0,
-        });
+        self.run =
+            Some(TimedRun { number, holds, is_heard: false, loops, elapsed_s: 0.0, position_s, held_s: 0.0 });
         SoundCommand::Start(Start {
             number,
             track: track.clone(),

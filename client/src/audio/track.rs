@@ -46,7 +46,8 @@ impl SoundTrack {
     /// The sound of a clip, from its package or the prefix of one. Also returns why it has none, if it is damaged.
     pub(crate) fn of_clip(package: &[u8], limits: &Limits) -> (SoundTrack, Option<String>) {
         let track = SoundTrack::default();
-        let note = codec::contents(package, limits).ok().and_then(|head| track.add(&head, package, limits, 0.0));
+        let note =
+            codec::contents(package, limits).ok().and_then(|head| track.add(&head, package, limits, 0.0));
         (track, note)
     }
 }
@@ -136,15 +137,8 @@ mod track_tests {
     use codec::SoundInfo;
 
     fn sound(start: u32, length: u32) -> Sound {
-        let info = SoundInfo {
-            channels: 1,
-            position: None,
-            stream: 1,
-            start,
-            length,
-            lead: 0,
-            packet_samples: 960,
-        };
+        let info =
+            SoundInfo { channels: 1, position: None, stream: 1, start, length, lead: 0, packet_samples: 960 };
         Sound::new(info, vec![&[1u8][..]; info.packet_count()].into_iter()).unwrap()
     }
 
@@ -154,7 +148,10 @@ mod track_tests {
         track.insert(sound(0, 48_000), 0.0);
         track.insert(sound(4_800, 48_000), 0.5);
         let start = |sample| track.at(sample).map(|placed| placed.start);
-        assert_eq!([0, 28_799, 28_800, 76_799, 76_800].map(start), [Some(0), Some(0), Some(28_800), Some(28_800), None]);
+        assert_eq!(
+            [0, 28_799, 28_800, 76_799, 76_800].map(start),
+            [Some(0), Some(0), Some(28_800), Some(28_800), None]
+        );
         assert_eq!((track.next_after(0), track.next_after(28_800)), (Some(28_800), None));
     }
 

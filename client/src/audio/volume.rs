@@ -131,9 +131,13 @@ mod volume_tests {
         volume.set_level(7.0);
         assert_eq!((volume.level(), volume.is_muted()), (1.0, false), "turned up, it is heard");
         drop(volume);
-        for damaged in ["", "{", "null", r#"{"version": 2, "level": 1, "is_muted": false}"#,
-            r#"{"version": 1, "level": 1e9, "is_muted": false}"#]
-        {
+        for damaged in [
+            "",
+            "{",
+            "null",
+            r#"{"version": 2, "level": 1, "is_muted": false}"#,
+            r#"{"version": 1, "level": 1e9, "is_muted": false}"#,
+        ] {
             std::fs::write(folder.path().join("new").join(FILE), damaged).unwrap();
             assert_eq!(open().level(), 1.0, "{damaged}");
         }
