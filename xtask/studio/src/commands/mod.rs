@@ -1,5 +1,6 @@
 //! One module per subcommand: its arguments and what it does.
 
+mod audio;
 pub(crate) mod capture;
 pub(crate) mod depths;
 pub(crate) mod eval;

@@ -71,7 +71,7 @@ pub(super) fn measure(request: &TakeRequest) -> anyhow::Result<TakeFindings> {
     }
     let folder = tempfile::tempdir()?;
     let packaged = folder.path().join("take.aarc");
-    package_take(&SegmentSources::of_folder(path)?, &PackageSettings::default(), &packaged)?;
+    package_take(&SegmentSources::of_folder(path)?, &PackageSettings::default(), None, &packaged)?;
     measure_file(&packaged, &name_of(path), Some(path), request)
 }
 
