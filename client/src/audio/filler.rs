@@ -115,6 +115,11 @@ impl RingFiller {
         RingFiller { ring, link, rate_hz, index: 0, played: None, converter }
     }
 
+    /// Whether something is played.
+    pub(super) fn is_playing(&self) -> bool {
+        self.played.is_some()
+    }
+
     /// Carries out a command.
     pub(super) fn take(&mut self, command: SoundCommand) {
         match command {

@@ -19,6 +19,8 @@ pub(super) struct Link {
     /// Whether a device is open.
     is_open: AtomicBool,
     anchor: Mutex<Option<Anchor>>,
+    /// Bits of the seconds at which the latest frame was shown.
+    frame_at_s: AtomicU64,
 }
 
 /// A start that the sound thread has carried out: frame `index` of the ring is played `offset_s` seconds behind the
@@ -149,6 +151,15 @@ impl Link {
 
     pub(super) fn set_open(&self, is_open: bool) {
         self.is_open.store(is_open, Ordering::Release);
+    }
+
+    /// Seconds at which the latest frame was shown.
+    pub(super) fn frame_at_s(&self) -> f64 {
+        f64::from_bits(self.frame_at_s.load(Ordering::Relaxed))
+    }
+
+    pub(super) fn set_frame_at_s(&self, now_s: f64) {
+        self.frame_at_s.store(now_s.to_bits(), Ordering::Relaxed);
     }
 
     /// The latest start that was carried out.

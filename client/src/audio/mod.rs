@@ -10,13 +10,9 @@
 //!
 //! The audio device is the master clock while a clip plays forward at its captured rate: `timing` turns what is heard
 //! into the seconds by which a frame advances the player. At other speeds, backwards, and while the timeline is held,
-//! nothing is heard and the display's clock counts. `packets` decodes, `filler` keeps a ring of samples filled ahead,
+//! nothing is heard and the display's clock counts. `packets` decodes, `filler` keeps a ring of samples filled ahead, on the thread of `parts`,
 //! `output` is the callback of the device: it fades, places and measures, and neither locks nor allocates. Only
 //! `device` names the audio library. Without the feature `audio` there is the track alone, always empty.
-
-mod track;
-#[cfg(any(feature = "window", feature = "xr"))]
-mod volume;
 
 #[cfg(all(feature = "audio", any(feature = "window", feature = "xr")))]
 mod device;
@@ -31,18 +27,21 @@ mod packets;
 #[cfg(all(feature = "audio", any(feature = "window", feature = "xr")))]
 mod panner;
 #[cfg(all(feature = "audio", any(feature = "window", feature = "xr")))]
-mod rate;
+mod parts;
 #[cfg(all(feature = "audio", any(feature = "window", feature = "xr")))]
-#[cfg(test)]
+mod rate;
+#[cfg(any(feature = "window", feature = "xr"))]
+mod speaker;
+#[cfg(all(test, feature = "audio", any(feature = "window", feature = "xr")))]
 mod tests;
 #[cfg(all(feature = "audio", any(feature = "window", feature = "xr")))]
 mod timing;
+mod track;
+#[cfg(any(feature = "window", feature = "xr"))]
+mod volume;
 
 #[cfg(any(feature = "window", feature = "xr"))]
-mod speaker;
-
-#[cfg(any(feature = "window", feature = "xr"))]
-pub(crate) use speaker::{Listener, Speaker};
+pub(crate) use speaker::Speaker;
 pub(crate) use track::SoundTrack;
 #[cfg(any(feature = "window", feature = "xr"))]
 pub(crate) use volume::Volume;

@@ -1,7 +1,7 @@
 //! [`PacketReader`]: decodes the packets of a track into samples in order, from any sample on.
 
 use codec::SOUND_RATE_HZ;
-use ruopus::OpusDecoder;
+use rusty_opus::OpusDecoder;
 
 use super::track::{PlacedSound, SoundTrack};
 
@@ -10,6 +10,9 @@ pub(super) type Frame = [f32; 2];
 
 /// Samples that are decoded before the first one that is heard: 80 ms, as RFC 7845 asks for.
 const PRIMING: i64 = SOUND_RATE_HZ as i64 * 80 / 1000;
+
+/// Most samples of a packet that Opus knows: 120 ms.
+const PACKET_SAMPLES_MAX: usize = 5_760;
 
 /// Samples over which a sound fades in and out where it does not go on: 3 ms.
 pub(super) const EDGE: i64 = SOUND_RATE_HZ as i64 * 3 / 1000;
@@ -25,7 +28,8 @@ pub(super) struct PacketReader {
 /// A sound that is being decoded.
 struct Run {
     placed: PlacedSound,
-    decoder: OpusDecoder,
+    /// `None` if the library refuses one: all is silence then.
+    decoder: Option<OpusDecoder>,
     next_packet: usize,
     /// Samples of the latest packet, of which the first `used` were taken.
     decoded: Vec<Frame>,
@@ -104,7 +108,7 @@ impl PacketReader {
             return;
         }
         let first = (offset - PRIMING).max(0) / packet_samples;
-        let decoder = OpusDecoder::new(placed.sound.info().channels.into());
+        let decoder = OpusDecoder::new(SOUND_RATE_HZ as i32, placed.sound.info().channels.into()).ok();
         let mut run = Run {
             placed,
             decoder,
@@ -146,14 +150,21 @@ impl Run {
         }
         let info = self.placed.sound.info();
         let channels = usize::from(info.channels);
-        let packet = self.placed.sound.packet(self.next_packet).unwrap_or_default();
-        let samples = self.decoder.decode_packet(packet).unwrap_or_default();
+        let wanted = usize::from(info.packet_samples);
+        let mut samples = [0.0; 2 * PACKET_SAMPLES_MAX];
+        // For no packet at all, the library would make something up.
+        let packet = self.placed.sound.packet(self.next_packet).filter(|packet| !packet.is_empty());
+        let count = self.decoder.as_mut().zip(packet).and_then(|(decoder, packet)| {
+            decoder.decode(packet, PACKET_SAMPLES_MAX, &mut samples[..PACKET_SAMPLES_MAX * channels]).ok()
+        });
         self.decoded.clear();
-        if samples.len() == usize::from(info.packet_samples) * channels {
-            let frame = |samples: &[f32]| [samples[0], samples[channels - 1]];
-            self.decoded.extend(samples.chunks_exact(channels).map(frame));
+        if count == Some(wanted) {
+            let frame = |samples: &[f32]| {
+                [samples[0], samples[channels - 1]].map(|x| if x.is_finite() { x } else { 0.0 })
+            };
+            self.decoded.extend(samples[..wanted * channels].chunks_exact(channels).map(frame));
         } else {
-            self.decoded.resize(info.packet_samples.into(), [0.0; 2]);
+            self.decoded.resize(wanted, [0.0; 2]);
         }
         (self.used, self.next_packet) = (0, self.next_packet + 1);
     }

@@ -23,10 +23,15 @@ const LEAD: u16 = 120;
 /// Packets of `seconds` of mono sound.
 fn packets(seconds: f64, sample: impl Fn(usize) -> f32) -> Vec<Vec<u8>> {
     let count = samples(seconds) as usize;
-    let mut encoder = ruopus::OpusEncoder::new(1);
+    let mut encoder =
+        rusty_opus::OpusEncoder::new(48_000, 1, rusty_opus::Application::RestrictedLowDelay).unwrap();
+    encoder.bitrate_bps = 64_000;
     let packet = |first: usize| -> Vec<u8> {
         let pcm: Vec<f32> = (first..first + 960).map(|i| if i < count { sample(i) } else { 0.0 }).collect();
-        encoder.encode(&pcm, 160).unwrap()
+        let mut packet = vec![0; 1_500];
+        let length = encoder.encode(&pcm, 960, &mut packet).unwrap();
+        packet.truncate(length);
+        packet
     };
     (0..count + usize::from(LEAD)).step_by(960).map(packet).collect()
 }

@@ -83,10 +83,13 @@ impl SoundTiming {
         frame: FrameTime,
     ) -> (f64, Option<SoundCommand>) {
         let is_audible = link.is_open() && !track.is_empty() && frame.seen_at_s >= self.left_out_until_s;
-        let is_normal = player.speed() == 1.0 && !player.is_reversed() && player.overrun_s().is_none();
-        if is_scrubbing || !is_audible || !is_normal || !player.is_advancing() || player.is_waiting() {
+        if !is_audible || !is_heard(player, is_scrubbing) {
             self.follows &= self.run.is_none();
             return (frame.elapsed_s, self.run.take().map(|_| SoundCommand::Stop));
+        }
+        if self.run.as_ref().is_some_and(|run| run.is_heard && link.anchor().is_none()) {
+            // The sound thread has stopped, as no frame came for a while.
+            self.run = None;
         }
         let loops = player.starts_over();
         let position_s = player.position_s();
@@ -111,6 +114,21 @@ impl SoundTiming {
         run.elapsed_s += elapsed_s;
         run.position_s = position_s + elapsed_s;
         (elapsed_s, command)
+    }
+
+    /// What the sound thread is to do where no frame is shown.
+    pub(super) fn stop(&mut self) -> Option<SoundCommand> {
+        self.run.take().map(|_| SoundCommand::Stop)
+    }
+
+    /// What the sound thread is to do after the viewer's input of a frame: to be silent as
+    /// soon as the clip pauses, which may be the last frame for long.
+    pub(super) fn rest(&mut self, player: &Player, is_scrubbing: bool) -> Option<SoundCommand> {
+        if is_heard(player, is_scrubbing) {
+            return None;
+        }
+        self.follows &= self.run.is_none();
+        self.run.take().map(|_| SoundCommand::Stop)
     }
 
     fn start(&mut self, player: &Player, track: &SoundTrack, frame: FrameTime, holds: bool) -> SoundCommand {
@@ -160,6 +178,12 @@ impl SoundTiming {
         }
         elapsed_s
     }
+}
+
+/// Whether sound is heard with what the player does: playing forward at the captured rate.
+fn is_heard(player: &Player, is_scrubbing: bool) -> bool {
+    let is_normal = player.speed() == 1.0 && !player.is_reversed() && player.overrun_s().is_none();
+    is_normal && !is_scrubbing && player.is_advancing() && !player.is_waiting()
 }
 
 /// Whether two positions are the same in a clip of `duration_s` seconds whose end may be its start.

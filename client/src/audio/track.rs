@@ -15,9 +15,18 @@ const SOUNDS_MAX: usize = 64;
 
 /// The sounds of what is on display. Clones share them.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct SoundTrack {
+pub struct SoundTrack {
     #[cfg(feature = "audio")]
-    sounds: Arc<Mutex<Vec<PlacedSound>>>,
+    parts: Arc<Mutex<TrackParts>>,
+}
+
+/// What is known of a track.
+#[cfg(feature = "audio")]
+#[derive(Debug, Default)]
+struct TrackParts {
+    sounds: Vec<PlacedSound>,
+    /// What there is to say of a sound that cannot be heard.
+    note: Option<String>,
 }
 
 /// A sound with its place in time.
@@ -43,49 +52,57 @@ impl PlacedSound {
 }
 
 impl SoundTrack {
-    /// The sound of a clip, from its package or the prefix of one. Also returns why it has none, if it is damaged.
-    pub(crate) fn of_clip(package: &[u8], limits: &Limits) -> (SoundTrack, Option<String>) {
+    /// The sound of a clip, from its package or a prefix of one that has its first layer.
+    pub(crate) fn of_clip(package: &[u8], limits: &Limits) -> SoundTrack {
         let track = SoundTrack::default();
-        let note =
-            codec::contents(package, limits).ok().and_then(|head| track.add(&head, package, limits, 0.0));
-        (track, note)
+        if let Ok(head) = codec::contents(package, limits) {
+            track.add(&head, package, limits, 0.0);
+        }
+        track
     }
 }
 
 #[cfg(not(feature = "audio"))]
 impl SoundTrack {
     /// Does nothing: there is no sound without the feature `audio`.
-    pub(crate) fn add(&self, _: &Contents, _: &[u8], _: &Limits, _: f64) -> Option<String> {
-        None
+    pub(crate) fn add(&self, _: &Contents, _: &[u8], _: &Limits, _: f64) {}
+
+    /// Whether there is no sound: always.
+    #[cfg(any(feature = "window", feature = "xr"))]
+    pub(crate) fn is_empty(&self) -> bool {
+        true
     }
 }
 
 #[cfg(feature = "audio")]
 impl SoundTrack {
-    /// Adds the sound of a package, or of a prefix of one, whose clip time 0 lies at `start_s` seconds. Returns why it
-    /// cannot be heard, if it is damaged.
-    pub(crate) fn add(
-        &self,
-        head: &Contents,
-        package: &[u8],
-        limits: &Limits,
-        start_s: f64,
-    ) -> Option<String> {
+    /// Adds the sound of a package, or of a prefix of one, whose clip time 0 lies at `start_s` seconds. If it is damaged,
+    /// [`SoundTrack::take_note`] says so.
+    pub(crate) fn add(&self, head: &Contents, package: &[u8], limits: &Limits, start_s: f64) {
         match head.sound(package, limits) {
-            Ok(Some(sound)) => {
-                self.insert(sound, start_s);
-                None
-            }
-            Ok(None) => None,
-            Err(error) => Some(format!("no sound: {error}: copy the file again")),
+            Ok(Some(sound)) => self.insert(sound, start_s),
+            Ok(None) => {}
+            Err(error) => self.lock().note = Some(format!("no sound: {error}: copy the file again")),
         }
+    }
+
+    /// What there is to say, once.
+    #[cfg(any(feature = "window", feature = "xr"))]
+    pub(super) fn take_note(&self) -> Option<String> {
+        self.lock().note.take()
+    }
+
+    /// Whether both are clones of one track.
+    #[cfg(any(feature = "window", feature = "xr"))]
+    pub(super) fn is_same(&self, other: &SoundTrack) -> bool {
+        Arc::ptr_eq(&self.parts, &other.parts)
     }
 
     /// Adds a sound whose time 0 lies at `start_s` seconds, in place of the one that was there.
     pub(super) fn insert(&self, sound: Sound, start_s: f64) {
         let start = samples(start_s) + i64::from(sound.info().start);
         let placed = PlacedSound { start, sound: Arc::new(sound) };
-        let mut sounds = self.lock();
+        let sounds = &mut self.lock().sounds;
         sounds.retain(|other| other.start != start);
         sounds.push(placed);
         if sounds.len() > SOUNDS_MAX {
@@ -97,21 +114,21 @@ impl SoundTrack {
     /// Whether there is no sound so far.
     #[cfg(any(feature = "window", feature = "xr"))]
     pub(crate) fn is_empty(&self) -> bool {
-        self.lock().is_empty()
+        self.lock().sounds.is_empty()
     }
 
     /// The sound that is heard at a time in samples: the one that begins last.
     #[cfg(any(feature = "window", feature = "xr"))]
     pub(super) fn at(&self, sample: i64) -> Option<PlacedSound> {
-        let sounds = self.lock();
-        let held = sounds.iter().filter(|placed| (placed.start..placed.end()).contains(&sample));
+        let parts = self.lock();
+        let held = parts.sounds.iter().filter(|placed| (placed.start..placed.end()).contains(&sample));
         held.max_by_key(|placed| placed.start).cloned()
     }
 
     /// Beginning of the first sound behind a time in samples.
     #[cfg(any(feature = "window", feature = "xr"))]
     pub(super) fn next_after(&self, sample: i64) -> Option<i64> {
-        self.lock().iter().map(|placed| placed.start).filter(|start| *start > sample).min()
+        self.lock().sounds.iter().map(|placed| placed.start).filter(|start| *start > sample).min()
     }
 
     /// Point of the scene from which the sound at `position_s` seconds comes.
@@ -120,8 +137,8 @@ impl SoundTrack {
         self.at(samples(position_s))?.sound.info().position
     }
 
-    fn lock(&self) -> MutexGuard<'_, Vec<PlacedSound>> {
-        self.sounds.lock().unwrap_or_else(PoisonError::into_inner)
+    fn lock(&self) -> MutexGuard<'_, TrackParts> {
+        self.parts.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -161,7 +178,7 @@ mod track_tests {
         for second in 0..1000 {
             track.insert(sound(0, 48_000), f64::from(second));
         }
-        assert_eq!(track.lock().len(), SOUNDS_MAX);
+        assert_eq!(track.lock().sounds.len(), SOUNDS_MAX);
         assert!(track.at(samples(999.5)).is_some() && track.at(samples(940.5)).is_some());
         assert!(track.at(samples(900.5)).is_none());
         track.insert(sound(0, 24_000), 999.0);
