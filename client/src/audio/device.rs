@@ -43,9 +43,17 @@ impl OpenDevice {
             _ => lost.set_lost(),
         };
         let stream =
-            device.build_output_stream(config, render, on_error, None).map_err(|error| error.to_string())?;
-        stream.play().map_err(|error| error.to_string())?;
+            device.build_output_stream(config, render, on_error, None).map_err(|error| why(&error))?;
+        stream.play().map_err(|error| why(&error))?;
         Ok(OpenDevice { filler: RingFiller::new(producer, link.clone(), sample_rate), _stream: stream })
+    }
+}
+
+/// Why there is no sound.
+fn why(error: &cpal::Error) -> String {
+    match error.kind() {
+        ErrorKind::DeviceNotAvailable => "there is no audio device".into(),
+        _ => format!("the audio device refuses: {}", error.to_string().trim_end_matches('.')),
     }
 }
 
@@ -56,10 +64,10 @@ fn config(device: &cpal::Device) -> Result<StreamConfig, String> {
             && range.sample_format() == SampleFormat::F32
             && (range.min_sample_rate()..=range.max_sample_rate()).contains(&SOUND_RATE_HZ)
     };
-    let mut ranges = device.supported_output_configs().map_err(|error| error.to_string())?;
+    let mut ranges = device.supported_output_configs().map_err(|error| why(&error))?;
     if ranges.any(|range| is_wanted(&range)) {
         let buffer_size = BufferSize::Default;
         return Ok(StreamConfig { channels: 2, sample_rate: SOUND_RATE_HZ, buffer_size });
     }
-    device.default_output_config().map(|config| config.config()).map_err(|error| error.to_string())
+    device.default_output_config().map(|config| config.config()).map_err(|error| why(&error))
 }

@@ -88,7 +88,7 @@ impl HeardCell {
                 count: self.count.load(Ordering::Relaxed),
             };
             fence(Ordering::Acquire);
-            if before % 2 == 0 && self.sequence.load(Ordering::Relaxed) == before {
+            if before.is_multiple_of(2) && self.sequence.load(Ordering::Relaxed) == before {
                 return (before > 0).then_some(heard);
             }
         }

@@ -43,5 +43,5 @@ mod volume;
 #[cfg(any(feature = "window", feature = "xr"))]
 pub(crate) use speaker::Speaker;
 pub(crate) use track::SoundTrack;
-#[cfg(any(feature = "window", feature = "xr"))]
+#[cfg(feature = "window")]
 pub(crate) use volume::Volume;

@@ -13,9 +13,9 @@ use super::timing::SoundTiming;
 /// Interval at which the sound thread fills the ring.
 const FILL_EVERY: Duration = Duration::from_millis(10);
 
-/// Wait before a device that is missing is looked for again. It doubles, up to a minute.
-const RETRY_AFTER: Duration = Duration::from_secs(3);
-const RETRY_MAX: Duration = Duration::from_secs(60);
+/// Wait before a device that was lost is looked for again, and before one is that cannot be opened.
+const LOST_RETRY: Duration = Duration::from_secs(3);
+const ABSENT_RETRY: Duration = Duration::from_secs(60);
 
 /// Seconds without a frame after which sound stops: the window is hidden, or the headset sleeps.
 const FRAMELESS_S: f64 = 0.25;
@@ -48,7 +48,6 @@ impl Parts {
             epoch: self.epoch,
             device: None,
             retry_at: Instant::now(),
-            retry_after: RETRY_AFTER,
             notes,
             was_said: false,
         };
@@ -77,7 +76,6 @@ struct DeviceKeeper {
     epoch: Instant,
     device: Option<OpenDevice>,
     retry_at: Instant,
-    retry_after: Duration,
     notes: Sender<String>,
     /// Whether it was said that there is no sound.
     was_said: bool,
@@ -110,20 +108,16 @@ impl DeviceKeeper {
     fn keep_open(&mut self) {
         if self.link.take_lost() && self.device.take().is_some() {
             self.link.set_open(false);
-            self.retry_at = Instant::now() + self.retry_after;
+            self.retry_at = Instant::now() + LOST_RETRY;
             self.say("the audio device was lost");
         }
         if self.device.is_some() || Instant::now() < self.retry_at {
             return;
         }
         match OpenDevice::open(&self.link, self.epoch) {
-            Ok(opened) => {
-                self.device = Some(opened);
-                self.retry_after = RETRY_AFTER;
-            }
+            Ok(opened) => self.device = Some(opened),
             Err(why) => {
-                self.retry_at = Instant::now() + self.retry_after;
-                self.retry_after = (2 * self.retry_after).min(RETRY_MAX);
+                self.retry_at = Instant::now() + ABSENT_RETRY;
                 self.say(&why);
             }
         }

@@ -15,6 +15,8 @@ pub(crate) struct Speaker {
     /// How loud it is.
     pub(crate) volume: Volume,
     track: SoundTrack,
+    /// Whether it plays no track.
+    is_silent: bool,
     #[cfg(feature = "audio")]
     parts: Parts,
 }
@@ -25,9 +27,16 @@ impl Speaker {
         Speaker {
             volume: Volume::open(folder),
             track: SoundTrack::default(),
+            is_silent: false,
             #[cfg(feature = "audio")]
             parts: Parts::default(),
         }
+    }
+
+    /// One that plays nothing, for measurements: the display's clock alone counts, and no device is opened.
+    #[cfg(feature = "xr")]
+    pub(crate) fn silent() -> Speaker {
+        Speaker { is_silent: true, ..Speaker::new(None) }
     }
 
     /// The volume, if the clip has sound as far as is known.
@@ -40,7 +49,9 @@ impl Speaker {
 impl Speaker {
     /// Plays another track.
     pub(crate) fn change_track(&mut self, track: SoundTrack, _: bool) {
-        self.track = track;
+        if !self.is_silent {
+            self.track = track;
+        }
     }
 
     /// Seconds by which a frame advances the player: those of the display's clock.
@@ -49,6 +60,7 @@ impl Speaker {
     }
 
     /// Does nothing: there is nothing to silence.
+    #[cfg(feature = "window")]
     pub(crate) fn rest(&mut self, _: &Player, _: bool) {}
 
     /// Does nothing: there is nothing to silence.
@@ -68,7 +80,7 @@ impl Speaker {
     /// Plays another track, unless it is the one that plays. If it `follows` that one, the picture goes on without
     /// waiting for it.
     pub(crate) fn change_track(&mut self, track: SoundTrack, follows: bool) {
-        if !self.track.is_same(&track) {
+        if !self.is_silent && !self.track.is_same(&track) {
             self.track = track;
             self.parts.timing.change_track(follows);
         }
@@ -91,6 +103,7 @@ impl Speaker {
     }
 
     /// Falls silent if the player has paused since [`Speaker::step`], or plays otherwise than at the captured rate.
+    #[cfg(feature = "window")]
     pub(crate) fn rest(&mut self, player: &Player, is_scrubbing: bool) {
         let command = self.parts.timing.rest(player, is_scrubbing);
         self.parts.send(command);

@@ -52,7 +52,7 @@ fn part(all: &[Vec<u8>], first: usize, start: usize, length: usize, at: u32) -> 
 
 /// A clap of 3 ms: noise of full level.
 fn clap(i: usize) -> f32 {
-    if i < 144 { if i * 2_654_435_761 >> 7 & 1 == 0 { 0.9 } else { -0.9 } } else { 0.0 }
+    if i < 144 { if (i * 2_654_435_761) >> 7 & 1 == 0 { 0.9 } else { -0.9 } } else { 0.0 }
 }
 
 /// Sound of `duration_s` seconds with a clap at each of `claps_s`.

@@ -123,6 +123,7 @@ impl SoundTiming {
 
     /// What the sound thread is to do after the viewer's input of a frame: to be silent as
     /// soon as the clip pauses, which may be the last frame for long.
+    #[cfg(feature = "window")]
     pub(super) fn rest(&mut self, player: &Player, is_scrubbing: bool) -> Option<SoundCommand> {
         if is_heard(player, is_scrubbing) {
             return None;

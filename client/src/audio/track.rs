@@ -32,6 +32,7 @@ struct TrackParts {
 /// A sound with its place in time.
 #[cfg(feature = "audio")]
 #[derive(Clone, Debug)]
+#[cfg_attr(not(any(feature = "window", feature = "xr")), allow(dead_code, reason = "only displays play it"))]
 pub(super) struct PlacedSound {
     /// Time of its first sample that is heard, in samples.
     pub(super) start: i64,
@@ -39,6 +40,7 @@ pub(super) struct PlacedSound {
 }
 
 #[cfg(feature = "audio")]
+#[cfg_attr(not(any(feature = "window", feature = "xr")), allow(dead_code, reason = "only displays play it"))]
 impl PlacedSound {
     /// Time of the first sample behind those that are heard.
     pub(super) fn end(&self) -> i64 {
@@ -68,7 +70,6 @@ impl SoundTrack {
     pub(crate) fn add(&self, _: &Contents, _: &[u8], _: &Limits, _: f64) {}
 
     /// Whether there is no sound: always.
-    #[cfg(any(feature = "window", feature = "xr"))]
     pub(crate) fn is_empty(&self) -> bool {
         true
     }
@@ -112,7 +113,6 @@ impl SoundTrack {
     }
 
     /// Whether there is no sound so far.
-    #[cfg(any(feature = "window", feature = "xr"))]
     pub(crate) fn is_empty(&self) -> bool {
         self.lock().sounds.is_empty()
     }

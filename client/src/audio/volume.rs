@@ -57,6 +57,7 @@ impl Volume {
     }
 
     /// Sets the level, cut to 0 to 1. Sound is then heard.
+    #[cfg(any(test, feature = "window"))]
     pub(crate) fn set_level(&mut self, level: f32) {
         if level.is_finite() {
             self.remembered = Loudness { level: level.clamp(0.0, 1.0), is_muted: false, ..self.remembered };

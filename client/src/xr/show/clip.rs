@@ -8,6 +8,7 @@ use std::sync::{Arc, Weak};
 
 use codec::ClipInfo;
 
+use crate::audio::SoundTrack;
 use crate::clips::{Beginning, ClipTarget, Content, Entry};
 use crate::gpu::{FrameLayout, Gpu, GpuClip, Renderer, RuntimeFormat};
 use crate::takes::TakePlayer;
@@ -55,6 +56,7 @@ impl ClipTarget for HeadsetTarget {
             renderer: Some(renderer),
             take,
             gaussians: content.gaussians(),
+            sound: content.sound(),
             is_static: content.is_static(),
             duration_s: content.duration_s(),
             info: content.info().clone(),
@@ -77,6 +79,7 @@ pub(super) struct ReadyClip {
     pub(super) layer_ends: Vec<usize>,
     /// Number of Gaussians, plate included.
     pub(super) gaussians: usize,
+    pub(super) sound: SoundTrack,
 }
 
 impl ReadyClip {
