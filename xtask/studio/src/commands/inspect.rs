@@ -75,6 +75,7 @@ struct Inspection {
     motion_order: u8,
     rotation_rates: bool,
     filter: &'static str,
+    by_device: bool,
     plate: Option<Plate>,
     audio: Option<Audio>,
     layers: Vec<Layer>,
@@ -170,6 +171,7 @@ fn inspect(
         motion_order: contents.motion_order,
         rotation_rates: contents.rotation_rates,
         filter: contents.filter.name(),
+        by_device: contents.by_device,
         plate: clip.plate.as_ref().map(|plate| Plate {
             gaussians: plate.len(),
             sh_degree: plate.sh_degree,
@@ -294,6 +296,9 @@ impl Inspection {
             self.sh_degree, self.motion_order
         );
         println!("filter      {}", self.filter);
+        if self.by_device {
+            println!("computed    by a graphics device; elsewhere the same field may give another package");
+        }
         match &self.plate {
             Some(Plate { gaussians, sh_degree, filter }) => {
                 println!("plate       {gaussians} Gaussians, SH degree {sh_degree}, filter {filter}")

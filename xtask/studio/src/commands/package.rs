@@ -23,11 +23,12 @@ use clap::{ArgGroup, ValueEnum};
 use program::{Fault, output};
 use refine::capture::Holdout;
 use refine::code::JOINT_ROUNDS;
-use refine::fit::FRAGMENT_WEIGHT;
+use refine::fit::{Backend, FRAGMENT_WEIGHT};
 use refine::prune::Ranking;
 use serde_json::{Value, json};
 
 use super::audio::AudioOptions;
+use super::backend::BackendOption;
 use super::capture::{FrameSelection, HeldFrames, note_assumed_fps};
 use super::fit::fragment_weight;
 use super::fit_plate::PlateWhen;
@@ -108,6 +109,8 @@ pub struct Args {
     /// rounds each alone
     #[arg(long, value_name = "N", default_value_t = JOINT_ROUNDS, value_parser = joint_rounds)]
     joint_rounds: usize,
+    #[command(flatten)]
+    backend: BackendOption,
     /// Remove a part; repeatable
     #[arg(long, value_enum, value_name = "PART")]
     drop: Vec<DropPart>,
@@ -320,6 +323,21 @@ impl Args {
         }
     }
 
+    /// Opens the back end.
+    ///
+    /// # Errors
+    /// [`Fault::Usage`] if there is nothing for a device to compute; those of [`BackendOption::open`].
+    fn open_backend(&self) -> Result<Box<dyn Backend>, Fault> {
+        let backend = self.backend.open()?;
+        let rounds = !matches!(self.coder, Coder::Fixed) && self.joint_rounds > 0;
+        let computes = rounds || self.refine.is_some() || Scene::is_capture(self.scene());
+        if backend.peak_device_bytes().is_some() && !computes {
+            let what = "--backend gpu: nothing is fitted, refined or rounded jointly; leave it out";
+            return Err(Fault::Usage(what.into()));
+        }
+        Ok(backend)
+    }
+
     fn to_quality(&self, coder: codec::Coder) -> Coding {
         Coding::ToQuality { coder, quality_db: self.quality, joint_rounds: self.joint_rounds }
     }
@@ -336,8 +354,11 @@ fn write_package(args: &Args) -> anyhow::Result<WrittenPackage> {
         output::check(out)?;
     }
     let captured = Captured::open(args)?;
+    let mut backend = args.open_backend()?;
     let scene = match &captured {
-        Some(captured) if captured.is_scene => Scene::load_with(args.scene(), &captured.fit(args)?)?,
+        Some(captured) if captured.is_scene => {
+            Scene::load_with(args.scene(), &captured.fit(args, &mut *backend)?)?
+        }
         _ => Scene::load(args.scene())?,
     };
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from(format!("{}.aarc", scene.name)));
@@ -356,7 +377,7 @@ fn write_package(args: &Args) -> anyhow::Result<WrittenPackage> {
         steps,
         fragment_weight: args.fragment_weight,
     });
-    let mut package = package_with(&scene, &settings, refinement.as_ref(), &progress)?;
+    let mut package = package_with(&scene, &settings, refinement.as_ref(), &mut *backend, &progress)?;
     if let Some(miss) = package.report.miss.as_ref().filter(|miss| args.strict && miss.is_below) {
         bail!("{}: {}; --strict refuses it, choose a lower --quality", scene.name, miss.text);
     }
@@ -373,7 +394,7 @@ fn write_package(args: &Args) -> anyhow::Result<WrittenPackage> {
     }
     print_blind_viewpoints(&scene);
     let prefix_steps = match args.prefix_quality {
-        true => Some(prefix_quality(&scene, &settings, &package, &progress)?),
+        true => Some(prefix_quality(&scene, &settings, &package, &mut *backend, &progress)?),
         false => None,
     };
     Ok(WrittenPackage {
@@ -390,7 +411,8 @@ fn write_take(args: &Args, sources: &SegmentSources) -> anyhow::Result<WrittenTa
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from(format!("{}.aarc", sources.name)));
     output::check(&out)?;
     let soundtrack = args.sound.soundtrack(None, sources.duration_s)?;
-    let report = package_take(sources, &args.settings(), soundtrack.as_ref(), &out)?;
+    let report =
+        package_take(sources, &args.settings(), &mut *args.open_backend()?, soundtrack.as_ref(), &out)?;
     let sound = soundtrack.as_ref().map(Soundtrack::report).cloned();
     Ok(WrittenTake { scene: format!("{}: {}", sources.name, sources.format()), out, report, sound })
 }
@@ -530,11 +552,11 @@ impl Captured {
     }
 
     /// Fits a field to the capture, to a file beside the package; with a list, unless that is done.
-    fn fit(&self, args: &Args) -> anyhow::Result<PathBuf> {
+    fn fit(&self, args: &Args, backend: &mut dyn Backend) -> anyhow::Result<PathBuf> {
         let out = field_path(args);
         let plan = self.plan(args)?;
         if args.many.list.is_none() {
-            self.fit_to(&out, &plan)?;
+            self.fit_to(&out, &plan, backend)?;
             return Ok(out);
         }
         let key = key(FIELD_OF_PACKAGE, &format!("{plan:?}"), &[args.scene()])?;
@@ -546,14 +568,14 @@ impl Captured {
             OutputState::Unknown => {}
         }
         Record::begin(&out, FIELD_OF_PACKAGE, &key)?;
-        self.fit_to(&out, &plan)?;
+        self.fit_to(&out, &plan, backend)?;
         Record::complete(&out, FIELD_OF_PACKAGE, &key, Value::Null)?;
         Ok(out)
     }
 
-    fn fit_to(&self, out: &Path, plan: &FitPlan) -> anyhow::Result<()> {
+    fn fit_to(&self, out: &Path, plan: &FitPlan, backend: &mut dyn Backend) -> anyhow::Result<()> {
         note_assumed_fps(&self.capture_files, "duration_s and fps in scene.json state others");
-        super::fit::by_default(&self.capture_files, plan, out)
+        super::fit::by_default(&self.capture_files, plan, backend, out)
     }
 
     /// The sound of the capture, and the second of the capture at which `scene` begins.

@@ -13,6 +13,7 @@ use std::time::Duration;
 use codec::ClipInfo;
 use indicatif::HumanDuration;
 use program::{Fault, counted};
+use refine::fit::Backend;
 use refine::prune::Ranking;
 
 use super::agreement::Agreement;
@@ -54,6 +55,7 @@ struct Survey {
 pub fn package_take(
     sources: &SegmentSources,
     settings: &PackageSettings,
+    backend: &mut dyn Backend,
     soundtrack: Option<&Soundtrack>,
     out: &Path,
 ) -> anyhow::Result<TakeReport> {
@@ -94,7 +96,7 @@ pub fn package_take(
         let of_segment = PackageSettings { budget, rank, ..settings.clone() };
         let scene = sources.scene(i)?;
         let Package { mut bytes, mut report } =
-            package_with(&scene, &of_segment, None, &StagedProgress::hidden())?;
+            package_with(&scene, &of_segment, None, backend, &StagedProgress::hidden())?;
         if let Some(sound) = sounds.as_ref().and_then(|sounds| sounds[i].as_ref()) {
             bytes = put(&bytes, Some(sound), out)?;
             report.bytes = bytes.len();

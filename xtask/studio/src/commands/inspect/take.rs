@@ -33,6 +33,7 @@ struct TakeInspection {
     motion_order: u8,
     rotation_rates: bool,
     filter: &'static str,
+    by_device: bool,
     /// The largest plate.
     plate: Option<Plate>,
     /// The sound of all segments.
@@ -149,6 +150,7 @@ fn inspect(file: &TakeFile) -> TakeInspection {
         motion_order: take.motion_order,
         rotation_rates: take.rotation_rates,
         filter: take.filter.name(),
+        by_device: take.by_device,
         plate: (take.plate_len > 0).then(|| Plate {
             gaussians: take.plate_len,
             sh_degree: take.plate_sh_degree,
@@ -240,6 +242,9 @@ impl TakeInspection {
         let rotation = if self.rotation_rates { ", with rotation rates" } else { "" };
         row("motion", format!("power {}{rotation}", self.motion_order));
         row("filter", self.filter.into());
+        if self.by_device {
+            row("computed", "by a graphics device; elsewhere the same fields may give another take".into());
+        }
         if let Some(plate) = &self.plate {
             row("plate", format!("{} Gaussians at most, SH degree {}", plate.gaussians, plate.sh_degree));
         }
