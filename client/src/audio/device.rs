@@ -40,7 +40,10 @@ impl OpenDevice {
         let on_error = move |error: cpal::Error| match error.kind() {
             // It goes on, on another device or after a gap.
             ErrorKind::DeviceChanged | ErrorKind::Xrun | ErrorKind::RealtimeDenied => {}
-            _ => lost.set_lost(),
+            _ => {
+                log::warn!("the audio device was lost: {error}");
+                lost.set_lost();
+            }
         };
         let stream =
             device.build_output_stream(config, render, on_error, None).map_err(|error| why(&error))?;

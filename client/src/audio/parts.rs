@@ -13,7 +13,7 @@ use super::timing::SoundTiming;
 /// Interval at which the sound thread fills the ring.
 const FILL_EVERY: Duration = Duration::from_millis(10);
 
-/// Wait before a device that was lost is looked for again, and before one is that cannot be opened.
+/// Wait before a device that was lost is looked for again, and where there was none so far.
 const LOST_RETRY: Duration = Duration::from_secs(3);
 const ABSENT_RETRY: Duration = Duration::from_secs(60);
 
@@ -48,6 +48,7 @@ impl Parts {
             epoch: self.epoch,
             device: None,
             retry_at: Instant::now(),
+            retry_after: ABSENT_RETRY,
             notes,
             was_said: false,
         };
@@ -76,6 +77,7 @@ struct DeviceKeeper {
     epoch: Instant,
     device: Option<OpenDevice>,
     retry_at: Instant,
+    retry_after: Duration,
     notes: Sender<String>,
     /// Whether it was said that there is no sound.
     was_said: bool,
@@ -108,16 +110,16 @@ impl DeviceKeeper {
     fn keep_open(&mut self) {
         if self.link.take_lost() && self.device.take().is_some() {
             self.link.set_open(false);
-            self.retry_at = Instant::now() + LOST_RETRY;
+            self.retry_at = Instant::now() + self.retry_after;
             self.say("the audio device was lost");
         }
         if self.device.is_some() || Instant::now() < self.retry_at {
             return;
         }
         match OpenDevice::open(&self.link, self.epoch) {
-            Ok(opened) => self.device = Some(opened),
+            Ok(opened) => (self.device, self.retry_after) = (Some(opened), LOST_RETRY),
             Err(why) => {
-                self.retry_at = Instant::now() + ABSENT_RETRY;
+                self.retry_at = Instant::now() + self.retry_after;
                 self.say(&why);
             }
         }
