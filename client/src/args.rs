@@ -35,7 +35,8 @@ Exit codes:
 Environment:
   XDG_CACHE_HOME        folder of aarc/clips, the cache of downloads, 512 MiB at most
                         [default: ~/.cache]
-  XDG_STATE_HOME        folder of aarc/placements.json, the places of clips in the room
+  XDG_STATE_HOME        folder of aarc/placements.json, the places of clips in the room,
+                        and aarc/sound.json, the volume
                         [default: ~/.local/state]
   SSL_CERT_FILE         certificates to trust [default: Mozilla's]
   HTTPS_PROXY, HTTP_PROXY, NO_PROXY

@@ -264,7 +264,7 @@ impl Contents {
     /// The required sections, each with its entry in the table.
     pub(crate) fn planned_sections(&self) -> impl Iterator<Item = (PlannedSection, &Section)> {
         let visited = self.sections.iter().inspect(|_| Work::Sections.count(1));
-        self.plan().zip(visited.filter(|s| !matches!(s.kind, SectionKind::Unknown(_))))
+        self.plan().zip(visited.filter(|section| section.kind.is_counted()))
     }
 
     /// Checks the table against the counts.
@@ -282,8 +282,18 @@ impl Contents {
                 return Err(error(format!("offset {offset}"), format!("offset {}", section.offset)));
             }
             offset = section.end();
-            if matches!(section.kind, SectionKind::Unknown(_)) {
-                continue;
+            match section.kind {
+                SectionKind::Unknown(_) => continue,
+                SectionKind::Sound => {
+                    let planned =
+                        Section { critical: false, layer: 0, region: Region::Static, chunk: 0, ..*section };
+                    if i > 0 || *section != (Section { raw_length: section.length, ..planned }) {
+                        let expected = "sound first, of layer 0, not critical, not compressed";
+                        return Err(error(expected.into(), format!("{section:?}")));
+                    }
+                    continue;
+                }
+                SectionKind::Gaussians | SectionKind::TimeIndex => {}
             }
             let planned =
                 plan.next().ok_or_else(|| error("no further section".into(), format!("{section:?}")))?;
@@ -336,7 +346,7 @@ impl Contents {
             plate_len: self.plate_len,
             entry_count: self.sections.len(),
         };
-        let mut w = preamble.write(self.version_major)?;
+        let mut w = preamble.write(self.version_major, self.version_minor)?;
         let mut start = LayerEnd::default();
         for end in &self.layers {
             w.u32(u32_of(end.static_count - start.static_count)?);

@@ -23,8 +23,10 @@
 //! | find the Gaussians alive at a time | [`TimeIndex::candidates`] of [`Clip::time_index`] | |
 //! | evaluate one of them | [`Field::position_at`], [`Field::opacity_at`], [`Field::rotation_at`] | |
 //! | look at them | [`Viewpoint::camera`], [`Camera`] | |
+//! | read the sound of a clip or of a segment | [`Contents::sound`], [`Sound`] | |
 //! | package a field | `encode`, `encode_parallel`, `encode_rounded` | `encode` |
 //! | cut a long field into segments, write the head of a take | `split`, `encode_take_head`, `take_order` | `encode` |
+//! | put sound into a package | `with_sound` | `encode` |
 //! | size by attribute | `measure` | `encode` |
 //! | camera files | [`Camera`] with serde | `serde` |
 //!
@@ -136,6 +138,7 @@ mod quant;
 mod rans;
 mod rows;
 mod section;
+mod sound;
 mod take;
 mod time_index;
 
@@ -158,6 +161,9 @@ pub use pixel_filter::PixelFilter;
 #[cfg(feature = "encode")]
 pub use precision::{Precision, Sensitivity};
 pub use section::{Region, Section, SectionKind};
+#[cfg(feature = "encode")]
+pub use sound::with_sound;
+pub use sound::{SOUND_RATE_HZ, Sound, SoundInfo};
 pub use take::{Package, Resident, SPAN_TOLERANCE_S, Segment, SegmentLayer, Take, package, span_holds};
 #[cfg(feature = "encode")]
 pub use take::{SegmentGrid, SegmentPackage, SplitSegment, encode_take_head, retime, split, take_order};

@@ -10,6 +10,8 @@ pub(crate) enum Symbol {
     StepBack,
     StepForward,
     Close,
+    Sound,
+    Muted,
 }
 
 /// A button with a symbol. `hint` is its tooltip and its label for screen readers.
@@ -50,6 +52,34 @@ fn draw(painter: &Painter, symbol: Symbol, center: Pos2, color: Color32) {
         Symbol::StepForward => {
             triangle(-6.0, 4.0);
             bar(6.0, 3.0);
+        }
+        Symbol::Sound | Symbol::Muted => {
+            let cone = vec![
+                at(-8.0, -3.0),
+                at(-5.0, -3.0),
+                at(0.0, -7.0),
+                at(0.0, 7.0),
+                at(-5.0, 3.0),
+                at(-8.0, 3.0),
+            ];
+            painter.add(egui::Shape::Path(egui::epaint::PathShape::convex_polygon(
+                cone,
+                color,
+                egui::Stroke::NONE,
+            )));
+            let stroke = egui::Stroke::new(1.5, color);
+            if matches!(symbol, Symbol::Muted) {
+                painter.line_segment([at(3.0, -3.0), at(9.0, 3.0)], stroke);
+                painter.line_segment([at(3.0, 3.0), at(9.0, -3.0)], stroke);
+                return;
+            }
+            for radius in [4.0f32, 8.0] {
+                let point = |i: i32| {
+                    let angle = i as f32 * 0.14;
+                    at(1.0 + radius * angle.cos(), radius * angle.sin())
+                };
+                painter.add(egui::Shape::line((-6..=6).map(point).collect(), stroke));
+            }
         }
         Symbol::Close => {
             let stroke = egui::Stroke::new(1.5, color);

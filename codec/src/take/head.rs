@@ -109,10 +109,10 @@ fn entry_bytes(segment: &Segment) -> usize {
 mod encode {
     use super::*;
     use crate::{
-        ClipInfo, Contents, EncodeError, PixelFilter, VERSION_MINOR,
+        ClipInfo, Contents, EncodeError, PixelFilter, SectionKind,
         bytes::Writer,
         columns::PackageColumns,
-        format::TAKES_SINCE,
+        format::{SOUND_SINCE_MINOR, TAKES_SINCE},
         preamble::{Preamble, finish_head, u32_of, write_viewpoints},
         take::table::prefixes,
     };
@@ -161,7 +161,7 @@ mod encode {
             plate_len: take.plate_len,
             entry_count: take.segments.len(),
         };
-        let mut w = preamble.write(take.version_major)?;
+        let mut w = preamble.write(take.version_major, take.version_minor)?;
         w.f64(take.duration_s);
         write_viewpoints(&mut w, &take.info);
         for segment in &take.segments {
@@ -205,6 +205,10 @@ mod encode {
         overlap.map(|pair| format!("two segments have a plate at {} s", pair[1].start_s))
     }
 
+    fn has_sound(head: &Contents) -> bool {
+        head.sections.iter().any(|section| section.kind == SectionKind::Sound)
+    }
+
     /// The take of these segments, without the lengths that its head gives it.
     fn describe(info: &ClipInfo, duration_s: f64, segments: &[SegmentPackage]) -> Result<Take, EncodeError> {
         let refused = |reason: String| Err(EncodeError::Take { reason });
@@ -235,7 +239,7 @@ mod encode {
         };
         let take = Take {
             version_major: TAKES_SINCE,
-            version_minor: VERSION_MINOR,
+            version_minor: if heads().any(has_sound) { SOUND_SINCE_MINOR } else { 0 },
             info,
             duration_s,
             bounds,

@@ -11,10 +11,10 @@ use crate::input::read_package;
 use crate::left_out::{LeftOut, gpu_bytes, left_out};
 use crate::messages::{bad_package, decimal};
 use crate::segments::TakeFile;
-use codec::{AttributeSize, Clip, Contents, Field, Limits, Region, SectionKind};
+use codec::{AttributeSize, Clip, Contents, Field, Limits, Region, SectionKind, Sound};
 use serde::Serialize;
 
-use rows::{Plate, ViewpointRow};
+use rows::{Audio, Plate, ViewpointRow};
 
 /// Clip times at which alive Gaussians are counted.
 const TIMES: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
@@ -40,7 +40,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let contents = codec::contents(&bytes, &limits).map_err(bad)?;
     let clip = codec::decode(&bytes, &limits).map_err(bad)?;
     let attributes = codec::measure(&bytes, &limits).map_err(bad)?;
-    let inspection = inspect(&bytes, contents, &clip, attributes);
+    let sound = contents.sound(&bytes, &limits).map_err(bad)?;
+    let inspection = inspect(&bytes, contents, &clip, attributes, sound.as_ref());
     if args.json {
         println!("{}", serde_json::to_string_pretty(&inspection)?);
     } else {
@@ -76,6 +77,7 @@ struct Inspection {
     filter: &'static str,
     by_device: bool,
     plate: Option<Plate>,
+    audio: Option<Audio>,
     layers: Vec<Layer>,
     /// One, as a clip is a take of one segment.
     segments: [OnlySegment; 1],
@@ -142,7 +144,13 @@ struct Section {
     raw_bytes: usize,
 }
 
-fn inspect(bytes: &[u8], contents: Contents, clip: &Clip, attributes: Vec<AttributeSize>) -> Inspection {
+fn inspect(
+    bytes: &[u8],
+    contents: Contents,
+    clip: &Clip,
+    attributes: Vec<AttributeSize>,
+    sound: Option<&Sound>,
+) -> Inspection {
     let info = &clip.info;
     Inspection {
         format_version: format!("{}.{}", contents.version_major, contents.version_minor),
@@ -169,6 +177,7 @@ fn inspect(bytes: &[u8], contents: Contents, clip: &Clip, attributes: Vec<Attrib
             sh_degree: plate.sh_degree,
             filter: plate.filter.name(),
         }),
+        audio: sound.map(Audio::from),
         layers: layers(&contents, clip.layers.len()),
         segments: [OnlySegment {
             start_s: 0.0,
@@ -227,6 +236,7 @@ impl From<&codec::Section> for Section {
             kind: match section.kind {
                 SectionKind::Gaussians => "gaussians".into(),
                 SectionKind::TimeIndex => "time index".into(),
+                SectionKind::Sound => "sound".into(),
                 SectionKind::Unknown(kind) => format!("unknown {kind}"),
             },
             region: region_name(section.region),
@@ -295,6 +305,7 @@ impl Inspection {
             }
             None => println!("plate       none"),
         }
+        println!("sound       {}", self.audio.as_ref().map_or("none".into(), Audio::describe));
 
         println!("\n{:<8}{:>12}{:>12}  (to its end)", "layer", "gaussians", "bytes");
         for (i, layer) in self.layers.iter().enumerate() {
@@ -362,6 +373,9 @@ impl Inspection {
 
 impl Section {
     fn name(&self) -> String {
-        format!("{} {}", self.region, self.kind)
+        match self.kind.as_str() {
+            kind @ "sound" => kind.into(),
+            kind => format!("{} {kind}", self.region),
+        }
     }
 }

@@ -7,7 +7,7 @@ use codec::{Segment, Take};
 use program::Fault;
 use serde::Serialize;
 
-use super::rows::{Plate, ViewpointRow};
+use super::rows::{Audio, Plate, ViewpointRow};
 use crate::left_out::{LeftOut, TakeLeftOut};
 use crate::messages::{count, decimal};
 use crate::segments::{Course, Span, TakeFile, course, gaps};
@@ -36,6 +36,8 @@ struct TakeInspection {
     by_device: bool,
     /// The largest plate.
     plate: Option<Plate>,
+    /// The sound of all segments.
+    audio: Option<Audio>,
     /// Sums over all segments of their first layers.
     layers: Vec<LayerSum>,
     segments: Vec<SegmentRow>,
@@ -96,8 +98,8 @@ pub(super) fn run(file: &TakeFile, json: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Decodes a segment and adds it to the sums.
-fn row(file: &TakeFile, index: usize, sums: &mut TakeLeftOut) -> SegmentRow {
+/// Decodes a segment and adds it to the sums, and its sound to that of the segments before.
+fn row(file: &TakeFile, index: usize, sums: &mut TakeLeftOut, audio: &mut Option<Audio>) -> SegmentRow {
     let (take, segment) = (file.take(), &file.take().segments[index]);
     let available = file.available(index);
     let first_layer = segment.layers.first().map_or(0, |layer| layer.bytes);
@@ -105,7 +107,17 @@ fn row(file: &TakeFile, index: usize, sums: &mut TakeLeftOut) -> SegmentRow {
     let mut problem = (missing > 0).then(|| format!("{missing} of {} bytes are missing", segment.bytes()));
     let mut damaged = false;
     match file.contents(index).and_then(|contents| Ok((contents, file.decode(index)?))) {
-        Ok((contents, clip)) => sums.add(take, &contents, &clip),
+        Ok((contents, clip)) => {
+            sums.add(take, &contents, &clip);
+            match file.sound(index, &contents) {
+                Ok(sound) => match (sound.as_ref().map(Audio::from), audio) {
+                    (Some(sound), Some(all)) => all.add(&sound),
+                    (Some(sound), none) => *none = Some(sound),
+                    (None, _) => {}
+                },
+                Err(error) => (problem, damaged) = (Some(without_file(&error, file)), true),
+            }
+        }
         Err(_) if available < first_layer => {}
         Err(error) => (problem, damaged) = (Some(without_file(&error, file)), true),
     }
@@ -115,7 +127,8 @@ fn row(file: &TakeFile, index: usize, sums: &mut TakeLeftOut) -> SegmentRow {
 fn inspect(file: &TakeFile) -> TakeInspection {
     let take = file.take();
     let mut sums = TakeLeftOut::of_table(take);
-    let segments = (0..take.segments.len()).map(|index| row(file, index, &mut sums)).collect();
+    let mut audio = None;
+    let segments = (0..take.segments.len()).map(|index| row(file, index, &mut sums, &mut audio)).collect();
     let TakeLeftOut { parts: left_out, plates, segment_gpu_bytes } = sums;
     let gaussians = take.segments.iter().map(Segment::gaussians).sum::<usize>() - plates;
     let spans: Vec<Span> = take.segments.iter().map(Span::from).collect();
@@ -143,6 +156,7 @@ fn inspect(file: &TakeFile) -> TakeInspection {
             sh_degree: take.plate_sh_degree,
             filter: take.plate_filter.name(),
         }),
+        audio,
         layers: layer_sums(take),
         segments,
         course: course(take),
@@ -234,6 +248,7 @@ impl TakeInspection {
         if let Some(plate) = &self.plate {
             row("plate", format!("{} Gaussians at most, SH degree {}", plate.gaussians, plate.sh_degree));
         }
+        row("sound", self.audio.as_ref().map_or("none".into(), Audio::describe));
         for view in &self.viewpoints {
             row("viewpoint", view.name.clone());
         }

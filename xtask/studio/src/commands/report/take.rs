@@ -76,6 +76,7 @@ pub(super) fn measure(request: &TakeRequest) -> anyhow::Result<TakeFindings> {
         &SegmentSources::of_folder(path)?,
         &PackageSettings::default(),
         &mut Cpu::default(),
+        None,
         &packaged,
     )?;
     measure_file(&packaged, &name_of(path), Some(path), request)
