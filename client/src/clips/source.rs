@@ -99,7 +99,7 @@ impl Arrival {
 /// `None`. With the feature `import`, a path may also be that of a field in the format of another program.
 ///
 /// # Errors
-/// As [`load_file`]; [`Fault::Usage`] for a URL if this program was built without the feature `net`, or if
+/// As [`load_file`](super::file::load_file); [`Fault::Usage`] for a URL if this program was built without the feature `net`, or if
 /// its scheme is another one.
 pub fn open(name: Option<&str>, options: &SourceOptions) -> Result<Arrival, Fault> {
     let loaded = |note, (clip, sound)| {
@@ -129,7 +129,7 @@ pub fn open(name: Option<&str>, options: &SourceOptions) -> Result<Arrival, Faul
     }
 }
 
-/// Opens a file if it is a take. What is wrong with other files, [`load_file`] says.
+/// Opens a file if it is a take. What is wrong with other files, [`load_file`](super::file::load_file) says.
 fn open_take(path: &Path, limits: &Limits) -> Result<Option<OpenTake>, Fault> {
     if path.is_file() { OpenTake::open(path, limits) } else { Ok(None) }
 }

@@ -404,13 +404,7 @@ impl Session {
         }
         self.speaker.rest(&self.viewer.player, self.viewer.is_scrubbing());
 
-        let [width, height] = frame.size;
-        let state = PictureState {
-            revision: self.playing.take.as_ref().map_or(0, TakePlayer::revision),
-            t: self.shown_time(),
-            view: View::from_camera(&self.viewer.camera(width, height)),
-            settings: self.viewer.settings,
-        };
+        let state = self.picture_state(frame.size);
         let outdated = self.drawn != Some(state);
         if outdated {
             self.draw_picture(frame.size, &state)?;
@@ -440,6 +434,16 @@ impl Session {
             Duration::MAX => Next::OnInput,
             delay => Next::After(delay),
         })
+    }
+
+    /// The inputs of the picture of this frame.
+    fn picture_state(&self, [width, height]: [u32; 2]) -> PictureState {
+        PictureState {
+            revision: self.playing.take.as_ref().map_or(0, TakePlayer::revision),
+            t: self.shown_time(),
+            view: View::from_camera(&self.viewer.camera(width, height)),
+            settings: self.viewer.settings,
+        }
     }
 
     /// Takes in what is heard, and where the camera hears it.

@@ -89,6 +89,12 @@ enum LensModel {
     Fisheye,
 }
 
+impl ManifestSound {
+    fn in_folder(self, folder: &Path) -> CaptureSound {
+        CaptureSound { path: folder.join(self.file), start_s: self.start_s }
+    }
+}
+
 pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
     let path = folder.join(FILE);
     let bad_manifest = |problem: String| bad_layout(&path, problem);
@@ -145,9 +151,7 @@ pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
         learned,
         stated_up: manifest.up.map(unit),
         metres_per_unit: manifest.metres_per_unit,
-        sound: manifest
-            .sound
-            .map(|ManifestSound { file, start_s }| CaptureSound { path: folder.join(file), start_s }),
+        sound: manifest.sound.map(|sound| sound.in_folder(folder)),
         ..builder.build(even_times_s(frames, fps), manifest.fps)
     })
 }

@@ -5,8 +5,8 @@
 
 use codec::{SOUND_RATE_HZ, Sound, SoundInfo};
 
-use super::Soundtrack;
 use super::packets::PACKET_SAMPLES;
+use super::soundtrack::Soundtrack;
 use crate::segments::Span;
 
 /// Packets that prime a decoder: 80 ms, as RFC 7845 has it.
@@ -17,7 +17,7 @@ const PACKET: u64 = PACKET_SAMPLES as u64;
 
 /// A part of the sound for one segment: samples from the start of the clip or the take.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Part {
+struct SoundPart {
     segment: usize,
     from: u64,
     to: u64,
@@ -33,7 +33,7 @@ impl Soundtrack {
     /// that a segment shows is in one segment that shows it.
     pub(crate) fn of_segments(&self, take_s: f64, spans: &[Span]) -> Vec<Option<Sound>> {
         let mut sounds: Vec<Option<Sound>> = spans.iter().map(|_| None).collect();
-        for Part { segment, from, to } in self.parts(take_s, spans) {
+        for SoundPart { segment, from, to } in self.parts(take_s, spans) {
             sounds[segment] = Some(self.part(from, to, samples(spans[segment].start_s)));
         }
         sounds
@@ -41,10 +41,10 @@ impl Soundtrack {
 
     /// The parts of segments, one after another. A segment has the sound until its end, and then the shortest one that
     /// shows the instant.
-    fn parts(&self, take_s: f64, spans: &[Span]) -> Vec<Part> {
+    fn parts(&self, take_s: f64, spans: &[Span]) -> Vec<SoundPart> {
         let mut at = u64::from(self.start);
         let end = at + u64::from(self.length);
-        let mut parts: Vec<Part> = Vec::new();
+        let mut parts: Vec<SoundPart> = Vec::new();
         while at < end {
             let is_free = |i: usize| parts.iter().all(|part| part.segment != i);
             let to = |i: usize| match samples(spans[i].end_s().min(take_s)).max(0) as u64 {
@@ -55,7 +55,7 @@ impl Soundtrack {
             let longest_last = |a: &usize, b: &usize| spans[*a].duration_s.total_cmp(&spans[*b].duration_s);
             match (0..spans.len()).filter(holds).min_by(longest_last) {
                 Some(segment) => {
-                    parts.push(Part { segment, from: at, to: to(segment) });
+                    parts.push(SoundPart { segment, from: at, to: to(segment) });
                     at = to(segment);
                 }
                 None => {
@@ -104,8 +104,8 @@ fn samples(seconds: f64) -> i64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sound::SoundReport;
     use crate::sound::packets::Stream;
+    use crate::sound::soundtrack::SoundReport;
 
     /// `seconds` of sound from sample `start` on.
     fn track(start: u32, seconds: f64) -> Soundtrack {

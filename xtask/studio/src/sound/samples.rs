@@ -8,7 +8,7 @@ use codec::SOUND_RATE_HZ;
 use program::{Fault, counted};
 use serde::Deserialize;
 
-use super::SoundSource;
+use super::source::SoundSource;
 use crate::ffmpeg::{self, Running};
 use crate::messages::{decimal, unreadable};
 
