@@ -10,7 +10,7 @@ use std::convert::Infallible;
 use std::num::NonZero;
 
 use crate::{
-    ClipInfo, Coder, Contents, EncodeError, Field, LayerEnd, PixelFilter, Precision, VERSION_MINOR,
+    ClipInfo, Coder, Contents, EncodeError, Field, LayerEnd, PixelFilter, Precision,
     bytes::Writer,
     columns::Columns,
     context,
@@ -436,7 +436,7 @@ fn describe(
     };
     Contents {
         version_major: 1,
-        version_minor: VERSION_MINOR,
+        version_minor: 0,
         info: info.clone(),
         bounds,
         coder,

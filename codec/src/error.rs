@@ -194,6 +194,9 @@ pub enum EncodeError {
         /// One sentence.
         reason: String,
     },
+    /// Bytes that should be a whole clip package are none.
+    #[error("the package cannot be changed: {0}")]
+    Package(Error),
     /// The package would exceed 4 GiB, the range of its 32-bit offsets.
     #[error("the package would be larger than 4 GiB")]
     TooLarge,

@@ -8,9 +8,15 @@ pub(crate) const MAGIC: [u8; 4] = *b"AARC";
 /// needs.
 pub const VERSIONS: std::ops::RangeInclusive<u16> = 1..=2;
 
-/// Minor version of the package format that is written. A later minor version may add sections
-/// that are not critical; readers skip those.
-pub const VERSION_MINOR: u16 = 0;
+/// Highest minor version of the package format that is written: that of packages with a poster; others have 0. A later
+/// minor version may add sections that are not critical; readers skip those.
+pub const VERSION_MINOR: u16 = POSTER_SINCE_MINOR;
+
+/// First minor version that has posters.
+pub(crate) const POSTER_SINCE_MINOR: u16 = 1;
+
+/// Bytes of a section with a poster.
+pub(crate) const POSTER_BYTES: usize = 36;
 
 /// First major version that has takes.
 pub(crate) const TAKES_SINCE: u16 = 2;

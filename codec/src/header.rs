@@ -13,7 +13,7 @@ use crate::{
     counters::Work,
     error::FormatError,
     fixed,
-    format::{CHUNK_ROWS, COUNTS_OFFSET, ENTRY_BYTES, LAYERS_OFFSET},
+    format::{CHUNK_ROWS, COUNTS_OFFSET, ENTRY_BYTES, LAYERS_OFFSET, POSTER_BYTES},
     limits::Budget,
     preamble::{Head, read_viewpoints},
     section::{Region, Section, SectionKind},
@@ -260,7 +260,7 @@ impl Contents {
     /// The required sections, each with its entry in the table.
     pub(crate) fn planned_sections(&self) -> impl Iterator<Item = (PlannedSection, &Section)> {
         let visited = self.sections.iter().inspect(|_| Work::Sections.count(1));
-        self.plan().zip(visited.filter(|s| !matches!(s.kind, SectionKind::Unknown(_))))
+        self.plan().zip(visited.filter(|section| section.kind.is_counted()))
     }
 
     /// Checks the table against the counts.
@@ -278,8 +278,30 @@ impl Contents {
                 return Err(error(format!("offset {offset}"), format!("offset {}", section.offset)));
             }
             offset = section.end();
-            if matches!(section.kind, SectionKind::Unknown(_)) {
-                continue;
+            match section.kind {
+                SectionKind::Unknown(_) => continue,
+                SectionKind::Poster => {
+                    let required = Section {
+                        critical: false,
+                        layer: 0,
+                        region: Region::Static,
+                        chunk: 0,
+                        length: POSTER_BYTES,
+                        raw_length: POSTER_BYTES,
+                        ..*section
+                    };
+                    let is_first = self.sections[..i]
+                        .iter()
+                        .all(|before| !before.kind.is_counted() && before.kind != section.kind);
+                    if *section != required || !is_first {
+                        let expected = format!(
+                            "one poster before all chunks, of layer 0, not critical, of {POSTER_BYTES} bytes"
+                        );
+                        return Err(error(expected, format!("{section:?}")));
+                    }
+                    continue;
+                }
+                SectionKind::Gaussians | SectionKind::TimeIndex => {}
             }
             let planned =
                 plan.next().ok_or_else(|| error("no further section".into(), format!("{section:?}")))?;
@@ -331,7 +353,7 @@ impl Contents {
             plate_len: self.plate_len,
             entry_count: self.sections.len(),
         };
-        let mut w = preamble.write(self.version_major)?;
+        let mut w = preamble.write(self.version_major, self.version_minor)?;
         let mut start = LayerEnd::default();
         for end in &self.layers {
             w.u32(u32_of(end.static_count - start.static_count)?);

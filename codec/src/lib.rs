@@ -23,8 +23,10 @@
 //! | find the Gaussians alive at a time | [`TimeIndex::candidates`] of [`Clip::time_index`] | |
 //! | evaluate one of them | [`Field::position_at`], [`Field::opacity_at`], [`Field::rotation_at`] | |
 //! | look at them | [`Viewpoint::camera`], [`Camera`] | |
+//! | read the poster of a clip or take | [`poster()`], [`Contents::poster`] | |
 //! | package a field | `encode`, `encode_parallel`, `encode_rounded` | `encode` |
 //! | cut a long field into segments, write the head of a take | `split`, `encode_take_head`, `take_order` | `encode` |
+//! | put a poster into a package | `with_poster` | `encode` |
 //! | size by attribute | `measure` | `encode` |
 //! | camera files | [`Camera`] with serde | `serde` |
 //!
@@ -129,6 +131,7 @@ mod morton;
 mod order;
 mod parallel;
 mod pixel_filter;
+mod poster;
 mod preamble;
 #[cfg(feature = "encode")]
 mod precision;
@@ -155,6 +158,9 @@ pub use limits::Limits;
 #[cfg(feature = "encode")]
 pub use measure::{AttributeSize, measure};
 pub use pixel_filter::PixelFilter;
+#[cfg(feature = "encode")]
+pub use poster::with_poster;
+pub use poster::{Poster, poster};
 #[cfg(feature = "encode")]
 pub use precision::{Precision, Sensitivity};
 pub use section::{Region, Section, SectionKind};

@@ -194,18 +194,18 @@ pub(crate) fn read_viewpoints(reader: &mut Reader, info: &mut ClipInfo, count: u
 #[cfg(feature = "encode")]
 mod write {
     use super::*;
-    use crate::{EncodeError, VERSION_MINOR, bytes::Writer};
+    use crate::{EncodeError, bytes::Writer};
 
     impl Preamble {
         /// Writes the first 76 bytes of a head. [`finish_head`] completes it.
         ///
         /// # Errors
         /// [`EncodeError::TooLarge`] if a number exceeds 32 bits.
-        pub(crate) fn write(&self, version_major: u16) -> Result<Writer, EncodeError> {
+        pub(crate) fn write(&self, version_major: u16, version_minor: u16) -> Result<Writer, EncodeError> {
             let mut w = Writer::default();
             w.bytes.extend_from_slice(&MAGIC);
             w.u16(version_major);
-            w.u16(VERSION_MINOR);
+            w.u16(version_minor);
             w.u32(0);
             w.f32(self.info.duration_s);
             w.f32(self.info.fps);

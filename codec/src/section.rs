@@ -32,6 +32,8 @@ pub enum SectionKind {
     Gaussians,
     /// Time index of a layer, as rows per cell. Coder `fixed` only.
     TimeIndex,
+    /// The picture that stands for the clip, as a time and a view. Not critical.
+    Poster,
     /// A kind, by its number, that a later minor version defines. Skipped.
     Unknown(u8),
 }
@@ -53,6 +55,7 @@ impl SectionKind {
         match self {
             SectionKind::Gaussians => 1,
             SectionKind::TimeIndex => 2,
+            SectionKind::Poster => 4,
             SectionKind::Unknown(id) => id,
         }
     }
@@ -61,8 +64,14 @@ impl SectionKind {
         match id {
             1 => SectionKind::Gaussians,
             2 => SectionKind::TimeIndex,
+            4 => SectionKind::Poster,
             id => SectionKind::Unknown(id),
         }
+    }
+
+    /// Whether the counts in the head decide if such a section is there.
+    pub(crate) fn is_counted(self) -> bool {
+        matches!(self, SectionKind::Gaussians | SectionKind::TimeIndex)
     }
 
     /// Name for checksum errors.
@@ -70,6 +79,7 @@ impl SectionKind {
         match self {
             SectionKind::Gaussians => "chunk of Gaussians",
             SectionKind::TimeIndex => "time index",
+            SectionKind::Poster => "poster",
             SectionKind::Unknown(_) => "unknown section",
         }
     }

@@ -5,8 +5,8 @@ use std::ops::Range;
 
 use codec::{
     ALPHA_MIN, Clip, ClipInfo, Coder, Contents, EncodeOptions, Error, Field, FormatError, LayerEnd, Limits,
-    Package, Precision, SH_C0, SPAN_TOLERANCE_S, Segment, Sensitivity, Source, Take, Temporal, contents,
-    decode, encode, package, sh_coefficients,
+    Package, Poster, Precision, SH_C0, SPAN_TOLERANCE_S, Segment, Sensitivity, Source, Take, Temporal,
+    contents, decode, encode, package, poster, sh_coefficients, with_poster,
 };
 
 /// Limits that small, fast inputs can reach and exceed.
@@ -31,12 +31,28 @@ const ROWS_MAX: usize = 24;
 /// If an error has no offset, or a clip breaks an invariant or contradicts its head.
 pub fn check_decoding(bytes: &[u8], decoded: &Result<Clip, Error>) {
     let head = contents(bytes, &LIMITS);
+    check_poster(bytes);
     match (decoded, &head) {
         (Ok(clip), Ok(head)) => check_clip(clip, head, &Take::from(head), bytes.len()),
         (Err(error), Ok(_)) => assert!(error.to_string().contains("at byte "), "no offset in: {error}"),
         (decoded, Err(error)) => {
             assert!(error.to_string().contains("at byte "), "no offset in: {error}");
             assert_eq!(decoded.as_ref().err(), Some(error), "the head is refused but the package is not");
+        }
+    }
+}
+
+/// Reads the poster of a package of either kind and checks it.
+///
+/// # Panics
+/// If a poster is out of range, or is written as another one.
+fn check_poster(bytes: &[u8]) {
+    if let Ok(Some(read)) = poster(bytes, &LIMITS) {
+        assert_eq!(read.check(), Ok(()), "{read:?}");
+        if let Ok(written) = with_poster(bytes, Some(&read), &LIMITS) {
+            // The start of a segment rounds the time.
+            let again = poster(&written, &LIMITS).expect("a package").expect("a poster");
+            assert_eq!(Poster { time_s: read.time_s, ..again }, read);
         }
     }
 }

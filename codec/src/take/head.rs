@@ -108,10 +108,10 @@ fn entry_bytes(segment: &Segment) -> usize {
 mod encode {
     use super::*;
     use crate::{
-        ClipInfo, Contents, EncodeError, PixelFilter, VERSION_MINOR,
+        ClipInfo, Contents, EncodeError, PixelFilter, SectionKind,
         bytes::Writer,
         columns::PackageColumns,
-        format::TAKES_SINCE,
+        format::{POSTER_SINCE_MINOR, TAKES_SINCE},
         preamble::{Preamble, finish_head, u32_of, write_viewpoints},
         take::table::prefixes,
     };
@@ -146,7 +146,14 @@ mod encode {
         duration_s: f64,
         segments: &[SegmentPackage],
     ) -> Result<Vec<u8>, EncodeError> {
-        let take = describe(info, duration_s, segments)?;
+        write_take(&describe(info, duration_s, segments)?)
+    }
+
+    /// Writes the head of a take that obeys the rules.
+    ///
+    /// # Errors
+    /// [`EncodeError::TooLarge`] if a number exceeds 32 bits.
+    pub(crate) fn write_take(take: &Take) -> Result<Vec<u8>, EncodeError> {
         let preamble = Preamble {
             info: take.info.clone(),
             bounds: take.bounds,
@@ -159,7 +166,7 @@ mod encode {
             plate_len: take.plate_len,
             entry_count: take.segments.len(),
         };
-        let mut w = preamble.write(take.version_major)?;
+        let mut w = preamble.write(take.version_major, take.version_minor)?;
         w.f64(take.duration_s);
         write_viewpoints(&mut w, &take.info);
         for segment in &take.segments {
@@ -203,6 +210,10 @@ mod encode {
         overlap.map(|pair| format!("two segments have a plate at {} s", pair[1].start_s))
     }
 
+    fn has_poster(head: &Contents) -> bool {
+        head.sections.iter().any(|section| section.kind == SectionKind::Poster)
+    }
+
     /// The take of these segments, without the lengths that its head gives it.
     fn describe(info: &ClipInfo, duration_s: f64, segments: &[SegmentPackage]) -> Result<Take, EncodeError> {
         let refused = |reason: String| Err(EncodeError::Take { reason });
@@ -233,7 +244,7 @@ mod encode {
         };
         let take = Take {
             version_major: TAKES_SINCE,
-            version_minor: VERSION_MINOR,
+            version_minor: if heads().any(has_poster) { POSTER_SINCE_MINOR } else { 0 },
             info,
             duration_s,
             bounds,
@@ -257,5 +268,7 @@ mod encode {
     }
 }
 
+#[cfg(feature = "encode")]
+pub(crate) use encode::write_take;
 #[cfg(feature = "encode")]
 pub use encode::{SegmentPackage, encode_take_head};

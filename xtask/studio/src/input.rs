@@ -220,7 +220,8 @@ pub fn read_package(path: &Path) -> Result<Vec<u8>, Fault> {
 /// Number of bytes of a package up to the end of layer `layer`, counted from 0.
 pub fn prefix_bytes(contents: &Contents, layer: usize) -> usize {
     let sections = contents.sections.iter().filter(|section| {
-        usize::from(section.layer) <= layer && !matches!(section.kind, SectionKind::Unknown(_))
+        usize::from(section.layer) <= layer
+            && matches!(section.kind, SectionKind::Gaussians | SectionKind::TimeIndex)
     });
     sections.map(|section| section.end()).max().unwrap_or(contents.head_bytes)
 }

@@ -225,6 +225,7 @@ impl From<&codec::Section> for Section {
             kind: match section.kind {
                 SectionKind::Gaussians => "gaussians".into(),
                 SectionKind::TimeIndex => "time index".into(),
+                SectionKind::Poster => "poster".into(),
                 SectionKind::Unknown(kind) => format!("unknown {kind}"),
             },
             region: region_name(section.region),
