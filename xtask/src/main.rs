@@ -13,10 +13,11 @@ use program::Fault;
 use xtask::workspace;
 
 /// The host tool's commands, and what each does.
-const STUDIO: [(&str, &str); 13] = [
+const STUDIO: [(&str, &str); 14] = [
     ("package", "Make a package from a fitted field, or from a capture"),
     ("join", "Join fields and clips, one after another, into the folder of a take"),
     ("trim", "Cut a part out of a take, without coding it anew"),
+    ("poster", "Show or change the time and view that stand for a clip"),
     ("ingest", "Make a capture of a rig's videos and calibration"),
     ("fit", "Fit a field to the photographs of a capture"),
     ("depths", "Estimate depth maps with a network"),

@@ -358,6 +358,9 @@ impl Inspection {
 
 impl Section {
     fn name(&self) -> String {
-        format!("{} {}", self.region, self.kind)
+        match self.kind.as_str() {
+            kind @ "poster" => kind.into(),
+            kind => format!("{} {kind}", self.region),
+        }
     }
 }
