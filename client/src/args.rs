@@ -86,6 +86,11 @@ pub struct Args {
     #[arg(allow_negative_numbers = true)]
     pub time: Vec<f64>,
 
+    /// Render the poster of the clip, the time and view that stand for it in file managers [default of a clip without
+    /// one: its first viewpoint at 0 s].
+    #[arg(long, requires = "headless", conflicts_with_all = ["time", "frames", "view", "camera", "worn"])]
+    pub poster: bool,
+
     /// Frames to render: A to B - 1, frame i at i / fps seconds [default: those of --time]. With --xr: quit
     /// after B frames of the clip, and leave the first A out of the statistics [default: play until
     /// closed].

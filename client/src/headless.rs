@@ -3,10 +3,11 @@
 //!
 //! A device that is lost after it has rendered enough images is replaced, and the image rendered again.
 
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-use codec::Camera;
+use codec::{Camera, Poster};
 use glam::{UVec2, uvec2};
 use image::RgbImage;
 use program::images::{ImageOutput, tiled};
@@ -14,8 +15,8 @@ use program::{Fault, output, read_camera};
 
 use crate::args::Args;
 use crate::clips::{
-    Beginning, Change, ClipController, ClipTarget, Content, Entry, LoadEvent, LoadOptions, cache_dir,
-    playlist, redacted, too_few_layers,
+    Beginning, Change, ClipController, ClipTarget, Content, Entry, LoadEvent, LoadOptions, SourceOptions,
+    cache_dir, playlist, redacted, too_few_layers,
 };
 use crate::gpu::{
     ChannelDepth, DEVICE_REPLACED, FrameCounts, FrameLayout, Gpu, GpuClip, Offscreen, Pixels, RenderSettings,
@@ -40,6 +41,9 @@ const CHANGE_TOLERANCE_S: f64 = 1e-6;
 pub fn run(args: &Args) -> Result<(), Fault> {
     let output = check_outputs(args)?;
     match args.clip.as_deref().filter(|name| playlist::is_playlist(name)) {
+        Some(_) if args.poster => {
+            Err(Fault::Usage("--poster is of one clip, not of a playlist: name a clip of it".into()))
+        }
         Some(list) => run_playlist(args, list, &output),
         None => run_clip(args, &output),
     }
@@ -463,6 +467,7 @@ fn times(args: &Args, captured_fps: f64) -> Vec<f64> {
             let fps = args.fps.unwrap_or(captured_fps);
             frames.clone().map(|frame| f64::from(frame) / fps).collect()
         }
+        None if args.poster => vec![poster(args).map_or(0.0, |poster| poster.time_s)],
         None if args.time.is_empty() => vec![0.0],
         None => args.time.clone(),
     }
@@ -494,6 +499,10 @@ fn views(args: &Args, clip: &Content) -> Result<Vec<View>, Fault> {
         let camera = args.size.map_or(camera.clone(), |size| camera.resized(size.x, size.y));
         return Ok(eyes(args, clip, camera));
     }
+    if let Some(poster) = poster(args) {
+        let size = args.size.unwrap_or(DEFAULT_SIZE);
+        return Ok(eyes(args, clip, poster.viewpoint().camera(clip.info().up, size.x, size.y)));
+    }
     let viewpoints = clip.viewpoints();
     let chosen = args.view.as_deref().map_or(Ok(0), |name| viewpoint::find(&viewpoints, name))?;
     let viewpoint = &viewpoints[chosen];
@@ -509,6 +518,12 @@ fn views(args: &Args, clip: &Content) -> Result<Vec<View>, Fault> {
             eyes(args, clip, viewpoint.camera(clip.info().up, size.x, size.y))
         }
     })
+}
+
+/// The poster that `args` ask for, if their clip is a file that has one.
+fn poster(args: &Args) -> Option<Poster> {
+    let path = args.clip.as_deref().filter(|_| args.poster)?;
+    clips::poster_of(Path::new(path), &SourceOptions::default().limits)
 }
 
 /// The view of `camera`, or with --stereo those of two eyes.

@@ -8,12 +8,12 @@ pub(crate) const MAGIC: [u8; 4] = *b"AARC";
 /// needs.
 pub const VERSIONS: std::ops::RangeInclusive<u16> = 1..=2;
 
-/// Highest minor version of the package format that is written: that of packages with sound; others have 0. A later
-/// minor version may add sections that are not critical; readers skip those.
-pub const VERSION_MINOR: u16 = SOUND_SINCE_MINOR;
+/// Highest minor version of the package format that is written: that of packages with sound or a poster; others have 0.
+/// A later minor version may add sections that are not critical; readers skip those.
+pub const VERSION_MINOR: u16 = 1;
 
-/// First minor version that has sound.
-pub(crate) const SOUND_SINCE_MINOR: u16 = 1;
+/// Bytes of a section with a poster.
+pub(crate) const POSTER_BYTES: usize = 36;
 
 /// Bytes of a section of sound before the lengths of its packets.
 pub(crate) const SOUND_HEAD_BYTES: usize = 32;

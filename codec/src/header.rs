@@ -13,7 +13,7 @@ use crate::{
     counters::Work,
     error::FormatError,
     fixed,
-    format::{CHUNK_ROWS, COUNTS_OFFSET, ENTRY_BYTES, LAYERS_OFFSET},
+    format::{CHUNK_ROWS, COUNTS_OFFSET, ENTRY_BYTES, LAYERS_OFFSET, POSTER_BYTES},
     limits::Budget,
     preamble::{Head, read_viewpoints},
     section::{Region, Section, SectionKind},
@@ -290,6 +290,27 @@ impl Contents {
                     if i > 0 || *section != (Section { raw_length: section.length, ..planned }) {
                         let expected = "sound first, of layer 0, not critical, not compressed";
                         return Err(error(expected.into(), format!("{section:?}")));
+                    }
+                    continue;
+                }
+                SectionKind::Poster => {
+                    let required = Section {
+                        critical: false,
+                        layer: 0,
+                        region: Region::Static,
+                        chunk: 0,
+                        length: POSTER_BYTES,
+                        raw_length: POSTER_BYTES,
+                        ..*section
+                    };
+                    let is_first = self.sections[..i]
+                        .iter()
+                        .all(|before| !before.kind.is_counted() && before.kind != section.kind);
+                    if *section != required || !is_first {
+                        let expected = format!(
+                            "one poster before all chunks, of layer 0, not critical, of {POSTER_BYTES} bytes"
+                        );
+                        return Err(error(expected, format!("{section:?}")));
                     }
                     continue;
                 }

@@ -24,9 +24,10 @@
 //! | evaluate one of them | [`Field::position_at`], [`Field::opacity_at`], [`Field::rotation_at`] | |
 //! | look at them | [`Viewpoint::camera`], [`Camera`] | |
 //! | read the sound of a clip or of a segment | [`Contents::sound`], [`Sound`] | |
+//! | read the poster of a clip or take | [`poster()`], [`Contents::poster`] | |
 //! | package a field | `encode`, `encode_parallel`, `encode_rounded` | `encode` |
 //! | cut a long field into segments, write the head of a take | `split`, `encode_take_head`, `take_order` | `encode` |
-//! | put sound into a package | `with_sound` | `encode` |
+//! | put sound or a poster into a package | `with_sound`, `with_poster` | `encode` |
 //! | size by attribute | `measure` | `encode` |
 //! | camera files | [`Camera`] with serde | `serde` |
 //!
@@ -118,6 +119,8 @@ mod decode;
 #[cfg(feature = "encode")]
 mod encode;
 mod error;
+#[cfg(feature = "encode")]
+mod extra;
 mod field;
 mod fixed;
 mod format;
@@ -131,6 +134,7 @@ mod morton;
 mod order;
 mod parallel;
 mod pixel_filter;
+mod poster;
 mod preamble;
 #[cfg(feature = "encode")]
 mod precision;
@@ -158,6 +162,9 @@ pub use limits::Limits;
 #[cfg(feature = "encode")]
 pub use measure::{AttributeSize, measure};
 pub use pixel_filter::PixelFilter;
+#[cfg(feature = "encode")]
+pub use poster::with_poster;
+pub use poster::{Poster, poster};
 #[cfg(feature = "encode")]
 pub use precision::{Precision, Sensitivity};
 pub use section::{Region, Section, SectionKind};

@@ -34,6 +34,8 @@ pub enum SectionKind {
     TimeIndex,
     /// The sound of the clip. Not critical.
     Sound,
+    /// The picture that stands for the clip, as a time and a view. Not critical.
+    Poster,
     /// A kind, by its number, that a later minor version defines. Skipped.
     Unknown(u8),
 }
@@ -51,11 +53,12 @@ pub enum Region {
 
 impl SectionKind {
     #[cfg(feature = "encode")]
-    fn id(self) -> u8 {
+    pub(crate) fn id(self) -> u8 {
         match self {
             SectionKind::Gaussians => 1,
             SectionKind::TimeIndex => 2,
             SectionKind::Sound => 3,
+            SectionKind::Poster => 4,
             SectionKind::Unknown(id) => id,
         }
     }
@@ -65,6 +68,7 @@ impl SectionKind {
             1 => SectionKind::Gaussians,
             2 => SectionKind::TimeIndex,
             3 => SectionKind::Sound,
+            4 => SectionKind::Poster,
             id => SectionKind::Unknown(id),
         }
     }
@@ -80,6 +84,7 @@ impl SectionKind {
             SectionKind::Gaussians => "chunk of Gaussians",
             SectionKind::TimeIndex => "time index",
             SectionKind::Sound => "sound",
+            SectionKind::Poster => "poster",
             SectionKind::Unknown(_) => "unknown section",
         }
     }

@@ -194,7 +194,7 @@ impl Contents {
 #[cfg(feature = "encode")]
 mod write {
     use super::*;
-    use crate::{EncodeError, Region, Section, bytes::Writer, format::SOUND_SINCE_MINOR, header::contents};
+    use crate::{EncodeError, bytes::Writer, extra::with_extra, header::contents};
 
     impl Sound {
         /// The payload of a section.
@@ -225,42 +225,8 @@ mod write {
     /// - [`EncodeError::TooLarge`] if the result would exceed 4 GiB.
     pub fn with_sound(package: &[u8], sound: Option<&Sound>) -> Result<Vec<u8>, EncodeError> {
         let unlimited = Limits { max_gaussians: usize::MAX, max_bytes: usize::MAX };
-        let mut head = contents(package, &unlimited).map_err(EncodeError::Package)?;
-        let mut payloads = Vec::new();
-        let mut sections = Vec::new();
-        if let Some(sound) = sound {
-            let payload = sound.payload();
-            sections.push(Section {
-                kind: SectionKind::Sound,
-                critical: false,
-                layer: 0,
-                region: Region::Static,
-                chunk: 0,
-                // `Contents::write` computes it from the lengths.
-                offset: 0,
-                length: payload.len(),
-                raw_length: payload.len(),
-                crc: crc32fast::hash(&payload),
-            });
-            payloads.push(payload);
-        }
-        for section in head.sections.iter().filter(|section| section.kind != SectionKind::Sound) {
-            let truncated = FormatError::Truncated { needed: section.end(), available: package.len() };
-            let bytes = package.get(section.offset..section.end());
-            let bytes = bytes.ok_or(EncodeError::Package(Error::format(package.len(), truncated)))?;
-            payloads.push(bytes.to_vec());
-            sections.push(*section);
-        }
-        // Other sections of later minor versions may be there.
-        head.version_minor = match sound {
-            Some(_) => head.version_minor.max(SOUND_SINCE_MINOR),
-            None if head.version_minor == SOUND_SINCE_MINOR => 0,
-            None => head.version_minor,
-        };
-        head.sections = sections;
-        let mut bytes = head.write()?;
-        payloads.iter().for_each(|payload| bytes.extend_from_slice(payload));
-        Ok(bytes)
+        let head = contents(package, &unlimited).map_err(EncodeError::Package)?;
+        with_extra(package, head, SectionKind::Sound, sound.map(Sound::payload).as_deref())
     }
 }
 #[cfg(feature = "encode")]

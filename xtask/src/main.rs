@@ -13,10 +13,11 @@ use program::Fault;
 use xtask::workspace;
 
 /// The host tool's commands, and what each does.
-const STUDIO: [(&str, &str); 13] = [
+const STUDIO: [(&str, &str); 14] = [
     ("package", "Make a package from a fitted field, or from a capture"),
     ("join", "Join fields and clips, one after another, into the folder of a take"),
     ("trim", "Cut a part out of a take, without coding it anew"),
+    ("poster", "Show or change the time and view that stand for a clip"),
     ("ingest", "Make a capture of a rig's videos and calibration"),
     ("fit", "Fit a field to the photographs of a capture"),
     ("depths", "Estimate depth maps with a network"),
@@ -56,6 +57,7 @@ enum Command {
     Bench(commands::bench::Args),
     Test(commands::test::Args),
     Apk(commands::apk::Args),
+    Dist(commands::dist::Args),
     Headset(commands::headset::Args),
     Notices(commands::notices::Args),
     Picture(commands::picture::Args),
@@ -84,6 +86,7 @@ impl Command {
             Command::Bench(args) => commands::bench::run(args),
             Command::Test(args) => commands::test::run(args),
             Command::Apk(args) => commands::apk::run(args),
+            Command::Dist(args) => commands::dist::run(args),
             Command::Headset(args) => commands::headset::run(args),
             Command::Notices(args) => commands::notices::run(args),
             Command::Picture(args) => commands::picture::run(args),

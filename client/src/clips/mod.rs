@@ -28,6 +28,8 @@ mod field;
 mod file;
 mod loader;
 pub mod playlist;
+#[cfg(not(target_os = "android"))]
+mod poster;
 mod progress;
 mod queue;
 mod source;
@@ -52,6 +54,8 @@ pub(crate) use file::{decode, decode_layers};
 #[cfg(not(target_os = "android"))]
 pub(crate) use loader::too_few_layers;
 pub(crate) use loader::{Beginning, ClipTarget, LoadOptions};
+#[cfg(not(target_os = "android"))]
+pub(crate) use poster::poster_of;
 pub use progress::Progress;
 pub use queue::{Entry, Queue};
 #[cfg(not(target_os = "android"))]

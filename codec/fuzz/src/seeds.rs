@@ -1,7 +1,7 @@
 //! The initial corpus: small fields of every combination of columns, as packages and as inputs of the
 //! round trip.
 
-use codec::{Coder, split, with_sound};
+use codec::{Coder, Limits, Poster, split, with_poster, with_sound};
 
 use crate::{
     common::{Shape, field, options, package, segment_package, small_take, static_field, take_package},
@@ -32,6 +32,10 @@ pub fn packages() -> Vec<(String, Vec<u8>)> {
     };
     packages.push(("sound.aarc".into(), package_with(None)));
     packages.push(("sound-placed.aarc".into(), package_with(Some([0.5, -1.0, 2.0]))));
+    let poster = Poster { time_s: 0.5, position: [0.0, 0.0, -5.0], target: [0.0; 3], fov_y: 0.8 };
+    let clip = package(&static_field(3, 1, 1), None, &options(Coder::Fixed, &[1]));
+    let posted = with_poster(&clip, Some(&poster), &Limits::default()).expect("a whole package");
+    packages.push(("poster.aarc".into(), posted));
     for coder in Coder::ALL {
         packages.push((format!("take-{}.aarc", coder.name()), small_take(coder)));
         // Of many small segments.

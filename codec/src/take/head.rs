@@ -112,7 +112,7 @@ mod encode {
         ClipInfo, Contents, EncodeError, PixelFilter, SectionKind,
         bytes::Writer,
         columns::PackageColumns,
-        format::{SOUND_SINCE_MINOR, TAKES_SINCE},
+        format::{TAKES_SINCE, VERSION_MINOR},
         preamble::{Preamble, finish_head, u32_of, write_viewpoints},
         take::table::prefixes,
     };
@@ -147,7 +147,14 @@ mod encode {
         duration_s: f64,
         segments: &[SegmentPackage],
     ) -> Result<Vec<u8>, EncodeError> {
-        let take = describe(info, duration_s, segments)?;
+        write_take(&describe(info, duration_s, segments)?)
+    }
+
+    /// Writes the head of a take that obeys the rules.
+    ///
+    /// # Errors
+    /// [`EncodeError::TooLarge`] if a number exceeds 32 bits.
+    pub(crate) fn write_take(take: &Take) -> Result<Vec<u8>, EncodeError> {
         let preamble = Preamble {
             info: take.info.clone(),
             bounds: take.bounds,
@@ -205,8 +212,9 @@ mod encode {
         overlap.map(|pair| format!("two segments have a plate at {} s", pair[1].start_s))
     }
 
-    fn has_sound(head: &Contents) -> bool {
-        head.sections.iter().any(|section| section.kind == SectionKind::Sound)
+    /// Whether a segment has sound or a poster.
+    fn has_extra(head: &Contents) -> bool {
+        head.sections.iter().any(|section| matches!(section.kind, SectionKind::Sound | SectionKind::Poster))
     }
 
     /// The take of these segments, without the lengths that its head gives it.
@@ -239,7 +247,7 @@ mod encode {
         };
         let take = Take {
             version_major: TAKES_SINCE,
-            version_minor: if heads().any(has_sound) { SOUND_SINCE_MINOR } else { 0 },
+            version_minor: if heads().any(has_extra) { VERSION_MINOR } else { 0 },
             info,
             duration_s,
             bounds,
@@ -264,5 +272,7 @@ mod encode {
     }
 }
 
+#[cfg(feature = "encode")]
+pub(crate) use encode::write_take;
 #[cfg(feature = "encode")]
 pub use encode::{SegmentPackage, encode_take_head};

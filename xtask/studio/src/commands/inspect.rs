@@ -237,6 +237,7 @@ impl From<&codec::Section> for Section {
                 SectionKind::Gaussians => "gaussians".into(),
                 SectionKind::TimeIndex => "time index".into(),
                 SectionKind::Sound => "sound".into(),
+                SectionKind::Poster => "poster".into(),
                 SectionKind::Unknown(kind) => format!("unknown {kind}"),
             },
             region: region_name(section.region),
@@ -374,7 +375,7 @@ impl Inspection {
 impl Section {
     fn name(&self) -> String {
         match self.kind.as_str() {
-            kind @ "sound" => kind.into(),
+            kind @ ("sound" | "poster") => kind.into(),
             kind => format!("{} {kind}", self.region),
         }
     }

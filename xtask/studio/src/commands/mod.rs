@@ -15,6 +15,7 @@ pub(crate) mod ingest;
 pub(crate) mod inspect;
 pub(crate) mod join;
 pub(crate) mod package;
+pub(crate) mod poster;
 pub(crate) mod render;
 pub(crate) mod report;
 pub(crate) mod serve;

@@ -1,0 +1,186 @@
+//! `aarc-studio poster`: shows or changes the poster of a package, the time and view that stand for it.
+//!
+//! Only the beginning of the file changes: the head, and of a take its first segment. Gaussians are copied, not coded
+//! anew. The new file takes the place of the old one when it is complete.
+
+use std::fs::File;
+use std::io::{Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+
+use codec::{EncodeError, Limits, Poster, Take, Viewpoint};
+use program::{Fault, output};
+use serde_json::json;
+
+use crate::messages::{bad_package, decimal, unreadable};
+use crate::segments::TakeFile;
+
+/// Bytes that are copied at a time.
+const COPIED_BYTES: usize = 1 << 20;
+
+/// Largest magnitude of a coordinate, in units of length.
+const COORDINATE_MAX: f32 = 1e9;
+
+/// Show the poster of a package: the time and view that file managers and lists of clips show. With options: change it.
+#[derive(clap::Args)]
+#[command(group = clap::ArgGroup::new("change").multiple(true))]
+pub struct Args {
+    /// Package: a clip or a take
+    clip: PathBuf,
+    /// Seconds from the start of the clip [default: as before, else 0]
+    #[arg(long, value_name = "S", group = "change")]
+    time: Option<f64>,
+    /// Look from this viewpoint, by name or number [default: as before, else the first]
+    #[arg(long, value_name = "NAME|INDEX", group = "change")]
+    view: Option<String>,
+    /// Look from this point, in the axes and units of the clip
+    #[arg(long, value_name = "X,Y,Z", value_parser = point, allow_hyphen_values = true)]
+    #[arg(requires = "target", conflicts_with = "view", group = "change")]
+    eye: Option<[f32; 3]>,
+    /// Look at this point
+    #[arg(long, value_name = "X,Y,Z", value_parser = point, allow_hyphen_values = true, requires = "eye")]
+    target: Option<[f32; 3]>,
+    /// Vertical field of view in degrees, with --eye [default: that of the first viewpoint]
+    #[arg(long, value_name = "DEGREES", value_parser = degrees, requires = "eye")]
+    fov: Option<f32>,
+    /// Remove the poster
+    #[arg(long, conflicts_with_all = ["time", "view", "eye"], group = "change")]
+    remove: bool,
+    /// Package to write [default: CLIP, whose place the new file takes when it is complete]
+    #[arg(short, long, value_name = "PATH", requires = "change")]
+    out: Option<PathBuf>,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
+    let out = args.out.as_ref().unwrap_or(&args.clip);
+    let is_changed = args.time.is_some() || args.view.is_some() || args.eye.is_some() || args.remove;
+    if is_changed {
+        output::check(out)?;
+    }
+    let file = TakeFile::open(&args.clip)?;
+    let mut source = File::open(&args.clip).map_err(|error| unreadable(&args.clip, &error))?;
+    let start = start(&file, &mut source)?;
+    let bad = |error: codec::Error| bad_package(&args.clip, &error);
+    let before = codec::poster(&start, &Limits::default());
+    if !is_changed {
+        print(&args.clip, before.map_err(bad)?.as_ref(), args.json);
+        return Ok(());
+    }
+    // A damaged poster is replaced.
+    let poster = if args.remove { None } else { Some(chosen(args, &file, before.unwrap_or_default())?) };
+    let changed = codec::with_poster(&start, poster.as_ref(), &Limits::default());
+    let changed = changed.map_err(|error| match error {
+        EncodeError::Package(error) => bad_package(&args.clip, &error),
+        error => Fault::Usage(format!("{}: {error}", args.clip.display())),
+    })?;
+    output::write_parts(out, |output| {
+        output.write(&changed)?;
+        let mut bytes = vec![0; COPIED_BYTES];
+        loop {
+            match source.read(&mut bytes).map_err(|error| unreadable(&args.clip, &error))? {
+                0 => return Ok::<(), Fault>(()),
+                count => output.write(&bytes[..count])?,
+            }
+        }
+    })?;
+    print(out, poster.as_ref(), args.json);
+    Ok(())
+}
+
+/// Reads the file up to the end of its first segment, and leaves it there.
+///
+/// # Errors
+/// [`Fault::Data`] if it is cut short before.
+fn start(file: &TakeFile, source: &mut File) -> Result<Vec<u8>, Fault> {
+    let segment = &file.take().segments[0];
+    let needed = segment.offset + segment.bytes() as u64;
+    let mut start = Vec::new();
+    let read = source.seek(SeekFrom::Start(0)).and_then(|_| source.take(needed).read_to_end(&mut start));
+    read.map_err(|error| unreadable(file.path(), &error))?;
+    if (start.len() as u64) < needed {
+        let (path, count) = (file.path().display(), start.len());
+        return Err(Fault::Data(format!(
+            "{path}: cut short, {count} of the first {needed} bytes are there; get the file again"
+        )));
+    }
+    Ok(start)
+}
+
+/// The poster that the options ask for.
+///
+/// # Errors
+/// [`Fault::Usage`] for a time outside the clip, or a viewpoint that it lacks.
+fn chosen(args: &Args, file: &TakeFile, before: Option<Poster>) -> Result<Poster, Fault> {
+    let take = file.take();
+    let time_s = args.time.or(before.map(|poster| poster.time_s)).unwrap_or(0.0);
+    if !(0.0..=take.duration_s).contains(&time_s) {
+        let end = decimal(take.duration_s, 3);
+        return Err(Fault::Usage(format!("--time {time_s}: choose a time from 0 to {end} s")));
+    }
+    let viewpoints = viewpoints(take);
+    let Viewpoint { position, target, fov_y, .. } = match (&args.view, args.eye, args.target, before) {
+        (Some(name), ..) => viewpoint(&viewpoints, name)?.clone(),
+        (None, Some(position), Some(target), _) => {
+            let fov_y = args.fov.map_or(viewpoints[0].fov_y, f32::to_radians);
+            Viewpoint { position, target, fov_y, name: String::new() }
+        }
+        (.., Some(before)) => before.viewpoint(),
+        _ => viewpoints[0].clone(),
+    };
+    Ok(Poster { time_s, position, target, fov_y })
+}
+
+/// The viewpoints of a take, or one that frames its bounds. Never empty.
+fn viewpoints(take: &Take) -> Vec<Viewpoint> {
+    match take.info.viewpoints.is_empty() {
+        true => vec![Viewpoint::framing(take.bounds, take.info.up)],
+        false => take.info.viewpoints.clone(),
+    }
+}
+
+fn viewpoint<'a>(viewpoints: &'a [Viewpoint], name: &str) -> Result<&'a Viewpoint, Fault> {
+    let named = viewpoints.iter().find(|viewpoint| viewpoint.name == name);
+    let numbered = || viewpoints.get(name.parse::<usize>().ok()?);
+    named.or_else(numbered).ok_or_else(|| {
+        let known = viewpoints.iter().enumerate().map(|(i, viewpoint)| format!("{i} \"{}\"", viewpoint.name));
+        let known = known.collect::<Vec<_>>().join(", ");
+        Fault::Usage(format!("--view {name}: there is no such viewpoint; there are {known}"))
+    })
+}
+
+fn print(path: &Path, poster: Option<&Poster>, is_json: bool) {
+    if is_json {
+        let poster = poster.map(|poster| {
+            json!({
+                "time_s": poster.time_s, "position": poster.position, "target": poster.target,
+                "fov_y_deg": poster.fov_y.to_degrees(),
+            })
+        });
+        println!("{:#}", json!({"clip": path, "poster": poster}));
+        return;
+    }
+    match poster {
+        None => println!("{}: no poster; lists show the first viewpoint at 0 s", path.display()),
+        Some(Poster { time_s, position, target, fov_y }) => println!(
+            "{}: poster at {} s, from {position:?}, looks at {target:?}, {:.1} degrees high",
+            path.display(),
+            decimal(*time_s, 3),
+            fov_y.to_degrees()
+        ),
+    }
+}
+
+fn point(text: &str) -> Result<[f32; 3], String> {
+    let numbers: Option<Vec<f32>> = text.split(',').map(|number| number.trim().parse().ok()).collect();
+    let point = numbers.and_then(|numbers| <[f32; 3]>::try_from(numbers).ok());
+    point
+        .filter(|point| point.iter().all(|x| x.abs() <= COORDINATE_MAX))
+        .ok_or_else(|| "not three numbers X,Y,Z".into())
+}
+
+fn degrees(text: &str) -> Result<f32, String> {
+    let angle = text.parse::<f32>().ok().filter(|angle| (1.0..=179.0).contains(angle));
+    angle.ok_or_else(|| "not an angle from 1 to 179 degrees".into())
+}

@@ -1,0 +1,99 @@
+//! `poster`: a clip and a take get one in place, everything else of the file stays, and bad requests change nothing.
+
+mod support;
+mod tool;
+
+use std::fs;
+use std::path::Path;
+
+use codec::{Coder, EncodeOptions, Field, Limits, Package, SegmentPackage, Source, encode_take_head};
+use serde_json::Value;
+use support::{field, info};
+use tempfile::tempdir;
+use tool::{Outcome, aarc_studio};
+
+fn clip() -> Vec<u8> {
+    let field = Field { log_scales: vec![[-3.0; 3]; 50], ..field(50, 0, Some(1), false) };
+    let source = Source { info: &info(), field: &field, plate: None };
+    codec::encode(&source, &EncodeOptions { coder: Coder::Fixed, ..EncodeOptions::default() }).unwrap()
+}
+
+/// A take that plays the clip twice.
+fn take() -> Vec<u8> {
+    let clip = clip();
+    let contents = codec::contents(&clip, &Limits::default()).unwrap();
+    let segment = |start_s| SegmentPackage { start_s, duration_s: 2.0, level: 0, contents: &contents };
+    let head = encode_take_head(&info(), 4.0, &[segment(0.0), segment(2.0)]).unwrap();
+    [&head, &clip[..], &clip[..]].concat()
+}
+
+fn poster(folder: &Path, args: &str) -> Outcome {
+    let args: Vec<&str> = ["poster", "a.aarc"].into_iter().chain(args.split_whitespace()).collect();
+    aarc_studio(folder, &args)
+}
+
+fn shown(folder: &Path) -> Value {
+    poster(folder, "--json").json()["poster"].clone()
+}
+
+#[test]
+fn a_clip_gets_a_poster_in_place_and_loses_it_again() {
+    let folder = tempdir().unwrap();
+    let (folder, path) = (folder.path(), folder.path().join("a.aarc"));
+    fs::write(&path, clip()).unwrap();
+    assert_eq!(shown(folder), Value::Null);
+    poster(folder, "--time 0.5 --eye -1,2,-3.5 --target 0,0,0.25 --fov 40").success();
+    let seen = shown(folder);
+    assert_eq!(seen["time_s"], 0.5, "{seen}");
+    assert_eq!(seen["position"], serde_json::json!([-1.0, 2.0, -3.5]));
+    assert!((seen["fov_y_deg"].as_f64().unwrap() - 40.0).abs() < 1e-3, "{seen}");
+    // Another time keeps the view, another file leaves this one as it is.
+    poster(folder, "--time 0.25 -o b.aarc").success();
+    assert_eq!(shown(folder), seen);
+    fs::rename(folder.join("b.aarc"), &path).unwrap();
+    assert_eq!((shown(folder)["time_s"].as_f64(), &shown(folder)["target"]), (Some(0.25), &seen["target"]));
+    aarc_studio(folder, &["inspect", "a.aarc"]).success();
+    poster(folder, "--remove").success();
+    assert!(fs::read(&path).unwrap() == clip(), "the file as it was");
+    assert_eq!(fs::read_dir(folder).unwrap().count(), 1, "nothing else is left");
+}
+
+#[test]
+fn a_take_gets_a_poster_and_keeps_its_segments() {
+    let folder = tempdir().unwrap();
+    let (folder, path) = (folder.path(), folder.path().join("a.aarc"));
+    fs::write(&path, take()).unwrap();
+    poster(folder, "--time 3.5").success();
+    assert_eq!(shown(folder)["time_s"], 3.5);
+    let bytes = fs::read(&path).unwrap();
+    assert!(bytes.ends_with(&clip()), "the second segment is untouched");
+    let Package::Take(take) = codec::package(&bytes, &Limits::default()).unwrap() else { panic!("a take") };
+    assert_eq!((take.segments.len(), take.package_bytes()), (2, bytes.len() as u64));
+    aarc_studio(folder, &["inspect", "a.aarc"]).success();
+}
+
+#[test]
+fn what_cannot_be_done_leaves_the_file_as_it_is() {
+    let folder = tempdir().unwrap();
+    let (folder, path) = (folder.path(), folder.path().join("a.aarc"));
+    fs::write(&path, clip()).unwrap();
+    for (args, code) in [
+        ("--time 99", 2),
+        ("--time -1", 2),
+        ("--time nan", 2),
+        ("--view nowhere", 2),
+        ("--eye 1,2,3", 2),
+        ("--eye 1,2 --target 0,0,0", 2),
+        ("--time 0 --remove", 2),
+        ("-o b.aarc", 2),
+        ("--time 0 -o none/b.aarc", 2),
+    ] {
+        let outcome = poster(folder, args);
+        assert_eq!(outcome.code, Some(code), "{args}: {outcome:?}");
+        assert!(fs::read(&path).unwrap() == clip(), "{args}");
+    }
+    fs::write(&path, &clip()[..clip().len() - 1]).unwrap();
+    assert_eq!(poster(folder, "--time 0").code, Some(3));
+    fs::write(&path, "nothing").unwrap();
+    assert_eq!(poster(folder, "--time 0").code, Some(3));
+}
