@@ -46,6 +46,7 @@ Environment:
 
 Examples:
   aarc clip.aarc
+  aarc scene.ply
   aarc https://clips.example.org/dance.aarc
   aarc clip.aarc --headless --time 0.5 --size 1024x1024 --out frame.png
   aarc clip.aarc --headless --frames 0..30 --fps 30 --stereo --out frames --stats stats.json
@@ -57,7 +58,8 @@ Examples:
 #[command(name = "aarc", version, long_version = VERSION.as_str(), after_long_help = AFTER_HELP)]
 pub struct Args {
     /// A clip (.aarc) or a playlist of clips (.json): a path, or an http:// or https:// URL [default: the
-    /// built-in demo].
+    /// built-in demo]. Built with the feature import, also the path of a field that aarc-studio package reads
+    /// (.ply, .spz, .sog, .splat and others), of a folder with one, or of a folder of numbered PLYs, one a frame.
     ///
     /// A clip from a URL plays as soon as its first layer has arrived. Downloads are cached in
     /// $XDG_CACHE_HOME/aarc/clips and play from there without the network. The cache holds 512 MiB; the

@@ -9,6 +9,8 @@ use program::Fault;
 use super::content::Content;
 use super::demo;
 use super::event::{ClipVersion, LoadEvent};
+#[cfg(feature = "import")]
+use super::field;
 use super::file::{decode, load_with_sound, truncation};
 use super::queue::Entry;
 use super::source_options::SourceOptions;
@@ -94,7 +96,7 @@ impl Arrival {
 }
 
 /// Opens a clip: a path, which is read and decoded at once; a URL; or the demo clip where `name` is
-/// `None`.
+/// `None`. With the feature `import`, a path may also be that of a field in the format of another program.
 ///
 /// # Errors
 /// As [`load_file`](super::file::load_file); [`Fault::Usage`] for a URL if this program was built without the feature `net`, or if
@@ -114,6 +116,11 @@ pub fn open(name: Option<&str>, options: &SourceOptions) -> Result<Arrival, Faul
         }
         Some(path) => {
             let path = Path::new(path);
+            #[cfg(feature = "import")]
+            if field::is_field(path) {
+                let field = field::load_field(path, &options.limits);
+                return field.map(|(clip, note)| loaded(note, (clip, SoundTrack::default())));
+            }
             if let Some(take) = open_take(path, &options.limits)? {
                 return Ok(Arrival::Take { note: take.truncation(), take: Some(Arc::new(take)) });
             }

@@ -26,4 +26,3 @@ pub mod segments;
 pub mod sound;
 pub mod synth;
 pub mod takes;
-mod up_axis;

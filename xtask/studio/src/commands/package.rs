@@ -389,8 +389,8 @@ fn write_package(args: &Args) -> anyhow::Result<WrittenPackage> {
         }
         None => output::write(&out, &package.bytes)?,
     }
-    if let Some(assumption) = scene.subject.assumption {
-        eprintln!("note: {}: {assumption}", scene.name);
+    for note in &scene.subject.notes {
+        eprintln!("note: {}: {note}", scene.name);
     }
     print_blind_viewpoints(&scene);
     let prefix_steps = match args.prefix_quality {

@@ -1,22 +1,22 @@
 //! This project's own field file: a lossless superset of the PLY of 3D Gaussian Splatting.
 //!
-//! Specified in `xtask/FIELD.md`; written by [`crate::export::field_file`].
+//! Specified in `xtask/FIELD.md`; written by `export` of the host tool.
 
 use codec::{MOTION_ORDER_MAX, PixelFilter, Viewpoint};
 
-use super::budget::ImportBudget;
-use super::imported::{Hints, Imported, Repairs, TRUNCATED};
-use super::inria;
-use super::ply::{Ply, Table};
+use crate::budget::ImportBudget;
+use crate::imported::{Hints, Imported, Repairs, TRUNCATED};
+use crate::inria;
+use crate::ply::{Ply, Table};
 
 /// First word of the comments that hold metadata.
-pub(crate) const MARK: &str = "aarc";
+pub const MARK: &str = "aarc";
 
 /// Version of the format.
 pub const VERSION: &str = "1";
 
 /// Maximum length of [`Viewpoint::name`] in bytes.
-pub(super) const NAME_MAX: usize = 63;
+pub(crate) const NAME_MAX: usize = 63;
 
 /// Whether the comments mark a field file.
 pub(crate) fn is_marked(ply: &Ply) -> bool {
@@ -24,7 +24,7 @@ pub(crate) fn is_marked(ply: &Ply) -> bool {
 }
 
 /// Reads the rows of a field.
-pub(super) fn read(vertex: &Table, budget: &mut ImportBudget) -> Result<Imported, String> {
+pub(crate) fn read(vertex: &Table, budget: &mut ImportBudget) -> Result<Imported, String> {
     let mut field = inria::static_columns(vertex, budget)?;
     let mut repairs = Repairs::default();
     repairs.drop_rows(TRUNCATED, vertex.missing_rows());
@@ -58,7 +58,7 @@ pub(super) fn read(vertex: &Table, budget: &mut ImportBudget) -> Result<Imported
         }
         field.temporal = Some(temporal);
     }
-    Ok(Imported { field, hints: Hints::default(), repairs, format: "field file", assumption: None })
+    Ok(Imported { field, hints: Hints::default(), repairs, format: "field file", notes: Vec::new() })
 }
 
 /// Keys and values of the metadata comments.
@@ -69,11 +69,11 @@ fn metadata<'p>(ply: &'p Ply) -> impl Iterator<Item = (&'p str, &'p str)> {
     })
 }
 
-/// The metadata in the comments of any PLY; [`crate::export::static_ply`] writes some of it.
+/// The metadata in the comments of any PLY; `export --ply --at` of the host tool writes some of it.
 ///
 /// # Errors
 /// One sentence that names the comment that cannot be used.
-pub(super) fn hints(ply: &Ply) -> Result<Hints, String> {
+pub(crate) fn hints(ply: &Ply) -> Result<Hints, String> {
     let mut hints = Hints::default();
     for (key, value) in metadata(ply) {
         let wrong = || format!("comment {MARK} {key}: cannot use `{value}`");
@@ -86,8 +86,9 @@ pub(super) fn hints(ply: &Ply) -> Result<Hints, String> {
             "metres_per_unit" => hints.metres_per_unit = Some(positive()?),
             "up" => hints.up = Some(numbers(value).filter(is_unit).ok_or_else(wrong)?),
             "viewpoint" => hints.viewpoints.push(viewpoint(value).ok_or_else(wrong)?),
-            // Later versions may add keys.
-            _ => hints.fit.take(key, value).map_err(|()| wrong())?,
+            "filter" => {}
+            // The host tool reads those on the fit; later versions may add keys.
+            _ => hints.comments.push((key.into(), value.into())),
         }
     }
     Ok(hints)
@@ -97,7 +98,7 @@ pub(super) fn hints(ply: &Ply) -> Result<Hints, String> {
 ///
 /// # Errors
 /// One sentence that names the comment, if it names no filter.
-pub(super) fn filter(ply: &Ply) -> Result<PixelFilter, String> {
+pub(crate) fn filter(ply: &Ply) -> Result<PixelFilter, String> {
     match metadata(ply).find(|(key, _)| *key == "filter") {
         None => Ok(PixelFilter::default()),
         Some((key, value)) => {

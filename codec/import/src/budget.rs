@@ -24,14 +24,14 @@ impl Default for ImportLimits {
 }
 
 /// Memory left to one import.
-pub(super) struct ImportBudget {
+pub(crate) struct ImportBudget {
     limit: u64,
     left: u64,
     exceeded: bool,
 }
 
 impl ImportBudget {
-    pub(super) fn new(limits: ImportLimits) -> ImportBudget {
+    pub(crate) fn new(limits: ImportLimits) -> ImportBudget {
         ImportBudget { limit: limits.max_bytes, left: limits.max_bytes, exceeded: false }
     }
 
@@ -39,7 +39,7 @@ impl ImportBudget {
     ///
     /// # Errors
     /// One sentence with both numbers, if the limit is exceeded.
-    pub(super) fn spend(&mut self, bytes: u64) -> Result<(), String> {
+    pub(crate) fn spend(&mut self, bytes: u64) -> Result<(), String> {
         match self.left.checked_sub(bytes) {
             Some(left) => {
                 self.left = left;
@@ -59,7 +59,7 @@ impl ImportBudget {
     }
 
     /// Whether an import failed because of the limit.
-    pub(super) fn is_exceeded(&self) -> bool {
+    pub(crate) fn is_exceeded(&self) -> bool {
         self.exceeded
     }
 
@@ -67,7 +67,7 @@ impl ImportBudget {
     ///
     /// # Errors
     /// Those of [`ImportBudget::spend`], or that the system has no such memory.
-    pub(super) fn vec<T>(&mut self, count: usize) -> Result<Vec<T>, String> {
+    pub(crate) fn vec<T>(&mut self, count: usize) -> Result<Vec<T>, String> {
         let bytes = (count as u64).saturating_mul(size_of::<T>() as u64);
         self.spend(bytes)?;
         let mut vec = Vec::new();
@@ -80,7 +80,7 @@ impl ImportBudget {
     ///
     /// # Errors
     /// Those of [`ImportBudget::vec`].
-    pub(super) fn field(&mut self, rows: usize, sh_degree: u8) -> Result<Field, String> {
+    pub(crate) fn field(&mut self, rows: usize, sh_degree: u8) -> Result<Field, String> {
         // Cleaning lists the usable rows.
         self.spend((rows as u64).saturating_mul(size_of::<usize>() as u64))?;
         Ok(Field {
@@ -98,7 +98,7 @@ impl ImportBudget {
     ///
     /// # Errors
     /// Those of [`ImportBudget::vec`].
-    pub(super) fn temporal(&mut self, rows: usize, motion_order: u8) -> Result<Temporal, String> {
+    pub(crate) fn temporal(&mut self, rows: usize, motion_order: u8) -> Result<Temporal, String> {
         Ok(Temporal {
             tau: self.vec(rows)?,
             s: self.vec(rows)?,
@@ -112,7 +112,7 @@ impl ImportBudget {
     ///
     /// # Errors
     /// One sentence with both numbers.
-    pub(super) fn check_ratio(packed: u64, unpacked: u64) -> Result<(), String> {
+    pub(crate) fn check_ratio(packed: u64, unpacked: u64) -> Result<(), String> {
         match unpacked > packed.saturating_mul(RATIO_MAX) {
             true => {
                 Err(format!("{packed} bytes cannot unpack to the {unpacked} bytes that the header announces"))
@@ -125,7 +125,7 @@ impl ImportBudget {
     ///
     /// # Errors
     /// One sentence without the path: not a file, unreadable, or larger than the limit.
-    pub(super) fn read_file(&mut self, path: &Path) -> Result<Vec<u8>, String> {
+    pub(crate) fn read_file(&mut self, path: &Path) -> Result<Vec<u8>, String> {
         let text = |error: std::io::Error| error.to_string();
         let metadata = std::fs::metadata(path).map_err(text)?;
         if !metadata.is_file() {

@@ -10,10 +10,10 @@ use std::f64::consts::SQRT_2;
 
 use codec::sh_coefficients;
 
-use super::budget::ImportBudget;
-use super::imported::{Hints, Imported, Repairs, TRUNCATED, sh_of_rgb};
-use super::inria;
-use super::ply::{Ply, Table};
+use crate::budget::ImportBudget;
+use crate::imported::{Hints, Imported, Repairs, TRUNCATED, sh_of_rgb};
+use crate::inria;
+use crate::ply::{Ply, Table};
 
 /// Gaussians per chunk.
 const CHUNK: usize = 256;
@@ -59,7 +59,7 @@ pub(crate) fn read(ply: &Ply, vertex: &Table, budget: &mut ImportBudget) -> Resu
 
     let mut repairs = Repairs::default();
     repairs.drop_rows(TRUNCATED, (vertex.rows - rows).saturating_add(vertex.missing_rows()));
-    Ok(Imported { field, hints: Hints::default(), repairs, format: "compressed PLY", assumption: None })
+    Ok(Imported { field, hints: Hints::default(), repairs, format: "compressed PLY", notes: Vec::new() })
 }
 
 /// Columns of the lower and upper ends of three ranges.

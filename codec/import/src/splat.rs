@@ -3,8 +3,8 @@
 //! Three `f32` centre, three `f32` standard deviations, RGB and opacity as bytes, quaternion
 //! w, x, y, z as bytes around 128.
 
-use super::budget::ImportBudget;
-use super::imported::{Hints, Imported, Repairs, TRUNCATED, log_of_scales, sh_of_rgb};
+use crate::budget::ImportBudget;
+use crate::imported::{Hints, Imported, Repairs, TRUNCATED, log_of_scales, sh_of_rgb};
 
 /// Bytes per Gaussian.
 const ROW: usize = 32;
@@ -24,5 +24,5 @@ pub(crate) fn read(bytes: &[u8], budget: &mut ImportBudget) -> Result<Imported, 
         field.opacities.push(f32::from(row[27]) / 255.0);
         field.rotations.push([28, 29, 30, 31].map(|k| (f32::from(row[k]) - 128.0) / 128.0));
     }
-    Ok(Imported { field, hints: Hints::default(), repairs, format: ".splat", assumption: None })
+    Ok(Imported { field, hints: Hints::default(), repairs, format: ".splat", notes: Vec::new() })
 }

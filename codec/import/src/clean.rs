@@ -4,7 +4,7 @@
 
 use codec::{Field, MOTION_ORDER_MAX, sh_coefficients};
 
-use super::imported::Repairs;
+use crate::imported::Repairs;
 
 /// Makes a field of raw rows satisfy the invariants of [`Field`], and counts the changes.
 ///
@@ -13,7 +13,7 @@ use super::imported::Repairs;
 /// columns if every row is always on and none moves.
 ///
 /// Works in place: a large field fits into memory once.
-pub(super) fn clean(mut field: Field, repairs: &mut Repairs) -> Field {
+pub(crate) fn clean(mut field: Field, repairs: &mut Repairs) -> Field {
     let mut usable = Vec::with_capacity(field.len());
     for row in 0..field.len() {
         if let Some(reason) = unusable(&field, row) {

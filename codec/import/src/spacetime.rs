@@ -8,10 +8,10 @@
 
 use std::f64::consts::FRAC_1_SQRT_2;
 
-use super::budget::ImportBudget;
-use super::imported::{Hints, Imported, Repairs, TRUNCATED, sh_of_rgb};
-use super::inria;
-use super::ply::Table;
+use crate::budget::ImportBudget;
+use crate::imported::{Hints, Imported, Repairs, TRUNCATED, sh_of_rgb};
+use crate::inria;
+use crate::ply::Table;
 
 /// Reads the rows of a dynamic field.
 pub(crate) fn read(vertex: &Table, budget: &mut ImportBudget) -> Result<Imported, String> {
@@ -45,6 +45,6 @@ pub(crate) fn read(vertex: &Table, budget: &mut ImportBudget) -> Result<Imported
         hints: Hints::default(),
         repairs,
         format: "Spacetime Gaussians PLY",
-        assumption: None,
+        notes: Vec::new(),
     })
 }

@@ -4,7 +4,7 @@ use codec::Camera;
 
 /// Mean up direction of cameras, snapped to an axis within about 25 degrees, since cameras are rarely exactly level;
 /// `None` if they cancel out or there are none.
-pub(crate) fn up_of<'a>(cameras: impl IntoIterator<Item = &'a Camera>) -> Option<[f32; 3]> {
+pub fn up_of<'a>(cameras: impl IntoIterator<Item = &'a Camera>) -> Option<[f32; 3]> {
     let mut up = [0.0; 3];
     for camera in cameras {
         (0..3).for_each(|axis| up[axis] -= camera.camera_from_world[1][axis]);

@@ -5,10 +5,8 @@ use std::fmt;
 
 use codec::{Field, SH_C0, Viewpoint};
 
-use super::fit_record::FitRecord;
-
 /// The reason of [`Repairs::dropped`] for rows that the header announces and the file lacks.
-pub(super) const TRUNCATED: &str = "truncated payload";
+pub(crate) const TRUNCATED: &str = "truncated payload";
 
 /// A field read from a file.
 #[derive(Debug)]
@@ -21,9 +19,9 @@ pub struct Imported {
     pub repairs: Repairs,
     /// Name of the file's format.
     pub format: &'static str,
-    /// What the importer assumes where the format is silent and programs differ, as the rest of a note that names
-    /// the file.
-    pub assumption: Option<&'static str>,
+    /// What the importer assumed where the format is silent and programs differ, what it left out, and what it made of
+    /// a sequence; each the rest of a note that names the file.
+    pub notes: Vec<String>,
 }
 
 impl Imported {
@@ -32,7 +30,7 @@ impl Imported {
     ///
     /// # Errors
     /// One sentence with both numbers.
-    pub(super) fn check_complete(&self) -> Result<(), String> {
+    pub(crate) fn check_complete(&self) -> Result<(), String> {
         let rows = self.field.len();
         match self.repairs.dropped.get(TRUNCATED) {
             Some(&missing) if missing > rows => Err(format!(
@@ -41,6 +39,15 @@ impl Imported {
             )),
             _ => Ok(()),
         }
+    }
+
+    /// The sentence for a field without rows: there were none, or why all were dropped.
+    pub(crate) fn no_gaussians(&self) -> String {
+        let reason = match self.repairs.dropped.is_empty() {
+            true => "no Gaussians".into(),
+            false => format!("no usable Gaussians: {}", self.repairs),
+        };
+        format!("{reason}; get the file again, or export it again")
     }
 }
 
@@ -57,8 +64,10 @@ pub struct Hints {
     pub fps: Option<f32>,
     /// Suggested viewpoints, the initial one first.
     pub viewpoints: Vec<Viewpoint>,
-    /// Photographs that the field was fitted to.
-    pub fit: FitRecord,
+    /// Number of frames of a sequence: its clip lasts one less of them, at whatever rate it has.
+    pub frames: Option<usize>,
+    /// Further comments of a field file, by their keys, in order: those on its fit, and unknown ones.
+    pub comments: Vec<(String, String)>,
 }
 
 /// Rows repaired or dropped on import, counted by reason.
@@ -76,13 +85,19 @@ impl Repairs {
         self.repaired.is_empty() && self.dropped.is_empty()
     }
 
-    pub(super) fn repair_rows(&mut self, reason: &'static str, rows: usize) {
+    /// Adds the counts of another file.
+    pub(crate) fn add(&mut self, other: &Repairs) {
+        other.repaired.iter().for_each(|(reason, &rows)| self.repair_rows(reason, rows));
+        other.dropped.iter().for_each(|(reason, &rows)| self.drop_rows(reason, rows));
+    }
+
+    pub(crate) fn repair_rows(&mut self, reason: &'static str, rows: usize) {
         if rows > 0 {
             *self.repaired.entry(reason).or_default() += rows;
         }
     }
 
-    pub(super) fn drop_rows(&mut self, reason: &'static str, rows: usize) {
+    pub(crate) fn drop_rows(&mut self, reason: &'static str, rows: usize) {
         if rows > 0 {
             *self.dropped.entry(reason).or_default() += rows;
         }
@@ -108,13 +123,13 @@ impl fmt::Display for Repairs {
 }
 
 /// The constant SH coefficient of a channel with this value in `[0, 1]`.
-pub(super) fn sh_of_rgb(value: f64) -> f32 {
+pub(crate) fn sh_of_rgb(value: f64) -> f32 {
     ((value - 0.5) / SH_C0) as f32
 }
 
 /// The logarithms of standard deviations. Zero, the result of underflow in formats with few bits,
 /// becomes the smallest positive [`half::f16`].
-pub(super) fn log_of_scales(scales: [f32; 3], repairs: &mut Repairs) -> [f32; 3] {
+pub(crate) fn log_of_scales(scales: [f32; 3], repairs: &mut Repairs) -> [f32; 3] {
     repairs.repair_rows("zero scale", usize::from(scales.contains(&0.0)));
     scales.map(|scale| if scale == 0.0 { half::f16::from_bits(1).to_f32() } else { scale }.ln())
 }

@@ -15,8 +15,8 @@ use codec::{SH_DEGREE_MAX, sh_coefficients};
 use image::{ImageReader, RgbaImage};
 use serde::Deserialize;
 
-use super::budget::ImportBudget;
-use super::imported::{Hints, Imported, Repairs};
+use crate::budget::ImportBudget;
+use crate::imported::{Hints, Imported, Repairs};
 
 /// Bytes of memory per pixel of an image: within its decoder, decoded, and as RGBA.
 const BYTES_PER_PIXEL: u64 = 12;
@@ -71,7 +71,7 @@ where
 }
 
 /// Reads the rows of an unbundled file set from its `meta.json`.
-pub(super) fn read_folder(
+pub(crate) fn read_folder(
     folder: &Path,
     meta: &OsStr,
     budget: &mut ImportBudget,
@@ -84,7 +84,7 @@ pub(super) fn read_folder(
 }
 
 /// Reads the rows of a bundle.
-pub(super) fn read_bundle(bytes: &[u8], budget: &mut ImportBudget) -> Result<Imported, String> {
+pub(crate) fn read_bundle(bytes: &[u8], budget: &mut ImportBudget) -> Result<Imported, String> {
     let mut archive = zip::ZipArchive::new(Cursor::new(bytes)).map_err(|error| format!("ZIP: {error}"))?;
     let mut load = |name: &str, budget: &mut ImportBudget| {
         let wrong = |error: String| format!("{name} in the ZIP: {error}");
@@ -158,7 +158,7 @@ fn read(
             palette.push_row(i, &mut field.sh, &mut repairs);
         }
     }
-    Ok(Imported { field, hints: Hints::default(), repairs, format: "SOG", assumption: None })
+    Ok(Imported { field, hints: Hints::default(), repairs, format: "SOG", notes: Vec::new() })
 }
 
 fn parse_meta(bytes: &[u8]) -> Result<Meta, String> {

@@ -25,11 +25,10 @@ use codec::{Camera, ClipInfo, Field, Viewpoint};
 use half::f16;
 use serde::{Deserialize, Serialize};
 
-use super::budget::ImportBudget;
-use super::field_file::NAME_MAX;
-use super::fit_record::FitRecord;
-use super::imported::{Hints, Imported, Repairs, TRUNCATED, log_of_scales, sh_of_rgb};
-use super::probe::Probe;
+use crate::budget::ImportBudget;
+use crate::field_file::NAME_MAX;
+use crate::imported::{Hints, Imported, Repairs, TRUNCATED, log_of_scales, sh_of_rgb};
+use crate::probe::Probe;
 use crate::up_axis::up_of;
 
 /// Up in the axes of COLMAP, which fits of Spacetime Gaussians keep.
@@ -39,10 +38,10 @@ const UP: [f32; 3] = [0.0, -1.0, 0.0];
 const HEADER_MAX: u32 = 1 << 20;
 
 /// Bytes per Gaussian.
-pub(crate) const ROW: usize = 64;
+pub const ROW: usize = 64;
 
 /// Gaussians per line of the texture.
-pub(crate) const ROWS_PER_LINE: usize = 1024;
+pub const ROWS_PER_LINE: usize = 1024;
 
 /// Most cameras of a file that are tried, and most viewpoints that they become.
 const CAMERAS_MAX: usize = 16;
@@ -63,21 +62,29 @@ struct Chunk {
 }
 
 /// A camera of a chunk. `rotation` is world from camera.
-#[derive(Deserialize, Serialize)]
-pub(crate) struct SplatvCamera {
-    pub(crate) id: u32,
-    pub(crate) img_name: String,
-    pub(crate) width: u32,
-    pub(crate) height: u32,
-    pub(crate) position: [f64; 3],
-    pub(crate) rotation: [[f64; 3]; 3],
-    pub(crate) fx: f64,
-    pub(crate) fy: f64,
+#[derive(Debug, Deserialize, Serialize)]
+pub struct SplatvCamera {
+    /// Number of the camera.
+    pub id: u32,
+    /// Name.
+    pub img_name: String,
+    /// Width of its images in pixels.
+    pub width: u32,
+    /// Height of its images in pixels.
+    pub height: u32,
+    /// Position in source units.
+    pub position: [f64; 3],
+    /// Rotation from camera axes to world axes, row-major.
+    pub rotation: [[f64; 3]; 3],
+    /// Horizontal focal length in pixels.
+    pub fx: f64,
+    /// Vertical focal length in pixels.
+    pub fy: f64,
 }
 
 /// The metadata of the clip in a file of this project.
-#[derive(Deserialize, Serialize)]
-pub(crate) struct ClipRecord {
+#[derive(Debug, Deserialize, Serialize)]
+pub struct ClipRecord {
     duration_s: f32,
     fps: f32,
     up: [f32; 3],
@@ -85,7 +92,7 @@ pub(crate) struct ClipRecord {
     viewpoints: Vec<ViewpointRecord>,
 }
 
-#[derive(Deserialize, Serialize)]
+#[derive(Debug, Deserialize, Serialize)]
 struct ViewpointRecord {
     name: String,
     position: [f32; 3],
@@ -129,13 +136,13 @@ impl ClipRecord {
             duration_s: Some(duration_s),
             fps: Some(fps),
             viewpoints: info.viewpoints,
-            fit: FitRecord::default(),
+            ..Hints::default()
         })
     }
 }
 
 /// Reads the rows of a dynamic field.
-pub(super) fn read(bytes: &[u8], budget: &mut ImportBudget) -> Result<Imported, String> {
+pub(crate) fn read(bytes: &[u8], budget: &mut ImportBudget) -> Result<Imported, String> {
     let (chunk, payload) = splat_chunk(bytes)?;
     let (rows, rest) = payload.as_chunks::<ROW>();
     let last_used = rows.iter().rposition(|row| row.iter().any(|&byte| byte != 0));
@@ -169,7 +176,7 @@ pub(super) fn read(bytes: &[u8], budget: &mut ImportBudget) -> Result<Imported, 
         Some(record) => record.into_hints()?,
         None => hints_of(&field, &chunk.cameras, budget)?,
     };
-    Ok(Imported { field, hints, repairs, format: ".splatv", assumption: None })
+    Ok(Imported { field, hints, repairs, format: ".splatv", notes: Vec::new() })
 }
 
 /// The `splat` chunk of the file, and its bytes as far as they are there.

@@ -20,15 +20,15 @@ use std::io::Read;
 
 use codec::{PixelFilter, SH_DEGREE_MAX, sh_coefficients};
 
-use super::budget::ImportBudget;
-use super::imported::{Hints, Imported, Repairs, TRUNCATED};
+use crate::budget::ImportBudget;
+use crate::imported::{Hints, Imported, Repairs, TRUNCATED};
 
 /// First four bytes of a plain file.
-pub(crate) const MAGIC: [u8; 4] = *b"NGSP";
+pub const MAGIC: [u8; 4] = *b"NGSP";
 
 /// Factor from the constant SH coefficient to the stored colour, narrower than the basis so that
 /// colours outside `[0, 1]` fit.
-pub(crate) const COLOR_SCALE: f32 = 0.15;
+pub const COLOR_SCALE: f32 = 0.15;
 
 /// Bytes of the header of versions 2 and 3.
 const HEADER: usize = 16;
@@ -37,7 +37,7 @@ const HEADER: usize = 16;
 const HEADER_V4: usize = 32;
 
 /// Bit of byte 14 of the header: the field was fitted with compensated opacities.
-pub(crate) const ANTIALIASED: u8 = 1;
+pub const ANTIALIASED: u8 = 1;
 
 /// What is assumed of a file with this bit. Mip-Splatting and Brush compensate for 0.1 px^2; `antialiased` of
 /// gsplat, `--antialiasing` of 3D Gaussian Splatting, and viewers such as PlayCanvas for 0.3 px^2.
@@ -93,7 +93,7 @@ impl Header {
 }
 
 /// Reads the rows of a static field.
-pub(super) fn read(bytes: &[u8], budget: &mut ImportBudget) -> Result<Imported, String> {
+pub(crate) fn read(bytes: &[u8], budget: &mut ImportBudget) -> Result<Imported, String> {
     let (header, arrays) = if bytes.starts_with(&MAGIC) && bytes.get(4) == Some(&4) {
         read_v4(bytes, budget)?
     } else if bytes.starts_with(&MAGIC) {
@@ -150,8 +150,8 @@ pub(super) fn read(bytes: &[u8], budget: &mut ImportBudget) -> Result<Imported, 
         field.sh.extend(rest(row));
     }
     let hints = Hints { up: Some([0.0, 1.0, 0.0]), ..Hints::default() };
-    let assumption = header.is_antialiased.then_some(ASSUMED_VARIANCE);
-    Ok(Imported { field, hints, repairs, format: "SPZ", assumption })
+    let notes = Vec::from_iter(header.is_antialiased.then(|| ASSUMED_VARIANCE.into()));
+    Ok(Imported { field, hints, repairs, format: "SPZ", notes })
 }
 
 fn read_v2_v3(

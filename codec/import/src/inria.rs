@@ -6,9 +6,9 @@
 
 use codec::{Field, SH_DEGREE_MAX, sh_coefficients};
 
-use super::budget::ImportBudget;
-use super::imported::{Hints, Imported, Repairs, TRUNCATED};
-use super::ply::Table;
+use crate::budget::ImportBudget;
+use crate::imported::{Hints, Imported, Repairs, TRUNCATED};
+use crate::ply::Table;
 
 /// Reads the rows of a static field.
 pub(crate) fn read(vertex: &Table, budget: &mut ImportBudget) -> Result<Imported, String> {
@@ -20,7 +20,7 @@ pub(crate) fn read(vertex: &Table, budget: &mut ImportBudget) -> Result<Imported
         hints: Hints::default(),
         repairs,
         format: "3D Gaussian Splatting PLY",
-        assumption: None,
+        notes: Vec::new(),
     })
 }
 

@@ -7,7 +7,7 @@
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
 
-use super::budget::ImportBudget;
+use crate::budget::ImportBudget;
 
 /// Longest header that is searched for its end.
 const HEADER_MAX: usize = 1 << 20;
@@ -132,7 +132,7 @@ impl<'a> Ply<'a> {
     ///
     /// # Errors
     /// One sentence: malformed header, unsupported encoding or list property, or beyond `budget`.
-    pub(super) fn parse(bytes: &'a [u8], budget: &mut ImportBudget) -> Result<Ply<'a>, String> {
+    pub(crate) fn parse(bytes: &'a [u8], budget: &mut ImportBudget) -> Result<Ply<'a>, String> {
         let (header, body_start) = split_header(bytes)?;
         let mut ply = Ply { comments: Vec::new(), tables: Vec::new() };
         let mut ascii = None;
@@ -323,12 +323,12 @@ mod tests {
     use std::cell::Cell;
 
     use super::*;
-    use crate::import::budget::ImportLimits;
-    use crate::import::inria;
+    use crate::budget::ImportLimits;
+    use crate::inria;
 
     thread_local! {
         /// Comparisons of names on this thread.
-        pub(super) static COMPARISONS: Cell<usize> = const { Cell::new(0) };
+        pub(crate) static COMPARISONS: Cell<usize> = const { Cell::new(0) };
     }
 
     #[test]
