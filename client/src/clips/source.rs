@@ -118,8 +118,8 @@ pub fn open(name: Option<&str>, options: &SourceOptions) -> Result<Arrival, Faul
             let path = Path::new(path);
             #[cfg(feature = "import")]
             if field::is_field(path) {
-                return field::load_field(path, &options.limits)
-                    .map(|(clip, note)| loaded(note, (clip, SoundTrack::default())));
+                let field = field::load_field(path, &options.limits);
+                return field.map(|(clip, note)| loaded(note, (clip, SoundTrack::default())));
             }
             if let Some(take) = open_take(path, &options.limits)? {
                 return Ok(Arrival::Take { note: take.truncation(), take: Some(Arc::new(take)) });

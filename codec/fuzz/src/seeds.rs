@@ -26,16 +26,16 @@ pub fn packages() -> Vec<(String, Vec<u8>)> {
         let package = package(&field, None, &options(Coder::Fixed, &[]));
         packages.push((format!("flood-sh{sh_degree}.aarc"), package));
     }
+    let poster = Poster { time_s: 0.5, position: [0.0, 0.0, -5.0], target: [0.0; 3], fov_y: 0.8 };
+    let clip = package(&static_field(3, 1, 1), None, &options(Coder::Fixed, &[1]));
+    let posted = with_poster(&clip, Some(&poster), &Limits::default()).expect("a whole package");
+    packages.push(("poster.aarc".into(), posted));
     let package_with = |position| {
         let package = package(&static_field(3, 1, 1), None, &options(Coder::Fixed, &[1]));
         with_sound(&package, Some(&sound(position))).expect("a whole package")
     };
     packages.push(("sound.aarc".into(), package_with(None)));
     packages.push(("sound-placed.aarc".into(), package_with(Some([0.5, -1.0, 2.0]))));
-    let poster = Poster { time_s: 0.5, position: [0.0, 0.0, -5.0], target: [0.0; 3], fov_y: 0.8 };
-    let clip = package(&static_field(3, 1, 1), None, &options(Coder::Fixed, &[1]));
-    let posted = with_poster(&clip, Some(&poster), &Limits::default()).expect("a whole package");
-    packages.push(("poster.aarc".into(), posted));
     for coder in Coder::ALL {
         packages.push((format!("take-{}.aarc", coder.name()), small_take(coder)));
         // Of many small segments.

@@ -28,7 +28,7 @@ const NAMES: [&str; 6] = ["licen", "copying", "notice", "copyright", "ofl", "ufl
 const OTHER_ENDINGS: [&str; 7] = [".rs", ".toml", ".html", ".py", ".sh", ".c", ".h"];
 
 /// Cargo's name of this machine's target.
-pub(super) const HOST: &str = "host-tuple";
+const HOST: &str = "host-tuple";
 
 /// Licence of the text that stands in for packages that ship none; all of these allow it.
 const DEFAULT_LICENCE: &str = "Apache-2.0";
@@ -39,10 +39,10 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
 }
 
 /// A package of a program.
-pub(super) struct Package {
-    /// Name and version: `name v1.2.3`.
-    pub(super) name: String,
-    pub(super) licence: String,
+struct Package {
+    /// Name and version.
+    name: String,
+    licence: String,
     folder: PathBuf,
     /// Whether it is one of this repository.
     is_ours: bool,
@@ -82,7 +82,7 @@ pub(super) fn notices(selection: &[&str], target: &str) -> anyhow::Result<String
 }
 
 /// The packages that become part of the selected programs, sorted by name.
-pub(super) fn packages(selection: &[&str], target: &str) -> anyhow::Result<Vec<Package>> {
+fn packages(selection: &[&str], target: &str) -> anyhow::Result<Vec<Package>> {
     let tree = output_of(
         workspace::cargo()
             .args(["tree", "--locked", "--edges", "normal,no-proc-macro", "--prefix", "none"])

@@ -236,8 +236,8 @@ impl From<&codec::Section> for Section {
             kind: match section.kind {
                 SectionKind::Gaussians => "gaussians".into(),
                 SectionKind::TimeIndex => "time index".into(),
-                SectionKind::Sound => "sound".into(),
                 SectionKind::Poster => "poster".into(),
+                SectionKind::Sound => "sound".into(),
                 SectionKind::Unknown(kind) => format!("unknown {kind}"),
             },
             region: region_name(section.region),
