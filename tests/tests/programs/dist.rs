@@ -97,18 +97,18 @@ fn install(folder: &Folder, deb: &str) -> Result<Completion, String> {
         return Ok(Completion::ignored_with("dpkg installs as root only"));
     }
     installed.success();
-    let is_there = |name: &&str| root.join(name).is_file();
-    if let Some(missing) = INSTALLED.iter().find(|name| !is_there(name)) {
+    let is_there = |name: &str| root.join(name).is_file();
+    if let Some(missing) = INSTALLED.into_iter().find(|name| !is_there(name)) {
         return Err(format!("{missing} was not installed"));
     }
     dpkg("--verify", "aarc").success();
     let aarc = root.join("usr/bin/aarc");
-    let version = run(folder.command(&aarc, "--version")).success();
+    let version = run(&mut folder.command(&aarc, "--version")).success();
     if !version.stdout.starts_with("aarc ") {
         return Err(format!("the installed player: {version:?}"));
     }
     let Outcome { code, .. } = dpkg("--purge", "aarc");
-    match (code, INSTALLED.iter().find(is_there)) {
+    match (code, INSTALLED.into_iter().find(|name| is_there(name))) {
         (Some(0), None) => Ok(Completion::Completed),
         (code, left) => Err(format!("removal: exit code {code:?}, {left:?} is left")),
     }
