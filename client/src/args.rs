@@ -35,7 +35,8 @@ Exit codes:
 Environment:
   XDG_CACHE_HOME        folder of aarc/clips, the cache of downloads, 512 MiB at most
                         [default: ~/.cache]
-  XDG_STATE_HOME        folder of aarc/placements.json, the places of clips in the room
+  XDG_STATE_HOME        folder of aarc/placements.json, the places of clips in the room,
+                        and aarc/sound.json, the volume
                         [default: ~/.local/state]
   SSL_CERT_FILE         certificates to trust [default: Mozilla's]
   HTTPS_PROXY, HTTP_PROXY, NO_PROXY
@@ -45,6 +46,7 @@ Environment:
 
 Examples:
   aarc clip.aarc
+  aarc scene.ply
   aarc https://clips.example.org/dance.aarc
   aarc clip.aarc --headless --time 0.5 --size 1024x1024 --out frame.png
   aarc clip.aarc --headless --frames 0..30 --fps 30 --stereo --out frames --stats stats.json
@@ -56,7 +58,8 @@ Examples:
 #[command(name = "aarc", version, long_version = VERSION.as_str(), after_long_help = AFTER_HELP)]
 pub struct Args {
     /// A clip (.aarc) or a playlist of clips (.json): a path, or an http:// or https:// URL [default: the
-    /// built-in demo].
+    /// built-in demo]. Built with the feature import, also the path of a field that aarc-studio package reads
+    /// (.ply, .spz, .sog, .splat and others), of a folder with one, or of a folder of numbered PLYs, one a frame.
     ///
     /// A clip from a URL plays as soon as its first layer has arrived. Downloads are cached in
     /// $XDG_CACHE_HOME/aarc/clips and play from there without the network. The cache holds 512 MiB; the

@@ -4,7 +4,7 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 
 /// The folder for state that outlives a run; `None` if neither variable nor home is set.
-#[cfg(feature = "xr")]
+#[cfg(any(feature = "window", feature = "xr"))]
 pub(crate) fn state() -> Option<PathBuf> {
     folder(|name| std::env::var_os(name), "XDG_STATE_HOME", ".local/state")
 }

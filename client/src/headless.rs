@@ -127,7 +127,7 @@ impl DeviceState {
             FrameLayout { format: args.target.format(), eyes: views.len(), foveated: inset.is_some() };
         let start = Instant::now();
         match clip {
-            Content::Clip(clip) => {
+            Content::Clip(clip, _) => {
                 let on_gpu = Arc::new(GpuClip::upload(gpu, clip)?);
                 let upload_ms = start.elapsed().as_secs_f64() * 1e3;
                 let renderer = Renderer::new(gpu, on_gpu, layout)?;

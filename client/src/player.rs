@@ -1,7 +1,7 @@
 //! [`Player`]: position, speed, direction and loop of a playing clip, independent of any display.
 //!
-//! The caller advances it by elapsed time (wall time in a window, predicted display time in a headset) and
-//! draws [`Player::clip_time`]. Positions are seconds from the start of the clip.
+//! The caller advances it by elapsed time (wall time in a window, predicted display time in a headset, what was heard
+//! while sound plays) and draws [`Player::clip_time`]. Positions are seconds from the start of the clip.
 
 /// Slowest and fastest speed.
 pub const SPEED_RANGE: (f64, f64) = (0.1, 2.0);
@@ -264,6 +264,11 @@ impl Player {
     /// Whether the clip starts over at its end.
     pub fn is_looping(&self) -> bool {
         self.looping
+    }
+
+    /// Whether the start follows the end: the clip loops, and no other one follows.
+    pub fn starts_over(&self) -> bool {
+        self.looping && !self.has_next
     }
 
     /// Speed, 1 at the captured rate.

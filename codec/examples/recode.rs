@@ -5,9 +5,7 @@
 
 use std::{env, error::Error, fs, hint::black_box, num::NonZero, time::Instant};
 
-use codec::{
-    AttributeSize, Clip, Coder, EncodeOptions, Limits, Precision, Source, decode, encode_parallel, measure,
-};
+use codec::{AttributeSize, Clip, Coder, EncodeOptions, Limits, Source, decode, encode_parallel, measure};
 
 /// Decodes of each coder, of which the fastest counts.
 const ROUNDS: usize = 15;
@@ -51,7 +49,7 @@ fn recoded(clip: &Clip) -> Result<[Vec<u8>; 2], Box<dyn Error>> {
     let threads = std::thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN);
     let mut packages = [const { Vec::new() }; 2];
     for (coder, package) in CODERS.into_iter().zip(&mut packages) {
-        let options = EncodeOptions { coder, layers: Vec::new(), precision: Precision::default() };
+        let options = EncodeOptions { coder, ..EncodeOptions::default() };
         *package = encode_parallel(&source, &options, threads)?;
     }
     Ok(packages)

@@ -51,8 +51,10 @@ pub struct EncodeOptions {
     /// field count as one, and the last layer always ends with the field; so the default, no ends,
     /// makes one layer.
     pub layers: Vec<usize>,
-    /// Fidelity of the coder `context`. The coder `fixed` ignores it.
+    /// Fidelity of the coders `context` and `rans`. The coder `fixed` ignores it.
     pub precision: Precision,
+    /// Whether a graphics device computed numbers of the field; the package says so, in version 2.
+    pub by_device: bool,
 }
 
 /// Packages a field. The same source and options give the same bytes on any machine.
@@ -170,6 +172,7 @@ fn encode_sections(
     let mut contents = describe(info, coder, bounds, &chunks, &layers, plate.as_ref());
     contents.filter = field.filter;
     contents.plate_filter = source.plate.map(|plate| plate.filter).unwrap_or_default();
+    contents.by_device = options.by_device;
 
     let plan: Vec<PlannedSection> = contents.plan().collect();
     let payload = |planned: &PlannedSection, has_neighbors: Option<bool>| {
@@ -200,7 +203,7 @@ fn encode_sections(
     // Flags make every chunk of version 2 longer by a byte. Readers of version 1 are older, and know one filter.
     let saved: usize = payloads.iter().map(Payload::saved_by_version_2).sum();
     let has_other_filter = [contents.filter, contents.plate_filter] != [PixelFilter::Blur; 2];
-    let needs_version_2 = has_other_filter || saved > payloads.len();
+    let needs_version_2 = has_other_filter || contents.by_device || saved > payloads.len();
     contents.version_major = if needs_version_2 { 2 } else { coder.version_major() };
     let (mut static_rows, mut dynamic_rows) = (Vec::new(), Vec::new());
     for (planned, payload) in plan.iter().zip(&payloads) {
@@ -447,6 +450,7 @@ fn describe(
         layers: layers.iter().map(layer_end).collect(),
         plate_len: plate.map_or(0, |(_, rows)| rows.len()),
         plate_filter: PixelFilter::default(),
+        by_device: false,
         plate_sh_degree: plate.map_or(0, |(chunks, rows)| chunks.nonzero_columns(rows, false).sh_degree),
         head_bytes: 0,
         head_crc: 0,

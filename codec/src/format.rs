@@ -8,9 +8,18 @@ pub(crate) const MAGIC: [u8; 4] = *b"AARC";
 /// needs.
 pub const VERSIONS: std::ops::RangeInclusive<u16> = 1..=2;
 
-/// Highest minor version of the package format that is written: that of packages with a poster; others have 0. A later
+/// Highest minor version of the package format that is written: that of packages with sound or a poster; others have 0. A later
 /// minor version may add sections that are not critical; readers skip those.
-pub const VERSION_MINOR: u16 = POSTER_SINCE_MINOR;
+pub const VERSION_MINOR: u16 = SOUND_SINCE_MINOR;
+
+/// First minor version that has sound.
+pub(crate) const SOUND_SINCE_MINOR: u16 = 1;
+
+/// Bytes of a section of sound before the lengths of its packets.
+pub(crate) const SOUND_HEAD_BYTES: usize = 32;
+
+/// Numbers of samples that a packet of sound may have: the durations of packets of one frame.
+pub(crate) const SOUND_PACKET_SAMPLES: [u16; 6] = [120, 240, 480, 960, 1920, 2880];
 
 /// First minor version that has posters.
 pub(crate) const POSTER_SINCE_MINOR: u16 = 1;

@@ -48,6 +48,9 @@ pub struct Contents {
     pub plate_sh_degree: u8,
     /// Filter of the plate; the default without a plate.
     pub plate_filter: PixelFilter,
+    /// Whether a graphics device computed numbers of the Gaussians, so that the same field may give another package
+    /// elsewhere. Decoding does not depend on it.
+    pub by_device: bool,
     /// Length of the head in bytes: the offset of the first section.
     pub head_bytes: usize,
     /// CRC-32 (IEEE 802.3) of the head, as its last four bytes store it.
@@ -179,6 +182,7 @@ fn parse(head: &Head, limits: &Limits, budget: &mut Budget) -> Result<Contents, 
         plate_len,
         plate_sh_degree: preamble.columns.plate_sh_degree,
         plate_filter: preamble.plate_filter,
+        by_device: preamble.by_device,
         head_bytes: head.bytes(),
         head_crc: head.crc,
         sections,
@@ -301,6 +305,15 @@ impl Contents {
                     }
                     continue;
                 }
+                SectionKind::Sound => {
+                    let planned =
+                        Section { critical: false, layer: 0, region: Region::Static, chunk: 0, ..*section };
+                    if i > 0 || *section != (Section { raw_length: section.length, ..planned }) {
+                        let expected = "sound first, of layer 0, not critical, not compressed";
+                        return Err(error(expected.into(), format!("{section:?}")));
+                    }
+                    continue;
+                }
                 SectionKind::Gaussians | SectionKind::TimeIndex => {}
             }
             let planned =
@@ -348,6 +361,7 @@ impl Contents {
             columns: self.columns(),
             filter: self.filter,
             plate_filter: self.plate_filter,
+            by_device: self.by_device,
             layer_count: self.layers.len(),
             viewpoint_count: self.info.viewpoints.len(),
             plate_len: self.plate_len,

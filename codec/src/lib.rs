@@ -24,8 +24,10 @@
 //! | evaluate one of them | [`Field::position_at`], [`Field::opacity_at`], [`Field::rotation_at`] | |
 //! | look at them | [`Viewpoint::camera`], [`Camera`] | |
 //! | read the poster of a clip or take | [`poster()`], [`Contents::poster`] | |
+//! | read the sound of a clip or of a segment | [`Contents::sound`], [`Sound`] | |
 //! | package a field | `encode`, `encode_parallel`, `encode_rounded` | `encode` |
 //! | cut a long field into segments, write the head of a take | `split`, `encode_take_head`, `take_order` | `encode` |
+//! | put sound into a package | `with_sound` | `encode` |
 //! | put a poster into a package | `with_poster` | `encode` |
 //! | size by attribute | `measure` | `encode` |
 //! | camera files | [`Camera`] with serde | `serde` |
@@ -139,6 +141,7 @@ mod quant;
 mod rans;
 mod rows;
 mod section;
+mod sound;
 mod take;
 mod time_index;
 
@@ -164,6 +167,9 @@ pub use poster::{Poster, poster};
 #[cfg(feature = "encode")]
 pub use precision::{Precision, Sensitivity};
 pub use section::{Region, Section, SectionKind};
+#[cfg(feature = "encode")]
+pub use sound::with_sound;
+pub use sound::{SOUND_RATE_HZ, Sound, SoundInfo};
 pub use take::{Package, Resident, SPAN_TOLERANCE_S, Segment, SegmentLayer, Take, package, span_holds};
 #[cfg(feature = "encode")]
 pub use take::{SegmentGrid, SegmentPackage, SplitSegment, encode_take_head, retime, split, take_order};

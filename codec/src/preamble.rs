@@ -15,10 +15,11 @@ use crate::{
 };
 
 /// Flags of the head: the dynamic region has rotation rates; from version 2, the mip filter of the static and
-/// the dynamic region, and that of the plate. Format.
+/// the dynamic region, that of the plate, and whether a graphics device computed numbers of the Gaussians. Format.
 const ROTATION_RATES: u8 = 1;
 const MIP: u8 = 2;
 const PLATE_MIP: u8 = 4;
+const BY_DEVICE: u8 = 8;
 
 /// A head whose magic number, version, length and checksum are right.
 pub(crate) struct Head<'a> {
@@ -117,8 +118,10 @@ impl<'a> Head<'a> {
         };
         let sh_degree = at_most("SH degree", 61, reader.u8()?, SH_DEGREE_MAX)?;
         let motion_order = at_most("motion order", 62, reader.u8()?, MOTION_ORDER_MAX)?;
-        let known_flags =
-            if self.version_major >= 2 { ROTATION_RATES | MIP | PLATE_MIP } else { ROTATION_RATES };
+        let known_flags = match self.version_major {
+            ..2 => ROTATION_RATES,
+            2.. => ROTATION_RATES | MIP | PLATE_MIP | BY_DEVICE,
+        };
         let flags = at_most("flags", 63, reader.u8()?, known_flags)?;
         let layer_count = usize::from(reader.u8()?);
         if layer_count > LAYERS_MAX || (layer_count == 0) != self.is_take() {
@@ -139,6 +142,7 @@ impl<'a> Head<'a> {
             columns: PackageColumns { sh_degree, temporal, plate_sh_degree },
             filter: filter(flags, MIP),
             plate_filter: filter(flags, PLATE_MIP),
+            by_device: flags & BY_DEVICE != 0,
             layer_count,
             viewpoint_count: usize::from(viewpoint_count),
             plate_len,
@@ -157,6 +161,7 @@ pub(crate) struct Preamble {
     pub(crate) columns: PackageColumns,
     pub(crate) filter: PixelFilter,
     pub(crate) plate_filter: PixelFilter,
+    pub(crate) by_device: bool,
     /// 0 in the head of a take.
     pub(crate) layer_count: usize,
     pub(crate) viewpoint_count: usize,
@@ -219,7 +224,8 @@ mod write {
             let flag = |is_set, bit| if is_set { bit } else { 0 };
             w.u8(flag(self.columns.temporal.rotation_rates, ROTATION_RATES)
                 | flag(self.filter == PixelFilter::Mip, MIP)
-                | flag(self.plate_filter == PixelFilter::Mip, PLATE_MIP));
+                | flag(self.plate_filter == PixelFilter::Mip, PLATE_MIP)
+                | flag(self.by_device, BY_DEVICE));
             w.u8(self.layer_count as u8);
             w.u8(self.viewpoint_count as u8);
             w.u8(self.columns.plate_sh_degree);

@@ -34,6 +34,8 @@ pub enum SectionKind {
     TimeIndex,
     /// The picture that stands for the clip, as a time and a view. Not critical.
     Poster,
+    /// The sound of the clip. Not critical.
+    Sound,
     /// A kind, by its number, that a later minor version defines. Skipped.
     Unknown(u8),
 }
@@ -56,6 +58,7 @@ impl SectionKind {
             SectionKind::Gaussians => 1,
             SectionKind::TimeIndex => 2,
             SectionKind::Poster => 4,
+            SectionKind::Sound => 3,
             SectionKind::Unknown(id) => id,
         }
     }
@@ -65,6 +68,7 @@ impl SectionKind {
             1 => SectionKind::Gaussians,
             2 => SectionKind::TimeIndex,
             4 => SectionKind::Poster,
+            3 => SectionKind::Sound,
             id => SectionKind::Unknown(id),
         }
     }
@@ -80,6 +84,7 @@ impl SectionKind {
             SectionKind::Gaussians => "chunk of Gaussians",
             SectionKind::TimeIndex => "time index",
             SectionKind::Poster => "poster",
+            SectionKind::Sound => "sound",
             SectionKind::Unknown(_) => "unknown section",
         }
     }

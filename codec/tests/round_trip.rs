@@ -520,6 +520,24 @@ fn filters_are_flags_of_version_2() {
 }
 
 #[test]
+fn packages_say_that_a_device_computed_numbers() {
+    for coder in Coder::ALL {
+        let made = |by_device| {
+            let options = EncodeOptions { by_device, ..options(coder, &[20]) };
+            package(&field(Shape::full(40), 1), None, &options)
+        };
+        let [without, with] = [false, true].map(made);
+        let [without, with] = [without, with].map(|bytes| {
+            let head = contents(&bytes, &Limits::default()).unwrap();
+            assert_eq!(head.version_major == 2, head.by_device || coder == Coder::Rans, "{coder:?}");
+            (head.by_device, valid_clip(&bytes).merged())
+        });
+        assert_eq!((without.0, with.0), (false, true), "{coder:?}");
+        assert_eq!(without.1, with.1, "{coder:?}: the same numbers");
+    }
+}
+
+#[test]
 fn flags_of_filters_are_refused_where_they_mean_nothing() {
     let field = Field { filter: PixelFilter::Mip, ..field(Shape::full(40), 1) };
     let parts = Parts::of(&package(&field, None, &options(Coder::Fixed, &[])));
@@ -529,7 +547,7 @@ fn flags_of_filters_are_refused_where_they_mean_nothing() {
         decode(&parts.join(), &Limits::default()).map(drop).map_err(|error| error.to_string())
     };
     assert_eq!(refused(2, 3), Ok(()));
-    for (version, flags) in [(1, 3), (2, 7), (2, 11)] {
+    for (version, flags) in [(1, 3), (1, 9), (2, 7), (2, 19)] {
         let message = refused(version, flags).unwrap_err();
         assert!(message.contains("byte 63") && message.contains("flags"), "{version} {flags}: {message}");
     }

@@ -34,7 +34,10 @@ fn main() -> ExitCode {
         passes("the player does not depend on the host tool", the_player_does_not_depend_on_the_host_tool),
         passes("the player does not compile the encoder", the_player_does_not_compile_the_encoder),
         passes("on Android the player compiles what it runs", on_android_the_player_compiles_what_it_runs),
-        passes("a bare player has no window and no network", a_bare_player_has_no_window_and_no_network),
+        passes(
+            "a bare player has no window, no sound and no network",
+            a_bare_player_has_no_window_no_sound_and_no_network,
+        ),
     ];
     libtest_mimic::run(&Arguments::from_args(), tests).exit_code()
 }
@@ -199,15 +202,15 @@ fn on_android_the_player_compiles_what_it_runs() {
     for package in ["android-activity", "android_logger", "egui", "ureq"] {
         assert!(depends_on(&tree, package), "the player for Android depends on {package}");
     }
-    for package in ["winit", "egui-winit", "env_logger"] {
+    for package in ["winit", "egui-winit", "env_logger", "import"] {
         assert!(!depends_on(&tree, package), "the player for Android depends on {package}");
     }
 }
 
-fn a_bare_player_has_no_window_and_no_network() {
+fn a_bare_player_has_no_window_no_sound_and_no_network() {
     let with = tree(&["--edges", "normal"]);
     let without = tree(&["--edges", "normal", "--no-default-features"]);
-    for package in ["winit", "egui", "ureq"] {
+    for package in ["import", "winit", "egui", "ureq", "cpal", "rusty-opus", "rubato"] {
         assert!(depends_on(&with, package), "the default player depends on {package}");
         assert!(!depends_on(&without, package), "the bare player depends on {package}");
     }

@@ -157,7 +157,7 @@ fn layers_play_before_the_rest_is_sent() {
     let retry = RetryPolicy { read_timeout: Duration::from_secs(30), ..RETRY };
     let mut layers_played = Vec::new();
     for event in Download::new(&server.url("clip.aarc"), Options { retry, ..Options::default() }) {
-        let LoadEvent::Clip(ClipVersion { clip, is_continued }) = event.unwrap() else { continue };
+        let LoadEvent::Clip(ClipVersion { clip, is_continued, .. }) = event.unwrap() else { continue };
         assert_eq!(is_continued, !layers_played.is_empty());
         layers_played.push(clip.layers.len());
         assert_eq!(server.sent().len(), clip.layers.len(), "no more was sent than plays");

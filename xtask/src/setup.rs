@@ -24,6 +24,8 @@ pub(crate) enum Need {
     Vulkan,
     /// The X libraries that the desktop window loads at run time.
     WindowLibraries,
+    /// The headers of the system's sound library, to build the player.
+    SoundHeaders,
     /// An X server without a screen, for the tests of the window.
     VirtualDisplay,
     /// A C++ compiler, for libFuzzer.
@@ -67,6 +69,7 @@ impl Need {
         match self {
             Need::Vulkan => "a Vulkan loader and driver",
             Need::WindowLibraries => "the X libraries of a window",
+            Need::SoundHeaders => "the headers of ALSA, the sound library",
             Need::VirtualDisplay => "Xvfb, an X server without a screen",
             Need::CppCompiler => "c++, a C++ compiler",
             Need::Headset => "Monado, an OpenXR runtime",
@@ -86,6 +89,7 @@ impl Need {
             Need::WindowLibraries => {
                 &["libx11-6", "libx11-xcb1", "libxcb1", "libxcursor1", "libxi6", "libxkbcommon-x11-0"]
             }
+            Need::SoundHeaders => &["libasound2-dev", "pkg-config"],
             Need::VirtualDisplay => &["xvfb"],
             Need::CppCompiler => &["g++"],
             Need::ApkTools => &["aapt", "apksigner", "zipalign"],
@@ -115,6 +119,10 @@ impl Need {
             ]
             .iter()
             .all(|name| library_exists(name)),
+            Need::SoundHeaders => Command::new("pkg-config")
+                .args(["--exists", "alsa"])
+                .status()
+                .is_ok_and(|status| status.success()),
             Need::VirtualDisplay => program_exists("Xvfb"),
             Need::CppCompiler => program_exists("c++"),
             Need::Headset

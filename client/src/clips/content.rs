@@ -5,22 +5,32 @@ use std::sync::Arc;
 use codec::{Clip, ClipInfo, Viewpoint};
 use program::Subject;
 
+use crate::audio::SoundTrack;
 use crate::takes::OpenTake;
 
 /// A clip or a take.
 #[derive(Clone, Debug)]
 pub enum Content {
-    /// All of it is in memory.
-    Clip(Arc<Clip>),
+    /// All of it is in memory, with its sound.
+    Clip(Arc<Clip>, SoundTrack),
     /// Its head is in memory.
     Take(Arc<OpenTake>),
 }
 
 impl Content {
+    /// The sound; that of a take grows as its segments are loaded.
+    #[cfg(any(feature = "window", feature = "xr"))]
+    pub(crate) fn sound(&self) -> SoundTrack {
+        match self {
+            Content::Clip(_, sound) => sound.clone(),
+            Content::Take(opened) => opened.sound.clone(),
+        }
+    }
+
     /// Axes, frames per second, viewpoints.
     pub(crate) fn info(&self) -> &ClipInfo {
         match self {
-            Content::Clip(clip) => &clip.info,
+            Content::Clip(clip, _) => &clip.info,
             Content::Take(opened) => &opened.take.info,
         }
     }
@@ -28,7 +38,7 @@ impl Content {
     /// Duration in seconds.
     pub(crate) fn duration_s(&self) -> f64 {
         match self {
-            Content::Clip(clip) => clip.info.duration_s.into(),
+            Content::Clip(clip, _) => clip.info.duration_s.into(),
             Content::Take(opened) => opened.take.duration_s,
         }
     }
@@ -36,7 +46,7 @@ impl Content {
     /// The viewpoints, or one that frames the bounds if there are none. Never empty.
     pub(crate) fn viewpoints(&self) -> Vec<Viewpoint> {
         match self {
-            Content::Clip(clip) => clip.viewpoints(),
+            Content::Clip(clip, _) => clip.viewpoints(),
             Content::Take(opened) => opened.viewpoints(),
         }
     }
@@ -44,7 +54,7 @@ impl Content {
     /// Number of layers; of a take, the most of a segment.
     pub(crate) fn layers(&self) -> usize {
         match self {
-            Content::Clip(clip) => clip.layers.len(),
+            Content::Clip(clip, _) => clip.layers.len(),
             Content::Take(opened) => opened.layer_ends().len(),
         }
     }
@@ -52,7 +62,7 @@ impl Content {
     /// Number of layers that the package announces; a clip that is cut short has fewer.
     pub(crate) fn layers_announced(&self) -> usize {
         match self {
-            Content::Clip(clip) => clip.layers_announced.len(),
+            Content::Clip(clip, _) => clip.layers_announced.len(),
             Content::Take(_) => self.layers(),
         }
     }
@@ -60,15 +70,16 @@ impl Content {
     /// Number of Gaussians, plates included.
     pub(crate) fn gaussians(&self) -> usize {
         match self {
-            Content::Clip(clip) => clip.len() + clip.plate.as_ref().map_or(0, |plate| plate.len()),
+            Content::Clip(clip, _) => clip.len() + clip.plate.as_ref().map_or(0, |plate| plate.len()),
             Content::Take(opened) => opened.layer_ends().last().copied().unwrap_or(0),
         }
     }
 
-    /// Whether the image is the same at all times.
+    /// Whether there is nothing to play: the image is the same at all times, and silent.
     pub(crate) fn is_static(&self) -> bool {
         match self {
-            Content::Clip(clip) => clip.dynamic_field.is_empty(),
+            // One with sound plays, although nothing moves.
+            Content::Clip(clip, sound) => clip.dynamic_field.is_empty() && sound.is_empty(),
             Content::Take(_) => false,
         }
     }
@@ -76,7 +87,7 @@ impl Content {
     /// The upright frame of it, at the start of a take.
     pub(crate) fn subject(&self) -> Subject {
         match self {
-            Content::Clip(clip) => Subject::of(clip),
+            Content::Clip(clip, _) => Subject::of(clip),
             Content::Take(opened) => opened.subject(),
         }
     }

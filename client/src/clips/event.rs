@@ -6,6 +6,7 @@ use codec::Clip;
 
 use super::progress::Progress;
 use super::queue::{Entry, Queue};
+use crate::audio::SoundTrack;
 use crate::takes::OpenTake;
 use program::Fault;
 
@@ -14,6 +15,8 @@ use program::Fault;
 pub struct ClipVersion {
     /// The layers that have arrived.
     pub clip: Arc<Clip>,
+    /// Its sound, which versions that continue each other share.
+    pub sound: SoundTrack,
     /// Whether it continues the version before: that has the same first layers.
     pub is_continued: bool,
 }

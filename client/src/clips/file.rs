@@ -12,25 +12,35 @@ use codec::{Contents, Layers};
 use program::{Fault, read_error};
 
 use super::advice;
+use crate::audio::SoundTrack;
 
 /// Reads and decodes a package.
 ///
 /// # Errors
 /// [`Fault::Data`] with the path and the reason.
 pub fn load_file(path: &Path, limits: &Limits) -> Result<Clip, Fault> {
+    load_with_sound(path, limits).map(|(clip, _)| clip)
+}
+
+/// As [`load_file`], with the sound.
+///
+/// # Errors
+/// As there; not for damaged sound.
+pub(super) fn load_with_sound(path: &Path, limits: &Limits) -> Result<(Clip, SoundTrack), Fault> {
     let fault = |reason: String| Fault::Data(format!("{}: {reason}", path.display()));
     if path.is_dir() {
         return Err(fault("is a folder: name an .aarc file in it".into()));
     }
     let bytes = read(path, limits.max_bytes).map_err(fault)?;
-    decode(&bytes, limits).map_err(|error| {
+    let clip = decode(&bytes, limits).map_err(|error| {
         fault(match error {
             Error::Format { error: FormatError::Magic, .. } => {
                 format!("{}: {}", FormatError::Magic, remedy(path))
             }
             error => format!("{error}: {}", advice(&error, "copy it again")),
         })
-    })
+    })?;
+    Ok((clip, SoundTrack::of_clip(&bytes, limits)))
 }
 
 /// How to make a clip of a file that is none.

@@ -175,11 +175,11 @@ impl<T: ClipTarget> Loading<'_, T> {
         for event in arrival {
             let mut flow = ControlFlow::Continue(());
             match event? {
-                LoadEvent::Clip(ClipVersion { clip, is_continued }) => {
+                LoadEvent::Clip(ClipVersion { clip, sound, is_continued }) => {
                     if !is_continued {
                         self.uploaded = None;
                     }
-                    latest = Some(Content::Clip(clip));
+                    latest = Some(Content::Clip(clip, sound));
                 }
                 LoadEvent::Take(take) => latest = Some(Content::Take(take)),
                 event => flow = self.pass_on(event),

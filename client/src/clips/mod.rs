@@ -23,6 +23,8 @@ mod content;
 mod controller;
 pub(crate) mod demo;
 mod event;
+#[cfg(feature = "import")]
+mod field;
 mod file;
 mod loader;
 pub mod playlist;

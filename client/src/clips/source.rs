@@ -9,10 +9,13 @@ use program::Fault;
 use super::content::Content;
 use super::demo;
 use super::event::{ClipVersion, LoadEvent};
-use super::file::{decode, load_file, truncation};
+#[cfg(feature = "import")]
+use super::field;
+use super::file::{decode, load_with_sound, truncation};
 use super::queue::Entry;
 use super::source_options::SourceOptions;
 use super::url::{UNKNOWN_SCHEME, is_url, redacted, scheme};
+use crate::audio::SoundTrack;
 #[cfg(feature = "net")]
 use crate::net::{self, Download};
 use crate::takes::OpenTake;
@@ -77,7 +80,7 @@ impl Arrival {
             match event {
                 LoadEvent::Clip(clip) => {
                     let is_enough = layers.is_some_and(|layers| clip.clip.layers.len() >= layers);
-                    let clip = Content::Clip(clip.clip);
+                    let clip = Content::Clip(clip.clip, clip.sound);
                     if is_enough {
                         return Ok(clip);
                     }
@@ -93,19 +96,19 @@ impl Arrival {
 }
 
 /// Opens a clip: a path, which is read and decoded at once; a URL; or the demo clip where `name` is
-/// `None`.
+/// `None`. With the feature `import`, a path may also be that of a field in the format of another program.
 ///
 /// # Errors
-/// As [`load_file`]; [`Fault::Usage`] for a URL if this program was built without the feature `net`, or if
+/// As [`load_file`](super::file::load_file); [`Fault::Usage`] for a URL if this program was built without the feature `net`, or if
 /// its scheme is another one.
 pub fn open(name: Option<&str>, options: &SourceOptions) -> Result<Arrival, Fault> {
-    let loaded = |note, clip| {
-        let clip = ClipVersion { clip: Arc::new(clip), is_continued: false };
+    let loaded = |note, (clip, sound)| {
+        let clip = ClipVersion { clip: Arc::new(clip), sound, is_continued: false };
         Arrival::Loaded { note, clip: Some(clip) }
     };
     match name {
         None => decode(&demo::package()?, &options.limits)
-            .map(|clip| loaded(None, clip))
+            .map(|clip| loaded(None, (clip, SoundTrack::default())))
             .map_err(|error| Fault::Defect(format!("demo clip: {error}: install the player again"))),
         Some(name) if is_url(name) => download(name, options),
         Some(url) if scheme(url).is_some() => {
@@ -113,15 +116,21 @@ pub fn open(name: Option<&str>, options: &SourceOptions) -> Result<Arrival, Faul
         }
         Some(path) => {
             let path = Path::new(path);
+            #[cfg(feature = "import")]
+            if field::is_field(path) {
+                return field::load_field(path, &options.limits)
+                    .map(|(clip, note)| loaded(note, (clip, SoundTrack::default())));
+            }
             if let Some(take) = open_take(path, &options.limits)? {
                 return Ok(Arrival::Take { note: take.truncation(), take: Some(Arc::new(take)) });
             }
-            load_file(path, &options.limits).map(|clip| loaded(truncation(path, &clip), clip))
+            load_with_sound(path, &options.limits)
+                .map(|(clip, sound)| loaded(truncation(path, &clip), (clip, sound)))
         }
     }
 }
 
-/// Opens a file if it is a take. What is wrong with other files, [`load_file`] says.
+/// Opens a file if it is a take. What is wrong with other files, [`load_file`](super::file::load_file) says.
 fn open_take(path: &Path, limits: &Limits) -> Result<Option<OpenTake>, Fault> {
     if path.is_file() { OpenTake::open(path, limits) } else { Ok(None) }
 }

@@ -12,6 +12,7 @@ use super::fetch::{Fetch, FetchOptions, Outcome, State, undecodable};
 use super::partial_file::PartialFile;
 use super::remote_file::RemoteFile;
 use super::retry::RetryPolicy;
+use crate::audio::SoundTrack;
 use crate::clips::{ClipVersion, LoadEvent, Servers, decode, decode_layers, redacted};
 use crate::takes::{OpenTake, TakeSource};
 
@@ -60,6 +61,7 @@ struct Arrived {
     head: Contents,
     /// The display shares it while it draws. Layers that are appended meanwhile make a copy.
     clip: Arc<Clip>,
+    sound: SoundTrack,
 }
 
 /// A clip being downloaded. Iterating waits for the next event, 250 ms at most. It ends after the
@@ -125,15 +127,18 @@ impl Download {
             Ok(fetch) => self.stage = Stage::Fetching(fetch),
             Err(fault) => return self.fail(fault),
         }
-        report(clip.map(|clip| ClipVersion { clip: Arc::new(clip), is_continued: false }))
+        report(clip)
     }
 
     /// The cached version and its clip. Removes an entry that does not decode.
-    fn cached_clip(&self) -> Option<(String, Clip)> {
+    fn cached_clip(&self) -> Option<(String, ClipVersion)> {
         let cache = self.options.cache.as_ref()?;
         let file = cache.get(&self.url)?;
         match decode(&file.bytes, &self.options.limits) {
-            Ok(clip) => Some((file.etag, clip)),
+            Ok(clip) => {
+                let sound = SoundTrack::of_clip(&file.bytes, &self.options.limits);
+                Some((file.etag, ClipVersion { clip: Arc::new(clip), sound, is_continued: false }))
+            }
             Err(error) => {
                 log::warn!("{}: the cached clip does not play: {error}", redacted(&self.url));
                 cache.remove(&self.url);
@@ -253,8 +258,10 @@ impl Download {
         let head = contents(bytes, limits)?;
         let Some(arrived) = self.arrived.as_mut().filter(|arrived| arrived.head == head) else {
             let clip = Arc::new(decode(bytes, limits)?);
-            self.arrived = Some(Arrived { head, clip: clip.clone() });
-            return Ok((Some(ClipVersion { clip, is_continued: false }), bytes.len()));
+            // It comes before the first layer.
+            let sound = SoundTrack::of_clip(bytes, limits);
+            self.arrived = Some(Arrived { head, clip: clip.clone(), sound: sound.clone() });
+            return Ok((Some(ClipVersion { clip, sound, is_continued: false }), bytes.len()));
         };
         let (first, ends) = (arrived.clip.layers.len(), head.layer_bytes());
         if first == ends.len() {
@@ -262,7 +269,8 @@ impl Download {
         }
         let layers = decode_layers(&head, bytes, first, limits)?;
         Arc::make_mut(&mut arrived.clip).append(layers);
-        let version = ClipVersion { clip: arrived.clip.clone(), is_continued: true };
+        let (clip, sound) = (arrived.clip.clone(), arrived.sound.clone());
+        let version = ClipVersion { clip, sound, is_continued: true };
         Ok((Some(version), bytes.len() - ends[first - 1]))
     }
 

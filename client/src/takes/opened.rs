@@ -11,6 +11,7 @@ use program::{Fault, Subject};
 use super::layers::Traffic;
 use super::plan::{Want, rows_wanted, span};
 use super::source::TakeSource;
+use crate::audio::SoundTrack;
 use crate::clips::advice;
 use crate::gpu::{PackedLayers, PackedSegment, PlateLayout, TakeLayout};
 
@@ -40,6 +41,8 @@ pub struct OpenTake {
     /// Number of layers of each segment that the file holds; 0 for a segment beyond its end.
     layers: Vec<usize>,
     limits: Limits,
+    /// The sounds of the segments that were loaded.
+    pub(crate) sound: SoundTrack,
 }
 
 impl OpenTake {
@@ -100,7 +103,7 @@ impl OpenTake {
         if layers.iter().all(|layers| *layers == 0) {
             return Err(fault("the file is cut short before its first layer ends: copy it again".into()));
         }
-        Ok(Some(OpenTake { take, source, layers, limits: *limits }))
+        Ok(Some(OpenTake { take, source, layers, limits: *limits, sound: SoundTrack::default() }))
     }
 
     /// Name of the take for messages.
@@ -228,6 +231,9 @@ impl OpenTake {
         let before = self.source.traffic();
         let bytes = self.read(want)?;
         let traffic = self.source.traffic() - before;
+        if want.from == 0 {
+            self.add_sound(want.segment, &bytes);
+        }
         let packed = match want.from {
             0 => PackedSegment::new(&self.decode_segment(want, &bytes)?, span, layout)
                 .map(|segment| PackedWant::Segment(Box::new(segment))),
@@ -235,6 +241,14 @@ impl OpenTake {
                 .map(|layers| PackedWant::Layers(Box::new(layers))),
         };
         Ok((packed.map_err(|fault| fault.about(&self.name()))?, traffic))
+    }
+
+    /// Adds the sound of a segment to the track. What is wrong with its head, the decoder says.
+    fn add_sound(&self, index: usize, bytes: &[u8]) {
+        let limits = self.segment_limits();
+        if let Ok(head) = self.take.segment_contents(index, bytes, &limits) {
+            self.sound.add(&head, bytes, &limits, self.take.segments[index].start_s);
+        }
     }
 
     /// Reads the segment up to the wanted layers, with those before, which a cache has.

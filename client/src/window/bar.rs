@@ -10,6 +10,7 @@ use egui::{
 use super::icons::{Symbol, symbol_button};
 use super::keys::Command;
 use super::style;
+use crate::audio::Volume;
 use crate::gpu::{Cutoff, RenderSettings, SortOrder};
 use crate::player::{Player, SPEEDS};
 
@@ -21,6 +22,8 @@ pub(crate) struct Controls<'a> {
     pub(crate) is_scrubbing: &'a mut bool,
     /// Whether the clip has no timeline.
     pub(crate) is_static: bool,
+    /// How loud the sound is, if there is some.
+    pub(crate) volume: Option<&'a mut Volume>,
     /// Parts of a take that play without loading, as seconds (from, to).
     pub(crate) buffered: &'a [(f64, f64)],
     /// Number of layers of the clip.
@@ -31,7 +34,7 @@ pub(crate) struct Controls<'a> {
 }
 
 /// Shows the bar. Appends the commands of its buttons to `commands`.
-pub(crate) fn show(ui: &mut Ui, controls: Controls<'_>, commands: &mut Vec<Command>) {
+pub(crate) fn show(ui: &mut Ui, mut controls: Controls<'_>, commands: &mut Vec<Command>) {
     let frame = Frame::new().fill(ui.visuals().panel_fill).inner_margin(Margin {
         left: 14,
         right: 14,
@@ -43,6 +46,9 @@ pub(crate) fn show(ui: &mut Ui, controls: Controls<'_>, commands: &mut Vec<Comma
         ui.horizontal(|ui| {
             if !controls.is_static {
                 transport(ui, controls.player, commands);
+                if let Some(volume) = controls.volume.take() {
+                    sound(ui, volume, controls.player, commands);
+                }
             }
             ui.with_layout(Layout::right_to_left(Align::Center), |ui| menus(ui, controls, commands));
         });
@@ -100,6 +106,31 @@ fn transport(ui: &mut Ui, player: &Player, commands: &mut Vec<Command>) {
     ui.add_space(8.0);
     let frames = format!("frame {} / {}", player.frame(), player.last_frame());
     ui.label(RichText::new(frames).monospace().color(style::QUIET));
+}
+
+/// Width of the slider of the volume, in points.
+const VOLUME_WIDTH: f32 = 80.0;
+
+/// Shows whether sound is muted, and how loud it is.
+fn sound(ui: &mut Ui, volume: &mut Volume, player: &Player, commands: &mut Vec<Command>) {
+    ui.add_space(10.0);
+    let (symbol, hint) = match volume.is_muted() {
+        true => (Symbol::Muted, "Sound on (M)"),
+        false => (Symbol::Sound, "Mute (M)"),
+    };
+    if symbol_button(ui, symbol, hint).clicked() {
+        commands.push(Command::ToggleMuted);
+    }
+    let mut level = if volume.is_muted() { 0.0 } else { volume.level() };
+    ui.spacing_mut().slider_width = VOLUME_WIDTH;
+    let slider = clickable(ui, Slider::new(&mut level, 0.0..=1.0).show_value(false));
+    let hint = match player.speed() == 1.0 && !player.is_reversed() {
+        true => "Volume",
+        false => "Sound is heard forward at normal speed",
+    };
+    if slider.on_hover_text(hint).changed() {
+        volume.set_level(level);
+    }
 }
 
 /// Position and duration to hundredths of a second: `1.25 / 10.00 s`, `0:59.20 / 1:30.00`.

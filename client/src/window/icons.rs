@@ -10,6 +10,8 @@ pub(crate) enum Symbol {
     StepBack,
     StepForward,
     Close,
+    Sound,
+    Muted,
 }
 
 /// A button with a symbol. `hint` is its tooltip and its label for screen readers.
@@ -51,10 +53,34 @@ fn draw(painter: &Painter, symbol: Symbol, center: Pos2, color: Color32) {
             triangle(-6.0, 4.0);
             bar(6.0, 3.0);
         }
+        Symbol::Sound | Symbol::Muted => loudspeaker(painter, matches!(symbol, Symbol::Muted), center, color),
         Symbol::Close => {
             let stroke = egui::Stroke::new(1.5, color);
             painter.line_segment([at(-4.0, -4.0), at(4.0, 4.0)], stroke);
             painter.line_segment([at(-4.0, 4.0), at(4.0, -4.0)], stroke);
         }
+    }
+}
+
+/// A loudspeaker, with waves or a cross.
+fn loudspeaker(painter: &Painter, is_muted: bool, center: Pos2, color: Color32) {
+    let at = |x: f32, y: f32| pos2(center.x + x, center.y + y);
+    let polygon = |corners: Vec<Pos2>| {
+        painter.add(egui::Shape::convex_polygon(corners, color, egui::Stroke::NONE));
+    };
+    polygon(vec![at(-8.0, -3.0), at(-5.0, -3.0), at(-5.0, 3.0), at(-8.0, 3.0)]);
+    polygon(vec![at(-5.0, -3.0), at(0.0, -7.0), at(0.0, 7.0), at(-5.0, 3.0)]);
+    let stroke = egui::Stroke::new(1.5, color);
+    if is_muted {
+        painter.line_segment([at(3.0, -3.0), at(9.0, 3.0)], stroke);
+        painter.line_segment([at(3.0, 3.0), at(9.0, -3.0)], stroke);
+        return;
+    }
+    for radius in [4.0f32, 8.0] {
+        let point = |i: i16| {
+            let angle = f32::from(i) * 0.14;
+            at(1.0 + radius * angle.cos(), radius * angle.sin())
+        };
+        painter.add(egui::Shape::line((-6..=6).map(point).collect(), stroke));
     }
 }

@@ -16,6 +16,7 @@ pub(crate) enum Command {
     NormalSpeed,
     ToggleReverse,
     ToggleLoop,
+    ToggleMuted,
     /// The viewpoint of this index.
     GoToViewpoint(usize),
     Recentre,
@@ -53,7 +54,7 @@ const fn repeating(
 }
 
 /// Keys that control the player.
-pub(crate) const PLAYING: [Binding; 9] = [
+pub(crate) const PLAYING: [Binding; 10] = [
     once(&[Key::Space], Command::TogglePlaying, "Space", "Play or pause"),
     repeating(&[Key::ArrowLeft, Key::Comma], Command::StepBack, "Left or ,", "One frame back"),
     repeating(&[Key::ArrowRight, Key::Period], Command::StepForward, "Right or .", "One frame on"),
@@ -63,6 +64,7 @@ pub(crate) const PLAYING: [Binding; 9] = [
     once(&[Key::Backspace], Command::NormalSpeed, "Backspace", "Normal speed"),
     once(&[Key::B], Command::ToggleReverse, "B", "Play backwards or forward"),
     once(&[Key::L], Command::ToggleLoop, "L", "Loop on or off"),
+    once(&[Key::M], Command::ToggleMuted, "M", "Sound on or off"),
 ];
 
 /// Keys that control the window.

@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 
 use egui::epaint::ClippedPrimitive;
 use egui::{TexturesDelta, ViewportId};
-use glam::UVec2;
+use glam::{DMat4, DVec3, UVec2};
 use winit::dpi::{LogicalSize, PhysicalSize, Size};
 use winit::event::WindowEvent;
 use winit::event_loop::{ActiveEventLoop, EventLoopProxy};
@@ -24,11 +24,13 @@ use super::overlay::Message;
 use super::screen::Screen;
 use super::screenshot::Screenshot;
 use super::viewed_clip::ViewedClip;
-use super::viewer::{Requests, Viewer};
+use super::viewer::{FrameSeconds, Requests, Viewer};
+use crate::audio::{SoundTrack, Speaker};
 use crate::clips::{
     Arrival, Beginning, Change, ClipController, ClipTarget, Content, Entry, LoadEvent, LoadOptions, Queue,
     SourceOptions, Transition, title,
 };
+use crate::folders;
 use crate::gpu::{
     Format, FrameCounts, FrameLayout, Gpu, GpuClip, Picture, RenderSettings, Renderer, SurfaceFrame,
 };
@@ -46,6 +48,9 @@ const HIDDEN_RETRY: Duration = Duration::from_millis(200);
 
 /// Interval between looks whether a part of a take has come, while the clip pauses.
 const LOADING_RETRY: Duration = Duration::from_millis(100);
+
+/// Most seconds from drawing a frame to its display that are assumed.
+const AHEAD_MAX_S: f64 = 0.034;
 
 /// How long a part of a take may be missing before the window says so: shorter waits are barely seen.
 const LOADING_PATIENCE: Duration = Duration::from_millis(250);
@@ -131,6 +136,8 @@ struct Playing {
     renderer: Option<Renderer>,
     /// The segments of a take, as long as there is a renderer.
     take: Option<TakePlayer>,
+    sound: SoundTrack,
+    metres_per_unit: f64,
     /// Number of Gaussians, plate included.
     gaussians: usize,
     /// Number of layers that the package announces; a truncated file has fewer.
@@ -151,7 +158,7 @@ impl Playing {
     ) -> Result<Playing, Fault> {
         let layout = FrameLayout::plain(format, 1);
         let (renderer, take) = match content {
-            Content::Clip(clip) => {
+            Content::Clip(clip, _) => {
                 (Renderer::new(gpu, GpuClip::following(gpu, uploaded, clip)?, layout)?, None)
             }
             Content::Take(opened) => {
@@ -165,6 +172,8 @@ impl Playing {
             viewed: ViewedClip::new(content),
             renderer: Some(renderer),
             take,
+            sound: content.sound(),
+            metres_per_unit: content.info().metres_per_unit.into(),
             gaussians: content.gaussians(),
             layers_announced: content.layers_announced(),
         })
@@ -201,6 +210,7 @@ pub(super) struct Session {
     /// Whether the previous frame asked for this one at once.
     is_continuous: bool,
     clips: ClipController<WindowTarget>,
+    speaker: Speaker,
     reporter: Reporter,
     /// Since when a part of the take is missing at the position, and whether that was said.
     loading_since: Option<(Instant, bool)>,
@@ -242,9 +252,12 @@ impl Session {
         let options = LoadOptions { source: start.source, min_layers: 1, is_complete: false };
         let mut clips = ClipController::new(options, true, waker(&proxy))?;
         clips.adopt(WindowTarget::of(&screen, &proxy), uploaded, start.entry, start.queue, start.rest);
+        let mut speaker = Speaker::new(folders::state());
+        speaker.change_track(playing.sound.clone(), false);
         window.request_redraw();
         Ok(Session {
             viewer,
+            speaker,
             drawn: None,
             counts: FrameCounts::default(),
             frame_times: FrameTimes::default(),
@@ -323,6 +336,7 @@ impl Session {
 
     fn show(&mut self, playing: Playing, transition: Transition) {
         let viewed = playing.viewed.clone();
+        self.speaker.change_track(playing.sound.clone(), !matches!(transition, Transition::Open));
         match transition {
             Transition::Open => {
                 self.viewer.change_clip(viewed);
@@ -364,6 +378,7 @@ impl Session {
     pub(super) fn frame(&mut self) -> Result<Next, Fault> {
         let Some(frame) = self.screen.surface.acquire(&self.screen.gpu)? else {
             self.last_frame = None;
+            self.speaker.stop();
             return Ok(Next::After(HIDDEN_RETRY));
         };
         let now = Instant::now();
@@ -379,18 +394,17 @@ impl Session {
         let input = self.screen.input.take_egui_input(&self.window);
         let statistics = self.statistics(frame.size);
         let mut requests = Requests::default();
-        let output = ctx.run_ui(input, |ui| requests = self.viewer.frame(ui, elapsed_s, &statistics));
+        let seconds = self.listen(elapsed_s);
+        let mut volume = self.speaker.controls();
+        let output = ctx.run_ui(input, |ui| {
+            requests = self.viewer.frame(ui, seconds, volume.as_deref_mut(), &statistics);
+        });
         if let Some(change) = self.clips.advance(&mut self.viewer.player) {
             self.apply(change);
         }
+        self.speaker.rest(&self.viewer.player, self.viewer.is_scrubbing());
 
-        let [width, height] = frame.size;
-        let state = PictureState {
-            revision: self.playing.take.as_ref().map_or(0, TakePlayer::revision),
-            t: self.shown_time(),
-            view: View::from_camera(&self.viewer.camera(width, height)),
-            settings: self.viewer.settings,
-        };
+        let state = self.picture_state(frame.size);
         let outdated = self.drawn != Some(state);
         if outdated {
             self.draw_picture(frame.size, &state)?;
@@ -420,6 +434,33 @@ impl Session {
             Duration::MAX => Next::OnInput,
             delay => Next::After(delay),
         })
+    }
+
+    /// The inputs of the picture of this frame.
+    fn picture_state(&self, [width, height]: [u32; 2]) -> PictureState {
+        PictureState {
+            revision: self.playing.take.as_ref().map_or(0, TakePlayer::revision),
+            t: self.shown_time(),
+            view: View::from_camera(&self.viewer.camera(width, height)),
+            settings: self.viewer.settings,
+        }
+    }
+
+    /// Takes in what is heard, and where the camera hears it.
+    fn listen(&mut self, elapsed_s: f64) -> FrameSeconds {
+        let Session { speaker, viewer, playing, .. } = self;
+        // A frame is seen about as long after it is drawn as frames are apart.
+        let ahead_s = elapsed_s.min(AHEAD_MAX_S);
+        let played_s = speaker.step(&viewer.player, viewer.is_scrubbing(), elapsed_s, ahead_s);
+        let camera_from_world = DMat4::from_cols_array_2d(&viewer.camera(1, 1).camera_from_world).transpose();
+        speaker.place(&viewer.player, |point| {
+            let seen = playing.metres_per_unit * camera_from_world.transform_point3(point);
+            DVec3::new(seen.x, -seen.y, -seen.z)
+        });
+        if let Some(note) = self.speaker.take_note() {
+            self.apply(Change::Note(note));
+        }
+        FrameSeconds { elapsed_s, played_s }
     }
 
     /// Brings the segments of a take up to the position, and lets the clock wait for those that are missing there.

@@ -11,11 +11,21 @@ use super::camera::{CameraControl, ZOOM_PER_NOTCH};
 use super::keys::{self, Command, FlyKeys};
 use super::overlay::{self, Message};
 use super::viewed_clip::ViewedClip;
+use crate::audio::Volume;
 use crate::gpu::RenderSettings;
 use crate::player::Player;
 
 /// Points of scrolling per notch of a wheel.
 const POINTS_PER_NOTCH: f64 = 40.0;
+
+/// Seconds that a frame takes.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct FrameSeconds {
+    /// By the clock of the display.
+    pub(crate) elapsed_s: f64,
+    /// By which the clip goes on while it plays: by what is heard, if it has sound.
+    pub(crate) played_s: f64,
+}
 
 /// Requests of the interface to the window.
 #[derive(Debug, Default, PartialEq, Eq)]
@@ -125,9 +135,20 @@ impl Viewer {
         }
     }
 
-    /// Handles the input of a frame, advances player and camera by `elapsed_s` seconds, and shows the
-    /// controls. `statistics` are rows of names and values.
-    pub(crate) fn frame(&mut self, ui: &mut Ui, elapsed_s: f64, statistics: &[(&str, String)]) -> Requests {
+    /// Whether the pointer holds the timeline.
+    pub(crate) fn is_scrubbing(&self) -> bool {
+        self.is_scrubbing
+    }
+
+    /// Handles the input of a frame, advances player and camera, and shows the controls, with those of the `volume` if
+    /// the clip has sound. `statistics` are rows of names and values.
+    pub(crate) fn frame(
+        &mut self,
+        ui: &mut Ui,
+        FrameSeconds { elapsed_s, played_s }: FrameSeconds,
+        mut volume: Option<&mut Volume>,
+        statistics: &[(&str, String)],
+    ) -> Requests {
         let ctx = ui.ctx().clone();
         let mut commands = self.keyboard(&ctx);
         let window = ui.available_rect_before_wrap();
@@ -137,6 +158,7 @@ impl Viewer {
                 settings: &mut self.settings,
                 is_scrubbing: &mut self.is_scrubbing,
                 is_static: self.clip.is_static,
+                volume: volume.as_deref_mut(),
                 buffered: &self.buffered,
                 layers: self.clip.layers,
                 viewpoints: &self.clip.viewpoints,
@@ -149,10 +171,13 @@ impl Viewer {
 
         let mut requests = Requests::default();
         for command in commands {
-            self.apply(command, &mut requests);
+            match (command, volume.as_deref_mut()) {
+                (Command::ToggleMuted, Some(volume)) => volume.toggle_muted(),
+                _ => self.apply(command, &mut requests),
+            }
         }
         if !self.is_scrubbing {
-            self.player.advance(elapsed_s);
+            self.player.advance(played_s);
         }
         self.camera.fly(self.fly_keys.fly(), elapsed_s);
 
@@ -226,6 +251,8 @@ impl Viewer {
             // A static clip comes to its end in any case.
             Command::ToggleReverse if self.clip.is_static => {}
             Command::ToggleReverse => player.set_reversed(!player.is_reversed()),
+            // There is nothing to mute.
+            Command::ToggleMuted => {}
             Command::ToggleLoop => player.set_looping(!player.is_looping()),
             Command::GoToViewpoint(number) => self.go_to_viewpoint(number),
             Command::Recentre => self.go_to_viewpoint(self.viewpoint),

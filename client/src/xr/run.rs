@@ -13,6 +13,7 @@ use super::show::Show;
 use super::show::place::Place;
 use super::show::quality::Quality;
 use crate::args::Args;
+use crate::audio::Speaker;
 use crate::clips::{LoadOptions, SourceOptions};
 use crate::gpu::{ChannelDepth, DEVICE_REPLACED, Failures, Gpu, VulkanHandles, choose_f16};
 use crate::pipeline_folder::PipelineFolder;
@@ -50,7 +51,9 @@ pub(super) fn play(args: &Args, system: &mut System) -> Result<(), Fault> {
         min_layers: args.layer.map_or(1, |layers| layers as usize),
         is_complete: measures,
     };
-    let mut show = Show::new(args.clip.clone(), options, quality, Place::new(store, standpoint), !measures)?;
+    let speaker = if measures { Speaker::silent() } else { Speaker::new(system.state_dir()) };
+    let place = Place::new(store, standpoint);
+    let mut show = Show::new(args.clip.clone(), options, quality, place, speaker, !measures)?;
     let mut report = Report::new(args, started);
     loop {
         let device = Device::open(&runtime, system)?;

@@ -4,6 +4,7 @@
 pub mod mutation;
 pub mod properties;
 pub mod seeds;
+pub mod sound;
 
 #[path = "../../tests/common/mod.rs"]
 mod common;

@@ -5,8 +5,8 @@ use std::ops::Range;
 
 use codec::{
     ALPHA_MIN, Clip, ClipInfo, Coder, Contents, EncodeOptions, Error, Field, FormatError, LayerEnd, Limits,
-    Package, Poster, Precision, SH_C0, SPAN_TOLERANCE_S, Segment, Sensitivity, Source, Take, Temporal,
-    contents, decode, encode, package, poster, sh_coefficients, with_poster,
+    Package, Poster, Precision, SH_C0, SPAN_TOLERANCE_S, SectionKind, Segment, Sensitivity, Sound, Source,
+    Take, Temporal, contents, decode, encode, package, poster, sh_coefficients, with_poster, with_sound,
 };
 
 /// Limits that small, fast inputs can reach and exceed.
@@ -32,6 +32,9 @@ const ROWS_MAX: usize = 24;
 pub fn check_decoding(bytes: &[u8], decoded: &Result<Clip, Error>) {
     let head = contents(bytes, &LIMITS);
     check_poster(bytes);
+    if let Ok(head) = &head {
+        check_sound(bytes, head);
+    }
     match (decoded, &head) {
         (Ok(clip), Ok(head)) => check_clip(clip, head, &Take::from(head), bytes.len()),
         (Err(error), Ok(_)) => assert!(error.to_string().contains("at byte "), "no offset in: {error}"),
@@ -54,6 +57,34 @@ fn check_poster(bytes: &[u8]) {
             let again = poster(&written, &LIMITS).expect("a package").expect("a poster");
             assert_eq!(Poster { time_s: read.time_s, ..again }, read);
         }
+    }
+}
+
+/// Reads the sound of a package within [`LIMITS`] and checks it.
+///
+/// # Panics
+/// If an error has no offset in the section, or a sound breaks a rule or is written as other bytes.
+pub fn check_sound(bytes: &[u8], head: &Contents) {
+    let section = head.sections.iter().find(|section| section.kind == SectionKind::Sound);
+    let sound = match head.sound(bytes, &LIMITS) {
+        Ok(None) => return assert_eq!(section, None, "the sound vanished"),
+        Ok(Some(sound)) => sound,
+        Err(Error::Limits { .. }) => return,
+        Err(Error::Format { offset, .. }) => {
+            let section = section.expect("an error of a section");
+            let is_there = (section.offset..=section.end()).contains(&offset);
+            return assert!(is_there || offset == bytes.len(), "byte {offset} of {section:?}");
+        }
+        Err(error) => panic!("{error} is of no section"),
+    };
+    let again = Sound::new(*sound.info(), sound.packets());
+    assert_eq!(again.as_ref(), Ok(&sound), "a sound that is read keeps the rules");
+    assert_eq!(sound.packets().map(<[u8]>::len).sum::<usize>(), sound.packet_bytes());
+    assert!(sound.info().end() > sound.info().start);
+    let is_whole = head.sections.last().is_some_and(|section| section.end() == bytes.len());
+    if is_whole && head.version_minor == 1 {
+        let written = with_sound(bytes, Some(&sound)).expect("a whole package");
+        assert!(written == bytes, "the package is written as other bytes");
     }
 }
 

@@ -1,11 +1,12 @@
 //! The initial corpus: small fields of every combination of columns, as packages and as inputs of the
 //! round trip.
 
-use codec::{Coder, Limits, Poster, split, with_poster};
+use codec::{Coder, Limits, Poster, split, with_poster, with_sound};
 
 use crate::{
     common::{Shape, field, options, package, segment_package, small_take, static_field, take_package},
     properties::RoundTripInput,
+    sound::sound,
 };
 
 /// Named packages of all coders.
@@ -29,6 +30,12 @@ pub fn packages() -> Vec<(String, Vec<u8>)> {
     let clip = package(&static_field(3, 1, 1), None, &options(Coder::Fixed, &[1]));
     let posted = with_poster(&clip, Some(&poster), &Limits::default()).expect("a whole package");
     packages.push(("poster.aarc".into(), posted));
+    let package_with = |position| {
+        let package = package(&static_field(3, 1, 1), None, &options(Coder::Fixed, &[1]));
+        with_sound(&package, Some(&sound(position))).expect("a whole package")
+    };
+    packages.push(("sound.aarc".into(), package_with(None)));
+    packages.push(("sound-placed.aarc".into(), package_with(Some([0.5, -1.0, 2.0]))));
     for coder in Coder::ALL {
         packages.push((format!("take-{}.aarc", coder.name()), small_take(coder)));
         // Of many small segments.

@@ -48,7 +48,8 @@ pub struct Coded {
 const JOINT_GAIN_DB: f64 = 0.7;
 
 /// Most precisions at which numbers are rounded jointly. Each takes rounds of its own, since another precision has other
-/// rounding errors.
+/// rounding errors; it begins with the targets of the last one. With half the rounds, later ones often lost what the first
+/// had gained.
 const JOINT_TRIALS: usize = 3;
 
 /// Excess in dB over the target PSNR that ends joint rounding: 0.1 dB is 0.4 % of the bytes.
@@ -66,6 +67,8 @@ pub struct PackageTarget<'a> {
     pub layers: &'a [usize],
     /// PSNR in dB against the field before coding.
     pub psnr_db: f64,
+    /// Whether a graphics device computes numbers of the package, which says so.
+    pub by_device: bool,
 }
 
 /// Packages `source` at a PSNR of `target.psnr_db` to [`SURPLUS_MAX_DB`] above, no picture more than
@@ -80,27 +83,21 @@ pub fn code(
     target: PackageTarget,
     seen: &[PosedView],
     judge: &Pictures,
-    joint: Option<&JointRounding>,
+    joint: Option<&mut JointRounding>,
     mut on_step: impl FnMut(),
 ) -> Result<Coded, CodeError> {
     let known = sensitivities(source.field, source.plate, seen, &mut on_step);
-    let PackageTarget { coder, layers, psnr_db } = target;
-    let mut coder = TargetCoder::new(source, coder, layers, known, judge);
+    let PackageTarget { coder, layers, psnr_db, by_device } = target;
+    let mut coder = TargetCoder::new(source, coder, layers, known, judge).mark(by_device);
     match joint {
         None => coder.code(psnr_db, on_step),
         Some(joint) => coder.code_jointly(psnr_db, joint, on_step),
     }
 }
 
-/// Number of steps of [`TargetCoder::code`], or of [`TargetCoder::code_jointly`].
-pub fn code_steps(joint: Option<&JointRounding>) -> usize {
-    TRIALS + joint.map_or(0, joint_steps)
-}
-
-/// Number of rounds at all precisions of joint rounding. Further precisions begin with the targets of the last one. With
-/// half the rounds there, they often lost what the first one had gained.
-fn joint_steps(joint: &JointRounding) -> usize {
-    JOINT_TRIALS * joint.rounds()
+/// Number of steps of [`TargetCoder::code_jointly`] with as many rounds at a precision, or of [`TargetCoder::code`] with 0.
+pub fn code_steps(rounds: usize) -> usize {
+    TRIALS + JOINT_TRIALS * rounds
 }
 
 /// Packages a source with target PSNRs, one after another. What a small field's trials for one target
@@ -142,6 +139,14 @@ impl<'a> TargetCoder<'a> {
         TargetCoder { equal: equal.map(trials), own: trials(rows), latest: None }
     }
 
+    /// Sets the mark of packages for which a graphics device computes numbers.
+    fn mark(mut self, by_device: bool) -> TargetCoder<'a> {
+        for trials in self.equal.iter_mut().chain([&mut self.own]) {
+            trials.by_device = by_device;
+        }
+        self
+    }
+
     /// Packages the source at `psnr_db`, as [`code`] does. `on_step` is called after each of [`TRIALS`].
     ///
     /// # Errors
@@ -158,7 +163,7 @@ impl<'a> TargetCoder<'a> {
     pub fn code_jointly(
         &mut self,
         psnr_db: f64,
-        joint: &JointRounding,
+        joint: &mut JointRounding,
         mut on_step: impl FnMut(),
     ) -> Result<Coded, CodeError> {
         let Met { coded: alone, precision } = self.meet(psnr_db, &mut on_step)?;
@@ -188,7 +193,7 @@ impl<'a> TargetCoder<'a> {
             }
             options.precision.psnr += (JOINT_AIM_DB - surplus_db) / SLOPE;
         }
-        (steps..joint_steps(joint)).for_each(|_| on_step());
+        (TRIALS + steps..code_steps(joint.rounds())).for_each(|_| on_step());
         Ok(best)
     }
 
@@ -364,10 +369,11 @@ mod tests {
         pool.install(|| {
             let mut coder = TargetCoder::new(&source, Coder::Rans, &[], known.clone(), &judge);
             let rounds = std::num::NonZero::new(4).unwrap();
-            let joint = JointRounding::new(&source, views(0.25), rounds, || ());
+            let mut backend = crate::fit::Cpu::default();
+            let mut joint = JointRounding::new(views(0.25), rounds, &mut backend);
             let mut steps = 0;
-            let coded = coder.code_jointly(45.0, &joint, || steps += 1).unwrap();
-            assert_eq!(steps, code_steps(Some(&joint)));
+            let coded = coder.code_jointly(45.0, &mut joint, || steps += 1).unwrap();
+            assert_eq!(steps, code_steps(rounds.get()));
             [coded, coder.code(45.0, || ()).unwrap()]
         })
     }

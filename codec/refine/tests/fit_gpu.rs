@@ -23,6 +23,7 @@ fn main() -> ExitCode {
         trial("images match the CPU", images),
         trial("images and gradients of more pairs than the buffers held", many_pairs),
         trial("gradients match the CPU", gradients),
+        trial("gradients of several losses and views match the CPU", gradients_of_views),
         trial("the loss matches the CPU", losses),
         trial("a step matches the CPU", a_step),
         trial("cameras are learned as on the CPU", cameras),
@@ -189,6 +190,37 @@ fn gradients(mut gpu: Gpu) -> Result<(), DeviceError> {
             // The first call leaves no trace.
             let again = gpu.gradient(&view, &weights, detach_tau)?;
             assert_gradients(&again, &expected, "again");
+        }
+    }
+    Ok(())
+}
+
+/// Two losses in two views of unlike sizes, of one cloud and then of another, whose buffers are reused.
+fn gradients_of_views(mut gpu: Gpu) -> Result<(), DeviceError> {
+    let cameras = [camera(64, 64), camera(77, 53)];
+    let views = [(&cameras[0], 3.3), (&cameras[1], 8.0)].map(|(camera, time)| FrameView { camera, time });
+    let of_pixels = |i: usize, pixels: &[[f32; 4]]| {
+        let weights = weights(&cameras[i]);
+        let squares = pixels.iter().map(|pixel| pixel.map(|x| 0.5 - x));
+        vec![squares.collect(), weights]
+    };
+    for parameters in [cloud(20, 500, 2), cloud(21, 500, 2)] {
+        let of = |backend: &mut dyn Backend| -> Result<_, DeviceError> {
+            let (mut images, mut gradients) = (Vec::new(), Vec::new());
+            backend.load(parameters.clone().into())?;
+            backend.render_each(&views, &mut |image| images.push(image))?;
+            backend.gradients(&views, &of_pixels, &mut |of_view| gradients.push(of_view))?;
+            Ok((images, gradients))
+        };
+        let (found, expected) = (of(&mut gpu)?, of(&mut Cpu::default())?);
+        for (i, (found, expected)) in found.0.iter().zip(&expected.0).enumerate() {
+            assert!(largest_difference(found, expected) <= 1e-4, "view {i}");
+        }
+        for (i, (found, expected)) in found.1.iter().zip(&expected.1).enumerate() {
+            assert_eq!((found.len(), expected.len()), (2, 2), "view {i}");
+            for (k, (found, expected)) in found.iter().zip(expected).enumerate() {
+                assert_gradients(found, expected, &format!("view {i}, loss {k}"));
+            }
         }
     }
     Ok(())

@@ -61,6 +61,7 @@ pub(crate) fn read_take(head: &Head, available: usize, budget: &mut Budget) -> R
         plate_len: preamble.plate_len,
         plate_sh_degree: preamble.columns.plate_sh_degree,
         plate_filter: preamble.plate_filter,
+        by_device: preamble.by_device,
         segments,
         head_bytes: head.bytes(),
         table_bytes: before - budget.left(),
@@ -161,6 +162,7 @@ mod encode {
             columns: take.columns(),
             filter: take.filter,
             plate_filter: take.plate_filter,
+            by_device: take.by_device,
             layer_count: 0,
             viewpoint_count: take.info.viewpoints.len(),
             plate_len: take.plate_len,
@@ -210,8 +212,9 @@ mod encode {
         overlap.map(|pair| format!("two segments have a plate at {} s", pair[1].start_s))
     }
 
-    fn has_poster(head: &Contents) -> bool {
-        head.sections.iter().any(|section| section.kind == SectionKind::Poster)
+    /// Whether a segment has what minor version 1 added.
+    fn has_extras(head: &Contents) -> bool {
+        head.sections.iter().any(|section| matches!(section.kind, SectionKind::Sound | SectionKind::Poster))
     }
 
     /// The take of these segments, without the lengths that its head gives it.
@@ -244,7 +247,7 @@ mod encode {
         };
         let take = Take {
             version_major: TAKES_SINCE,
-            version_minor: if heads().any(has_poster) { POSTER_SINCE_MINOR } else { 0 },
+            version_minor: if heads().any(has_extras) { POSTER_SINCE_MINOR } else { 0 },
             info,
             duration_s,
             bounds,
@@ -256,6 +259,7 @@ mod encode {
             plate_len: heads().map(|head| head.plate_len).max().unwrap_or(0),
             plate_sh_degree: columns.plate_sh_degree,
             plate_filter,
+            by_device: heads().any(|head| head.by_device),
             segments: segments.iter().map(entry).collect(),
             head_bytes: 0,
             table_bytes: 0,

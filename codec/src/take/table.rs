@@ -44,6 +44,8 @@ pub struct Take {
     pub plate_sh_degree: u8,
     /// Filter of the plates; the default without one.
     pub plate_filter: PixelFilter,
+    /// Whether a graphics device computed numbers of a segment; see [`Contents::by_device`](crate::Contents::by_device).
+    pub by_device: bool,
     /// The segments in file order: those that span the whole take, then the others; both by their start, longer
     /// ones first.
     pub segments: Vec<Segment>,
@@ -235,6 +237,7 @@ impl From<&Contents> for Take {
             plate_len: contents.plate_len,
             plate_sh_degree: contents.plate_sh_degree,
             plate_filter: contents.plate_filter,
+            by_device: contents.by_device,
             table_bytes: size_of::<Segment>() + segment.layers.len() * size_of::<SegmentLayer>(),
             segments: vec![segment],
             head_bytes: 0,

@@ -2,12 +2,13 @@
 
 use std::sync::OnceLock;
 
-use studio::import::import;
+use studio::import::{Imported, import};
+use studio::scene::Scene;
 
 use crate::files::{InputFiles, check_refusal};
 use crate::kinds::import::*;
 use crate::parts;
-use crate::seeds::sog_files;
+use crate::seeds::{one_gaussian, sog_files};
 
 /// Imports an input.
 ///
@@ -17,7 +18,7 @@ pub fn check_import(bytes: &[u8]) {
     static FILES: OnceLock<InputFiles> = OnceLock::new();
     let sog = || sog_files().into_iter().map(|(name, bytes)| (format!("sog/{name}"), bytes));
     let files = FILES.get_or_init(|| InputFiles::new(sog()));
-    let Some((kind, bytes)) = parts::split_kind(bytes, 4) else { return };
+    let Some((kind, bytes)) = parts::split_kind(bytes, KINDS) else { return };
     // No extension, so that the bytes determine the format.
     let mut name = "field".to_owned();
     let mut restored = None;
@@ -27,6 +28,11 @@ pub fn check_import(bytes: &[u8]) {
             name.push_str(".splat");
             files.put(&name, bytes);
         }
+        KSPLAT | GLTF => {
+            name.push_str(if kind == KSPLAT { ".ksplat" } else { ".gltf" });
+            files.put(&name, bytes);
+        }
+        FRAME => return check_frame(files, bytes),
         SOG_META => {
             name = "sog".into();
             files.put("sog/meta.json", bytes);
@@ -43,11 +49,28 @@ pub fn check_import(bytes: &[u8]) {
     if let Some((path, bytes)) = restored {
         files.put(path, &bytes);
     }
+    check(imported);
+}
+
+/// Imports a sequence whose last frame is an input, with two frames of one Gaussian before.
+fn check_frame(files: &InputFiles, bytes: &[u8]) {
+    static BEFORE: OnceLock<Vec<u8>> = OnceLock::new();
+    let before = BEFORE.get_or_init(one_gaussian);
+    for (frame, bytes) in [before, before, bytes].into_iter().enumerate() {
+        files.put(format!("frames/{frame}.ply"), bytes);
+    }
+    check(Scene::load(&files.path("frames")).map(|scene| scene.subject));
+}
+
+/// # Panics
+/// If an accepted field is invalid, or a refusal is not one line.
+fn check(imported: anyhow::Result<Imported>) {
     match imported {
         Ok(imported) => {
             imported.field.check().expect("an accepted field is valid");
             assert!(!imported.field.is_empty());
             assert!(!imported.repairs.to_string().contains('\n'));
+            assert!(imported.notes.iter().all(|note| !note.contains('\n')), "{:?}", imported.notes);
             let hints = imported.hints;
             let numbers = [hints.metres_per_unit, hints.duration_s, hints.fps];
             assert!(numbers.into_iter().flatten().all(|x| x.is_finite() && x > 0.0), "{numbers:?}");

@@ -20,6 +20,11 @@ pub(crate) mod import {
     pub(crate) const SPLAT: u8 = 1;
     pub(crate) const SOG_META: u8 = 2;
     pub(crate) const SOG_IMAGE: u8 = 3;
+    pub(crate) const KSPLAT: u8 = 4;
+    pub(crate) const GLTF: u8 = 5;
+    /// A frame after two others.
+    pub(crate) const FRAME: u8 = 6;
+    pub(crate) const KINDS: u8 = 7;
 }
 
 /// Kinds of `scene`.

@@ -269,7 +269,7 @@ fn fetched(server: &Server) -> Result<Arc<OpenTake>, String> {
     let mut arrival = clips::open(Some(&server.url("take.aarc")), &SourceOptions::default()).map_err(text)?;
     match arrival.wait(None, |_| ()).map_err(text)? {
         Content::Take(opened) => Ok(opened),
-        Content::Clip(_) => Err("it is a take".into()),
+        Content::Clip(..) => Err("it is a take".into()),
     }
 }
 

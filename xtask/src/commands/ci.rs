@@ -38,12 +38,16 @@ pub(crate) struct Args {
 
 /// Sets of packages and features that users build: a build of the whole workspace can hide a dependency or
 /// a feature that one of them lacks.
-const FEATURE_SETS: [(&str, &[&str]); 9] = [
+const FEATURE_SETS: [(&str, &[&str]); 10] = [
     ("whole workspace", &["--workspace", "--all-targets", "--features", workspace::FEATURES]),
     ("the player", &["--package", "client"]),
     (
         "the player in a window alone",
         &["--package", "client", "--no-default-features", "--features", "window"],
+    ),
+    (
+        "the player without sound",
+        &["--package", "client", "--no-default-features", "--features", "net,window,xr"],
     ),
     ("the player in a headset alone", &["--package", "client", "--no-default-features", "--features", "xr"]),
     ("the player in neither", &["--package", "client", "--no-default-features"]),
@@ -58,6 +62,7 @@ const SOAK_MINUTES: &str = "10";
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let mut needs = vec![
+        (Need::SoundHeaders, "the player cannot be built and these checks fail"),
         (Need::CppCompiler, "nothing can be fuzzed and these checks fail"),
         (Need::Headset, "tests of the headset's path are ignored"),
         (Need::OnnxRuntime, "tests of networks are ignored"),

@@ -43,7 +43,7 @@ struct Report {
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let without_vulkan = "the reference renderer draws images on the CPU";
-    let mut needs = vec![(Need::Vulkan, without_vulkan)];
+    let mut needs = vec![(Need::SoundHeaders, "the player cannot be built"), (Need::Vulkan, without_vulkan)];
     if has_display() {
         needs.push((Need::WindowLibraries, "the demo renders pictures instead of opening a window"));
     }

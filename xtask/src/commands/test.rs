@@ -24,6 +24,7 @@ pub(crate) struct Args {
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let needs = [
+        (Need::SoundHeaders, "the player cannot be built"),
         (Need::Vulkan, "tests that draw with the GPU are ignored"),
         (Need::WindowLibraries, "tests of the window are ignored"),
         (Need::VirtualDisplay, "tests of the window are ignored"),

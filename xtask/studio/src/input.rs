@@ -67,8 +67,8 @@ impl Input {
                 eprintln!("note: {}{part}: {}", path.display(), imported.repairs);
             }
         }
-        if let Some(assumption) = scene.subject.assumption {
-            eprintln!("note: {}: {assumption}", path.display());
+        for note in &scene.subject.notes {
+            eprintln!("note: {}: {note}", path.display());
         }
         Ok(Input::Scene(Box::new(scene)))
     }
@@ -96,7 +96,7 @@ impl Input {
         match self {
             Input::Package(_) => FitRecord::default(),
             Input::Take(take) => take.fit_record(),
-            Input::Scene(scene) => scene.subject.hints.fit.clone(),
+            Input::Scene(scene) => scene.fit_record(),
         }
     }
 

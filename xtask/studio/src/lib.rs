@@ -23,6 +23,6 @@ pub mod progress;
 pub mod report;
 pub mod scene;
 pub mod segments;
+pub mod sound;
 pub mod synth;
 pub mod takes;
-mod up_axis;

@@ -1,4 +1,4 @@
-//! `cargo xtask fit --backend gpu`, on a stage that a ray tracer made. Without a graphics device these
+//! `fit` and `package` with `--backend gpu`, on a stage that a ray tracer made. Without a graphics device these
 //! tests are ignored, except the one of the error that a fit then ends with.
 
 mod small_stage;
@@ -20,6 +20,7 @@ fn main() -> ExitCode {
     let trials = vec![
         with_device("a device fits as the CPU does", fits_as_the_cpu),
         with_device("a device slides as the CPU does", slides_as_the_cpu),
+        with_device("a device packages as the CPU does, and the package says so", packages_as_the_cpu),
         with_device("the CPU goes on where a device was", goes_on_elsewhere),
         Trial::test("without a device a fit ends with 5", said),
     ];
@@ -79,6 +80,29 @@ fn slides_as_the_cpu() {
     let (by_cpu, by_device) = (measured("cpu", "cpu"), measured("gpu", "gpu"));
     println!("{by_cpu:.2} dB by the CPU, {by_device:.2} dB by the device");
     assert!((by_cpu - by_device).abs() < 0.5 && by_device > 14.0, "{by_cpu} {by_device}");
+}
+
+fn packages_as_the_cpu() {
+    let folder = stage();
+    let folder = folder.path();
+    fit(folder, &["--steps", "300", "--gaussians", "800", "--anchor", "hull"]);
+    let package = |args: &[&str]| {
+        let args = [&["package", "field.ply", "-o", "field.aarc", "--json"], args].concat();
+        let json = aarc_studio(folder, &args).json();
+        let inspected = aarc_studio(folder, &["inspect", "field.aarc", "--json"]).json();
+        (json["bytes"].as_u64().unwrap() as f64, inspected["by_device"].as_bool().unwrap())
+    };
+    let ((alone, _), (by_cpu, is_marked)) =
+        (package(&["--joint-rounds", "0"]), package(&["--joint-rounds", "1"]));
+    let (by_device, is_device_marked) = package(&["--joint-rounds", "1", "--backend", "gpu"]);
+    println!("{alone} bytes, jointly {by_cpu} by the CPU, {by_device} by the device");
+    assert!(by_cpu.max(by_device) < 0.995 * alone, "{alone} {by_cpu} {by_device}");
+    assert_eq!([is_marked, is_device_marked], [false, true]);
+    let shown = aarc_studio(folder, &["inspect", "field.aarc"]).success().stdout;
+    assert!(shown.contains("by a graphics device"), "{shown}");
+    let args = ["package", "field.ply", "-o", "field.aarc", "--backend", "gpu", "--joint-rounds", "0"];
+    let refused = aarc_studio(folder, &args).error(2);
+    assert!(refused.contains("nothing is fitted, refined or rounded jointly"), "{refused}");
 }
 
 fn goes_on_elsewhere() {

@@ -3,7 +3,7 @@
 
 mod support;
 
-use studio::export::{field_file, splatv, spz, static_ply};
+use studio::export::{field_file, glb, splatv, spz, static_ply};
 use support::{Noise, data, field, import_bytes, import_error, info};
 
 /// An up axis.
@@ -15,6 +15,7 @@ fn samples() -> Vec<(&'static str, Vec<u8>)> {
         ("field.ply", field_file(&field(3, 1, Some(2), true), &info())),
         ("static.ply", static_ply(&field(3, 1, None, false), None)),
         ("a.spz", spz(&field(3, 2, None, false), UP)),
+        ("a.glb", glb(&field(3, 1, None, false), &info()).expect("a small file")),
         ("raw.spz", gunzip(&spz(&field(3, 2, None, false), UP))),
     ];
     let mut dynamic = splatv(&field(3, 0, Some(3), true), &info());
@@ -23,6 +24,7 @@ fn samples() -> Vec<(&'static str, Vec<u8>)> {
     for (name, path) in [
         ("v4.spz", "format-fixtures/splat-transform/minimal-v4.spz"),
         ("a.splat", "format-fixtures/splat-transform/minimal.splat"),
+        ("a.ksplat", "format-fixtures/splat-transform/minimal.ksplat"),
     ] {
         samples.extend(data(path).map(|path| (name, std::fs::read(path).expect("a fixture"))));
     }

@@ -5,8 +5,7 @@ mod tool;
 
 #[cfg(target_os = "linux")]
 use codec::{
-    ClipInfo, Coder, EncodeOptions, Field, Limits, Package, Precision, SegmentPackage, Source, Take,
-    encode_take_head,
+    ClipInfo, Coder, EncodeOptions, Field, Limits, Package, SegmentPackage, Source, Take, encode_take_head,
 };
 use serde_json::{Value, json};
 use std::fs;
@@ -537,7 +536,7 @@ fn two_plates_at_one_instant_are_refused() {
 fn takes_of_one_and_of_a_thousand_segments() {
     let folder = tempdir().unwrap();
     let info = ClipInfo { duration_s: 0.25, viewpoints: Vec::new(), ..info() };
-    let options = EncodeOptions { coder: Coder::Fixed, layers: Vec::new(), precision: Precision::default() };
+    let options = EncodeOptions { coder: Coder::Fixed, ..EncodeOptions::default() };
     for count in [1, 1000] {
         let package =
             codec::encode(&Source { info: &info, field: &small(12), plate: None }, &options).unwrap();

@@ -10,6 +10,7 @@ use super::*;
 struct Bench {
     ctx: Context,
     viewer: Viewer,
+    volume: Option<Volume>,
     time_s: f64,
 }
 
@@ -42,7 +43,7 @@ impl Bench {
         let ctx = Context::default();
         crate::window::style::apply(&ctx);
         let viewer = Viewer::new(clip, 0, RenderSettings::default());
-        let mut bench = Bench { ctx, viewer, time_s: 0.0 };
+        let mut bench = Bench { ctx, viewer, volume: None, time_s: 0.0 };
         // The first frame lays the controls out.
         bench.frame(0.0, vec![]);
         bench
@@ -55,7 +56,10 @@ impl Bench {
         let input = RawInput { screen_rect, time, focused: true, events, ..RawInput::default() };
         let mut requests = Requests::default();
         let output = self.ctx.run_ui(input, |ui| {
-            requests = self.viewer.frame(ui, elapsed_s, &[("frame", "16.7 ms".into())]);
+            // Sound is half as fast as the display.
+            let played_s = if self.volume.is_some() { 0.5 * elapsed_s } else { elapsed_s };
+            let seconds = FrameSeconds { elapsed_s, played_s };
+            requests = self.viewer.frame(ui, seconds, self.volume.as_mut(), &[("frame", "16.7 ms".into())]);
         });
         output.drop_without_applying_deltas();
         requests
@@ -353,4 +357,18 @@ fn another_clip_starts_at_its_first_viewpoint() {
     assert!(viewer.player.position_s() == 0.0 && viewer.player.duration_s() == 7.0);
     assert!(viewer.viewpoint == 0 && viewer.settings.layers.is_none());
     assert!(distance(bench.eye(), [0.0, 0.0, 5.0]) < 1e-6);
+}
+
+#[test]
+fn a_clip_with_sound_goes_on_by_what_is_heard_and_has_a_volume() {
+    let mut bench = Bench::new();
+    bench.press(Key::M);
+    bench.volume = Some(Volume::open(None));
+    bench.frame(1.0, vec![]);
+    assert!((bench.viewer.player.position_s() - 0.5).abs() < 1e-9);
+    let is_muted = |bench: &Bench| bench.volume.as_ref().unwrap().is_muted();
+    bench.press(Key::M);
+    assert!(is_muted(&bench));
+    bench.press(Key::M);
+    assert!(!is_muted(&bench));
 }

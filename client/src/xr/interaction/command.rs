@@ -23,6 +23,8 @@ pub enum Command {
     ToggleReverse,
     /// Turn looping on or off.
     ToggleLoop,
+    /// Turn sound off or on.
+    ToggleMuted,
     /// Play the next clip.
     NextClip,
     /// The next better quality.

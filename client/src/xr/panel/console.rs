@@ -177,6 +177,10 @@ fn tiles(ui: &Ui, y: f32, state: &PanelState, open: OpenParts, commands: &mut Ve
         }
     };
     toggle(place(), "Recentre", Symbol::Recentre, false, Command::Recentre);
+    if let Some((_, is_muted)) = state.volume {
+        let symbol = if is_muted { Symbol::Muted } else { Symbol::Sound };
+        toggle(place(), "Sound", symbol, !is_muted, Command::ToggleMuted);
+    }
     if let Some(on) = state.passthrough {
         toggle(place(), "Room", Symbol::Room, on, Command::TogglePassthrough);
     }

@@ -37,6 +37,8 @@ pub struct PanelState<'a> {
     pub passthrough: Option<bool>,
     /// Whether there is another clip to play.
     pub has_next: bool,
+    /// Level of the sound, 0 to 1, and whether it is muted; `None` without sound.
+    pub volume: Option<(f32, bool)>,
     /// Parts of a take that play without loading, as seconds (from, to).
     pub buffered: &'a [(f64, f64)],
     /// Rows of names and values.

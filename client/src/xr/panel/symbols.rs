@@ -22,6 +22,8 @@ pub(super) enum Symbol {
     Buttons,
     Exit,
     Close,
+    Sound,
+    Muted,
 }
 
 /// Draws `symbol` about `center`, in a square of side `size` points.
@@ -117,6 +119,21 @@ pub(super) fn draw(painter: &Painter, symbol: Symbol, center: Pos2, size: f32, c
             line(&[[0.05, -0.8], [-0.75, -0.8], [-0.75, 0.8], [0.05, 0.8]]);
             line(&[[-0.25, 0.0], [0.6, 0.0]]);
             polygon(&[[0.45, -0.42], [0.95, 0.0], [0.45, 0.42]]);
+        }
+        Symbol::Sound | Symbol::Muted => {
+            // A loudspeaker, with waves or a cross.
+            polygon(&[[-0.9, -0.3], [-0.5, -0.3], [-0.5, 0.3], [-0.9, 0.3]]);
+            polygon(&[[-0.5, -0.3], [0.0, -0.75], [0.0, 0.75], [-0.5, 0.3]]);
+            match symbol {
+                Symbol::Muted => {
+                    line(&[[0.3, -0.3], [0.9, 0.3]]);
+                    line(&[[0.3, 0.3], [0.9, -0.3]]);
+                }
+                _ => {
+                    arc(0.45, -0.12 * TAU, 0.12 * TAU);
+                    arc(0.85, -0.12 * TAU, 0.12 * TAU);
+                }
+            }
         }
         Symbol::Close => {
             line(&[[-0.6, -0.6], [0.6, 0.6]]);

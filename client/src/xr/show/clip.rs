@@ -8,6 +8,7 @@ use std::sync::{Arc, Weak};
 
 use codec::ClipInfo;
 
+use crate::audio::SoundTrack;
 use crate::clips::{Beginning, ClipTarget, Content, Entry};
 use crate::gpu::{FrameLayout, Gpu, GpuClip, Renderer, RuntimeFormat};
 use crate::takes::TakePlayer;
@@ -38,7 +39,7 @@ impl ClipTarget for HeadsetTarget {
             .ok_or_else(|| Fault::Device("the graphics device is gone: open the clip again".into()))?;
         let layout = FrameLayout { format: self.format.drawn(), eyes: 2, foveated: true };
         let (renderer, take, layer_ends) = match &content {
-            Content::Clip(clip) => {
+            Content::Clip(clip, _) => {
                 let on_gpu = GpuClip::following(&gpu, uploaded, clip)?;
                 let layer_ends = on_gpu.layer_ends();
                 (Renderer::new(&gpu, on_gpu, layout)?, None, layer_ends)
@@ -55,6 +56,7 @@ impl ClipTarget for HeadsetTarget {
             renderer: Some(renderer),
             take,
             gaussians: content.gaussians(),
+            sound: content.sound(),
             is_static: content.is_static(),
             duration_s: content.duration_s(),
             info: content.info().clone(),
@@ -77,6 +79,7 @@ pub(super) struct ReadyClip {
     pub(super) layer_ends: Vec<usize>,
     /// Number of Gaussians, plate included.
     pub(super) gaussians: usize,
+    pub(super) sound: SoundTrack,
 }
 
 impl ReadyClip {

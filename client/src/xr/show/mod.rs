@@ -12,8 +12,9 @@ mod statistics;
 
 use std::sync::Arc;
 
-use glam::UVec2;
+use glam::{DVec3, UVec2};
 
+use crate::audio::Speaker;
 use crate::clips::{Change, ClipController, Entry, LoadOptions, Transition, title};
 use crate::gpu::{FrameCounts, Gpu, Level, Renderer, RuntimeFormat, UiPainter};
 use crate::player::Player;
@@ -27,6 +28,10 @@ use place::Place;
 use program::Fault;
 use quality::{Punctuality, Quality};
 use statistics::{FrameCost, Statistics};
+
+/// Seconds from a frame's beginning to its display that are assumed: about two periods. The runtime's clock is another
+/// one than that of sound, so the prediction itself does not say.
+const AHEAD_S: f64 = 0.025;
 
 /// How long a part of a take may be missing before the panel says so: shorter waits are barely seen.
 const LOADING_PATIENCE_S: f64 = 0.25;
@@ -46,6 +51,7 @@ pub(super) struct Show {
     panel_timer: FrameTimer,
     quality: Quality,
     commands: Vec<Command>,
+    speaker: Speaker,
     /// Display time at which to recentre the clip.
     recentre_at_ns: Option<i64>,
     /// Whether the room is seen behind the clip; `None` if the headset cannot show it.
@@ -85,6 +91,11 @@ pub(super) struct Moved {
     pub(super) rays: [Option<PointerRay>; 2],
 }
 
+/// A point of the stage as the head hears it: metres to the right, up and backwards.
+fn heard_at(head: &Pose, point: DVec3) -> DVec3 {
+    head.orientation.as_dquat().inverse() * (point - head.position.as_dvec3())
+}
+
 impl Show {
     /// Opens `name`, a clip or a playlist, which loads once there is a device. `attended` is whether a
     /// viewer is there to read on the panel why it cannot be loaded.
@@ -96,6 +107,7 @@ impl Show {
         options: LoadOptions,
         quality: Quality,
         place: Place,
+        speaker: Speaker,
         attended: bool,
     ) -> Result<Show, Fault> {
         let mut notices = Notices::new(attended);
@@ -114,6 +126,7 @@ impl Show {
             panel_timer: FrameTimer::default(),
             quality,
             commands: Vec::new(),
+            speaker,
             recentre_at_ns: None,
             passthrough: None,
             missing_s: 0.0,
@@ -200,6 +213,8 @@ impl Show {
     fn show(&mut self, entry: &Entry, mut clip: ReadyClip, transition: Transition) {
         self.quality.change_clip(std::mem::take(&mut clip.layer_ends));
         self.notices.on_clip();
+        self.speaker
+            .change_track(clip.sound.clone(), matches!(transition, Transition::Follow | Transition::Refine));
         let (duration_s, fps) = (clip.duration_s, clip.info.fps.into());
         match (transition, &mut self.playing) {
             (Transition::Refine, Some(playing)) if playing.clip.info == clip.info => {
@@ -257,8 +272,9 @@ impl Show {
         self.commands = commands;
         self.player.set_has_next(self.clips.is_followed(self.player.is_looping()));
         self.update_take(elapsed_s);
+        let played_s = self.listen(viewer, head, elapsed_s, scrubbing);
         if !scrubbing {
-            self.player.advance(elapsed_s);
+            self.player.advance(played_s);
         }
         if let Some(change) = self.clips.advance(&mut self.player)
             && let Err(fault) = self.apply(change)
@@ -266,6 +282,22 @@ impl Show {
             log::warn!("{fault}");
         }
         moved
+    }
+
+    /// Takes in what is heard, and where the head hears it. Returns the seconds by which the clip goes on.
+    fn listen(&mut self, viewer: &Viewer<'_>, head: &Pose, elapsed_s: f64, scrubbing: bool) -> f64 {
+        if !viewer.attends {
+            self.speaker.stop();
+            return elapsed_s;
+        }
+        let played_s = self.speaker.step(&self.player, scrubbing, elapsed_s, AHEAD_S);
+        if let Some(stage_from_clip) = self.place.interaction.stage_from_clip() {
+            self.speaker.place(&self.player, |point| heard_at(head, stage_from_clip.point(point)));
+        }
+        if let Some(note) = self.speaker.take_note() {
+            self.notices.note(note);
+        }
+        played_s
     }
 
     /// Brings the segments of a take up to the position, and lets the clock wait for those that are missing there.
@@ -337,6 +369,7 @@ impl Show {
             lowered: self.quality.is_lowered(),
             passthrough: self.passthrough,
             has_next: self.clips.has_next(),
+            volume: self.speaker.controls().map(|volume| (volume.level(), volume.is_muted())),
             buffered: self
                 .playing
                 .as_ref()
@@ -361,6 +394,11 @@ impl Show {
             Command::NextClip => {
                 if let Some(Change::Waiting) = self.clips.skip() {
                     self.notices.work("Loading the next clip".into());
+                }
+            }
+            Command::ToggleMuted => {
+                if let Some(volume) = self.speaker.controls() {
+                    volume.toggle_muted();
                 }
             }
             Command::Better => self.quality.choose(self.quality.level().better()),
@@ -393,9 +431,10 @@ impl Show {
         gpu_ms
     }
 
-    /// Writes to disk where clips stand.
+    /// Writes to disk where clips stand, and how loud they are.
     pub(super) fn save(&mut self) {
         self.place.save();
+        self.speaker.volume.save();
     }
 
     /// The outcome of the run.
@@ -468,5 +507,30 @@ impl Show {
     /// Whether the room is shown behind the clip.
     pub(super) fn shows_passthrough(&self) -> bool {
         self.passthrough.unwrap_or(false)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::{DQuat, Quat, Vec3};
+
+    #[test]
+    fn a_source_stays_where_the_clip_stands_while_the_head_turns() {
+        // A performer at (0, 1, 0) of a clip that stands 2 m ahead, turned by a quarter.
+        let stage_from_clip = Similarity {
+            scale: 1.0,
+            rotation: DQuat::from_rotation_y(std::f64::consts::FRAC_PI_2),
+            translation: DVec3::new(0.0, 0.0, -2.0),
+        };
+        let heard = |turn: f32| {
+            let head = Pose { position: Vec3::Y, orientation: Quat::from_rotation_y(turn) };
+            heard_at(&head, stage_from_clip.point(DVec3::Y))
+        };
+        let near = |a: DVec3, b: DVec3| assert!((a - b).length() < 1e-6, "{a} {b}");
+        near(heard(0.0), DVec3::new(0.0, 0.0, -2.0));
+        // Turned to the left, it is at the right.
+        near(heard(std::f32::consts::FRAC_PI_2), DVec3::new(2.0, 0.0, 0.0));
+        near(heard(std::f32::consts::PI), DVec3::new(0.0, 0.0, 2.0));
     }
 }

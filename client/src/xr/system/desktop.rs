@@ -67,6 +67,11 @@ impl System {
         folders::state().map(|folder| PlacementStore::open(&folder))
     }
 
+    /// The folder in which the volume is remembered; `None` if the system has no place for it.
+    pub(in crate::xr) fn state_dir(&self) -> Option<PathBuf> {
+        folders::state()
+    }
+
     /// The folder in which downloads are cached; `None` if the system has no place for them.
     pub(in crate::xr) fn cache_dir(&self) -> Option<PathBuf> {
         clips::cache_dir()

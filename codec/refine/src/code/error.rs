@@ -2,6 +2,8 @@
 
 use codec::{EncodeError, Error};
 
+use crate::fit::DeviceError;
+
 /// Error of [`code`](super::code).
 #[derive(Debug)]
 pub enum CodeError {
@@ -9,4 +11,6 @@ pub enum CodeError {
     Encode(EncodeError),
     /// The package cannot be decoded.
     Decode(Error),
+    /// The graphics device of joint rounding failed.
+    Device(DeviceError),
 }

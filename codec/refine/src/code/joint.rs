@@ -14,8 +14,8 @@
 //! several rounds add up until it is rounded the other way. The rounds take turns with the views: with as many passes,
 //! that gains more than all views in each of fewer rounds, in views that are not among them, too.
 //!
-//! The format does not change, and the decoder has no more work. Pictures are rendered on the CPU, which gives the same
-//! numbers on all machines and for any number of threads.
+//! The format does not change, and the decoder has no more work. A [`Backend`] renders and backpropagates. The CPU gives
+//! the same numbers on all machines and for any number of threads; graphics devices do not, so packages by them are marked.
 
 mod numbers;
 
@@ -24,9 +24,7 @@ use std::num::NonZero;
 use codec::{ChunkForms, EncodeOptions, Field, Source, encode_rounded};
 
 use super::error::CodeError;
-use crate::fit::cpu::render;
-use crate::fit::{FrameView, Parameters, Timeline};
-use crate::in_order::for_each_in_order;
+use crate::fit::{Backend, DeviceError, FrameView, Parameters, Timeline};
 use crate::prune::PosedView;
 use numbers::Numbers;
 
@@ -56,19 +54,25 @@ const MOVE_MAX: f64 = 0.3;
 /// All of the clip's time is one interval.
 const TIMELINE: Timeline = Timeline { frames: 2, intervals: 1.0 };
 
-/// The pictures that rounding looks at, and the number of rounds.
-#[derive(Debug)]
-pub struct JointRounding {
+/// The pictures of one source that rounding looks at, the back end that renders them, and the number of rounds.
+pub struct JointRounding<'a> {
     rounds: NonZero<usize>,
+    backend: &'a mut dyn Backend,
+    parts: [ViewPart; PARTS],
+}
+
+/// A part of the views.
+#[derive(Default)]
+struct ViewPart {
+    views: Vec<PosedView>,
+    /// Of each view; empty until the first round that looks at this part.
     pictures: Vec<Picture>,
 }
 
 /// A picture of the field.
-#[derive(Debug)]
 struct Picture {
     /// Its place among all, which seeds its random signs.
     number: u64,
-    view: PosedView,
     /// Red, green and blue of the plate.
     plate: Option<Vec<[f32; 3]>>,
     /// Red, green and blue of the field before the plate.
@@ -93,34 +97,20 @@ impl RoundingState {
     }
 }
 
-impl JointRounding {
-    /// Takes pictures of a source from `views`, and rounds `rounds` times at a precision. `on_view` is called after each
-    /// picture.
+impl<'a> JointRounding<'a> {
+    /// Rounds `rounds` times at a precision, looking at `views`.
     pub fn new(
-        source: &Source,
         views: Vec<PosedView>,
         rounds: NonZero<usize>,
-        mut on_view: impl FnMut(),
-    ) -> JointRounding {
-        let field = parameters(source.field);
-        let plate = source.plate.map(parameters);
-        let take = |view: &PosedView| {
-            let of = |parameters: &Parameters<f32>| render(parameters, &frame_view(view)).image.pixels;
-            let plate: Option<Vec<[f32; 3]>> =
-                plate.as_ref().map(|plate| of(plate).into_iter().map(|[r, g, b, _]| [r, g, b]).collect());
-            let pixels = (0..).zip(of(&field)).map(|(i, pixel)| before(pixel, behind(&plate, i))).collect();
-            (plate, pixels)
-        };
-        let mut pictures = Vec::with_capacity(views.len());
-        for_each_in_order(&views, take, |view, (plate, pixels)| {
-            pictures.push(Picture { number: pictures.len() as u64, view: view.clone(), plate, pixels });
-            on_view();
-        });
-        JointRounding { rounds, pictures }
+        backend: &'a mut dyn Backend,
+    ) -> JointRounding<'a> {
+        let mut parts: [ViewPart; PARTS] = Default::default();
+        views.into_iter().enumerate().for_each(|(i, view)| parts[i % PARTS].views.push(view));
+        JointRounding { rounds, backend, parts }
     }
 
     /// The same pictures, for another number of rounds at a precision.
-    pub fn with_rounds(self, rounds: NonZero<usize>) -> JointRounding {
+    pub fn with_rounds(self, rounds: NonZero<usize>) -> JointRounding<'a> {
         JointRounding { rounds, ..self }
     }
 
@@ -133,9 +123,9 @@ impl JointRounding {
     /// after each round.
     ///
     /// # Errors
-    /// Errors of [`codec::encode`].
+    /// Errors of [`codec::encode`], and of the back end.
     pub(super) fn round(
-        &self,
+        &mut self,
         source: &Source,
         options: &EncodeOptions,
         state: &mut RoundingState,
@@ -150,11 +140,14 @@ impl JointRounding {
         let errors = Numbers::errors(source.field, &rounded.field);
         let rounds = self.rounds();
         for round in 0..rounds {
-            let part = state.rounds % PARTS;
-            let is_of_part = |picture: &&Picture| picture.number as usize % PARTS == part;
-            let pictures: Vec<&Picture> = self.pictures.iter().filter(is_of_part).collect();
+            let number = state.rounds % PARTS;
+            let part = &mut self.parts[number];
             let is_first = state.rounds < PARTS;
-            let gradient = descent(&rounded.field, &pictures, is_first.then_some(&mut state.curvature));
+            let curvature = is_first.then_some(&mut state.curvature);
+            let gradient = part
+                .take_pictures(number, source, self.backend)
+                .and_then(|()| part.descent(&rounded.field, self.backend, curvature))
+                .map_err(CodeError::Device)?;
             state.rounds += 1;
             let share = SHARE * (rounds - round) as f64 / rounds as f64;
             let curvature = (&state.curvature, 1.0 / state.rounds.min(PARTS) as f64);
@@ -166,36 +159,70 @@ impl JointRounding {
     }
 }
 
-/// Half the gradient of the squared error of a decoded field in `pictures`. Adds to `curvature`, if given, the diagonal of
-/// `J^T J`, with the derivatives `J` of all pixels: the squares of `J^T s` for random signs `s` have it as their mean.
-fn descent(decoded: &Field, pictures: &[&Picture], mut curvature: Option<&mut Numbers>) -> Numbers {
-    let parameters = parameters(decoded);
-    let has_curvature = curvature.is_some();
-    let backward = |picture: &&Picture| {
-        let view = frame_view(&picture.view);
-        let forward = render(&parameters, &view);
-        let errors = (0..).zip(&picture.pixels).zip(&forward.image.pixels).map(|((i, target), pixel)| {
-            let behind = behind(&picture.plate, i);
-            let shown = before(*pixel, behind);
-            d_pixel([0, 1, 2].map(|c| shown[c] - target[c]), behind)
-        });
-        let by_errors = forward.backward(&parameters, &view, &errors.collect::<Vec<_>>(), false);
-        let by_signs = has_curvature.then(|| {
-            let mut signs = Signs(picture.number);
-            let signs = (0..picture.pixels.len())
-                .map(|i| d_pixel([(); 3].map(|()| signs.next()), behind(&picture.plate, i)));
-            forward.backward(&parameters, &view, &signs.collect::<Vec<_>>(), false)
-        });
-        (by_errors, by_signs)
-    };
-    let mut sum = Numbers::zeros(decoded);
-    for_each_in_order(pictures, backward, |_, (by_errors, by_signs)| {
-        sum.add(&by_errors, |g| g);
-        if let Some((curvature, by_signs)) = curvature.as_mut().zip(by_signs) {
-            curvature.add(&by_signs, |g| g * g);
+impl ViewPart {
+    /// Takes the pictures of part `number`, unless that has been done.
+    fn take_pictures(
+        &mut self,
+        number: usize,
+        source: &Source,
+        backend: &mut dyn Backend,
+    ) -> Result<(), DeviceError> {
+        if self.pictures.len() == self.views.len() {
+            return Ok(());
         }
-    });
-    sum
+        let views = frame_views(&self.views);
+        let mut plates: Vec<Vec<[f32; 3]>> = Vec::new();
+        if let Some(plate) = source.plate {
+            backend.load(parameters(plate).into())?;
+            let rgb = |[r, g, b, _]: &[f32; 4]| [*r, *g, *b];
+            backend.render_each(&views, &mut |image| plates.push(image.pixels.iter().map(rgb).collect()))?;
+        }
+        let mut plates = plates.into_iter();
+        backend.load(parameters(source.field).into())?;
+        backend.render_each(&views, &mut |image| {
+            let plate = plates.next();
+            let shown = |(i, pixel)| before(pixel, behind(&plate, i));
+            let pixels = (0..).zip(image.pixels).map(shown).collect();
+            let number = (self.pictures.len() * PARTS + number) as u64;
+            self.pictures.push(Picture { number, plate, pixels });
+        })
+    }
+
+    /// Half the gradient of the squared error of a decoded field in the pictures. Adds to `curvature`, if given, the
+    /// diagonal of `J^T J`, with the derivatives `J` of all pixels: the squares of `J^T s` for random signs `s` have it as
+    /// their mean.
+    fn descent(
+        &self,
+        decoded: &Field,
+        backend: &mut dyn Backend,
+        mut curvature: Option<&mut Numbers>,
+    ) -> Result<Numbers, DeviceError> {
+        let has_curvature = curvature.is_some();
+        let of_pixels = |i: usize, pixels: &[[f32; 4]]| {
+            let picture = &self.pictures[i];
+            let errors = (0..).zip(&picture.pixels).zip(pixels).map(|((i, target), pixel)| {
+                let behind = behind(&picture.plate, i);
+                let shown = before(*pixel, behind);
+                d_pixel([0, 1, 2].map(|c| shown[c] - target[c]), behind)
+            });
+            let mut d_images = vec![errors.collect()];
+            if has_curvature {
+                let mut signs = Signs(picture.number);
+                let sign = |i| d_pixel([(); 3].map(|()| signs.next()), behind(&picture.plate, i));
+                d_images.push((0..pixels.len()).map(sign).collect());
+            }
+            d_images
+        };
+        let mut sum = Numbers::zeros(decoded);
+        backend.load(parameters(decoded).into())?;
+        backend.gradients(&frame_views(&self.views), &of_pixels, &mut |gradients| {
+            sum.add(&gradients[0], |g| g);
+            if let Some((curvature, by_signs)) = curvature.as_mut().zip(gradients.get(1)) {
+                curvature.add(by_signs, |g| g * g);
+            }
+        })?;
+        Ok(sum)
+    }
 }
 
 /// Moves targets by a part of their Gauss-Newton steps. `curvature` comes with its factor; `errors` are typical rounding
@@ -226,8 +253,8 @@ fn parameters(field: &Field) -> Parameters<f32> {
     Parameters::from_field(field, TIMELINE)
 }
 
-fn frame_view(view: &PosedView) -> FrameView<'_> {
-    FrameView { camera: &view.camera, time: view.t * TIMELINE.intervals }
+fn frame_views(views: &[PosedView]) -> Vec<FrameView<'_>> {
+    views.iter().map(|view| FrameView { camera: &view.camera, time: view.t * TIMELINE.intervals }).collect()
 }
 
 /// The colour behind pixel `i`.

@@ -20,6 +20,7 @@ pub(super) struct Trials<'a> {
     pub(super) source: &'a Source<'a>,
     pub(super) coder: Coder,
     pub(super) layers: &'a [usize],
+    pub(super) by_device: bool,
     /// All but [`Precision::psnr`].
     precision: Precision,
     pub(super) judge: &'a Pictures,
@@ -47,7 +48,7 @@ impl<'a> Trials<'a> {
         judge: &'a Pictures,
     ) -> Trials<'a> {
         let errors = vec![f64::INFINITY; judge.len()];
-        Trials { source, coder, layers, precision, judge, known: BTreeMap::new(), errors }
+        Trials { source, coder, layers, by_device: false, precision, judge, known: BTreeMap::new(), errors }
     }
 
     /// Whether the PSNR of a package may jump between neighbouring precisions.
@@ -62,7 +63,12 @@ impl<'a> Trials<'a> {
 
     /// The options of a package at a precision.
     pub(super) fn options(&self, precision: Precision) -> EncodeOptions {
-        EncodeOptions { coder: self.coder, layers: self.layers.to_vec(), precision }
+        EncodeOptions {
+            coder: self.coder,
+            layers: self.layers.to_vec(),
+            precision,
+            by_device: self.by_device,
+        }
     }
 
     /// Packages the source at a precision in dB.

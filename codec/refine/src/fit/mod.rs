@@ -37,7 +37,9 @@ mod views;
 
 #[cfg(feature = "gpu")]
 pub use backend::gpu;
-pub use backend::{Backend, DeviceError, Gradient, StepConfig, StepReport, TrainingState, cpu};
+pub use backend::{
+    Backend, DeviceError, Gradient, PixelGradients, StepConfig, StepReport, TrainingState, cpu,
+};
 pub use cameras::{CameraNumbers, Learned, Rig, ViewGradient};
 pub use cpu::Cpu;
 pub use density::{DensityChange, DensityRule};

@@ -2,12 +2,14 @@
 
 use std::io::{Cursor, Read, Write};
 
+use base64::Engine;
+use base64::prelude::BASE64_STANDARD;
 use codec::Field;
 use image::{ImageFormat, Rgba, RgbaImage};
-use studio::export::{field_file, splatv, spz, static_ply};
+use studio::export::{field_file, glb, splatv, spz, static_ply};
 
 use super::{Seed, field, info, seed};
-use crate::kinds::import::{FILE, SOG_IMAGE, SOG_META, SPLAT};
+use crate::kinds::import::{FILE, FRAME, GLTF, KSPLAT, SOG_IMAGE, SOG_META, SPLAT};
 
 /// Inputs of the target `import`.
 pub fn fields() -> Vec<Seed> {
@@ -35,6 +37,12 @@ pub fn fields() -> Vec<Seed> {
             &[&[0; 12][..], &[0x3c; 12], &[9, 99, 199, 255, 255, 128, 128, 128]].concat(),
         ),
         seed("bundle.sog", FILE, &bundle()),
+        seed("freetime.ply", FILE, &freetime_ply()),
+        seed("binary.glb", FILE, &glb(&colored, &info()).expect("a small file")),
+        seed("text.gltf", GLTF, &gltf(&glb(&fixed, &info()).expect("a small file"))),
+        seed("plain.ksplat", KSPLAT, &ksplat()),
+        seed("frame.ply", FRAME, &one_gaussian()),
+        seed("frames.ply", FRAME, &static_ply(&fixed, None)),
     ];
     for (i, (name, bytes)) in sog_files().iter().enumerate() {
         seeds.push(match i.checked_sub(1) {
@@ -62,6 +70,40 @@ fn ascii_ply(names: &str, row: &str) -> Vec<u8> {
 fn spacetime_ply() -> Vec<u8> {
     let row = "0 0 0  1 0 0.5  0  0 0 0  2 0 0 0   0.25 0  1 2 3 4 5 6 7 8 9  0 0.2 0 0";
     ascii_ply(&format!("{INRIA} {SPACETIME}"), row)
+}
+
+fn freetime_ply() -> Vec<u8> {
+    let row = "0 0 0  1 0 0.5  0  0 0 0  2 0 0 0   1 2 3  0.25 0.5";
+    ascii_ply(&format!("{INRIA} vx vy vz time duration"), row)
+}
+
+/// A static field of one Gaussian.
+pub(crate) fn one_gaussian() -> Vec<u8> {
+    ascii_ply(INRIA, "1 2 3 0.1 0.2 0.3 0 -1 -2 -3 0 2 0 0")
+}
+
+/// The text of a binary glTF, with its buffer in itself.
+fn gltf(glb: &[u8]) -> Vec<u8> {
+    let length = u32::from_le_bytes([glb[12], glb[13], glb[14], glb[15]]) as usize;
+    let mut document: serde_json::Value =
+        serde_json::from_slice(&glb[20..20 + length]).expect("our own file");
+    let buffer = BASE64_STANDARD.encode(&glb[28 + length..]);
+    document["buffers"][0]["uri"] = format!("data:application/octet-stream;base64,{buffer}").into();
+    document.to_string().into_bytes()
+}
+
+/// A `.ksplat` of one Gaussian, without compression.
+fn ksplat() -> Vec<u8> {
+    let mut bytes = vec![0; 4096 + 1024];
+    let words = [(4, 1), (16, 1), (4096, 1), (4096 + 4, 1), (4096 + 8, 1), (4096 + 12, 1), (4096 + 32, 1)];
+    for (at, word) in words {
+        bytes[at..at + 4].copy_from_slice(&u32::to_le_bytes(word));
+    }
+    (bytes[1], bytes[4096 + 20]) = (1, 12);
+    let numbers = [0f32, 0.0, 0.0, 1.0, 2.0, 3.0, 0.1, 0.1, 0.2, 1.0, 0.0, 0.0, 0.0];
+    bytes.extend(numbers.map(f32::to_le_bytes).as_flattened());
+    bytes.extend([9, 99, 199, 255]);
+    bytes
 }
 
 fn compressed_ply() -> Vec<u8> {

@@ -8,7 +8,7 @@ use codec::{ClipInfo, Field, Temporal, Viewpoint};
 pub use captures::captures;
 pub(crate) use captures::{easyvolcap, manifest, photograph};
 pub use fields::fields;
-pub(crate) use fields::sog_files;
+pub(crate) use fields::{one_gaussian, sog_files};
 
 use crate::kinds::scene;
 

@@ -7,6 +7,7 @@ use anyhow::anyhow;
 use codec::{ClipInfo, Coder, Field, Limits, Source};
 use indicatif::ProgressBar;
 use refine::code::{CodeError, Coded, JOINT_ROUNDS, JointRounding, PackageTarget, code};
+use refine::fit::Cpu;
 use refine::prune::{Pictures, PosedView, instants, posed_views, steps_aside};
 use refine::reference::RenderScene;
 use serde::Serialize;
@@ -73,12 +74,15 @@ impl<'a> Judge<'a> {
         let tick = || self.progress.tick();
         let views =
             ROUNDING_ASIDE.map(|aside| views_of(self.field, self.info, aside, ROUNDING_SIZE)).concat();
-        let joint = NonZero::new(JOINT_ROUNDS).map(|rounds| JointRounding::new(&source, views, rounds, tick));
-        let target = PackageTarget { coder: Coder::Rans, layers: &LAYERS, psnr_db };
-        let coded = code(&source, target, &self.coding_views, &self.pictures, joint.as_ref(), tick);
+        let mut backend = Cpu::default();
+        let mut joint =
+            NonZero::new(JOINT_ROUNDS).map(|rounds| JointRounding::new(views, rounds, &mut backend));
+        let target = PackageTarget { coder: Coder::Rans, layers: &LAYERS, psnr_db, by_device: false };
+        let coded = code(&source, target, &self.coding_views, &self.pictures, joint.as_mut(), tick);
         coded.map_err(|error| match error {
             CodeError::Encode(error) => anyhow!(error),
             CodeError::Decode(error) => anyhow!(error),
+            CodeError::Device(error) => anyhow!(error),
         })
     }
 

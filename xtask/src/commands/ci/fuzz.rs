@@ -18,7 +18,12 @@ struct Fuzzer {
 }
 
 const FUZZERS: [Fuzzer; 2] = [
-    Fuzzer { package: "codec-fuzz", folder: "codec/fuzz", seeds: "seeds", targets: &["decode", "roundtrip"] },
+    Fuzzer {
+        package: "codec-fuzz",
+        folder: "codec/fuzz",
+        seeds: "seeds",
+        targets: &["decode", "roundtrip", "sound"],
+    },
     Fuzzer {
         package: "aarc-fuzz",
         folder: "tests/fuzz",

@@ -31,6 +31,8 @@ pub struct CaptureFiles {
     pub metres_per_unit: Option<f64>,
     /// What a fit learns of its cameras if nothing else is named.
     pub learned: Learned,
+    /// The sound of the capture.
+    pub sound: Option<CaptureSound>,
     /// Numbers of the selected frames in the capture.
     pub(super) selected: Range<usize>,
     /// Time of the first of them in the capture, in seconds.
@@ -53,6 +55,15 @@ pub struct CaptureFiles {
     pub(super) is_corrected: bool,
 }
 
+/// The sound of a capture.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CaptureSound {
+    /// A sound file, or a video with sound.
+    pub path: PathBuf,
+    /// Second of the capture at which the file begins.
+    pub start_s: f64,
+}
+
 /// The video of a camera.
 #[derive(Clone, Debug)]
 pub(super) struct CameraVideo {
@@ -62,6 +73,11 @@ pub(super) struct CameraVideo {
 }
 
 impl CaptureFiles {
+    /// Second of the capture at which frame `frame` of those selected is.
+    pub fn second_of(&self, frame: usize) -> f64 {
+        self.start_s + self.capture.frame_times_s.get(frame).copied().unwrap_or(0.0)
+    }
+
     /// Number of pairs of a camera and a frame without a photograph; 0 if each photograph has a camera of
     /// its own.
     pub fn missing_count(&self) -> usize {
@@ -376,6 +392,7 @@ impl CaptureBuilder {
             stated_up: None,
             metres_per_unit: None,
             learned: Learned::default(),
+            sound: None,
             selected,
             start_s: 0.0,
             time_offsets_s,

@@ -10,7 +10,7 @@ use serde::Deserialize;
 
 use super::camera_part::CameraPart;
 use super::camera_plate::CameraPlate;
-use super::capture_files::{CaptureBuilder, CaptureFiles, pinhole};
+use super::capture_files::{CaptureBuilder, CaptureFiles, CaptureSound, pinhole};
 use super::image_file::{bad, bad_layout, read_text};
 use super::photo_paths::PhotoPath;
 use super::video::Video;
@@ -46,7 +46,16 @@ struct Manifest {
     learn: Vec<CameraPart>,
     up: Option<[f64; 3]>,
     metres_per_unit: Option<f64>,
+    sound: Option<ManifestSound>,
     cameras: Vec<ManifestCamera>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ManifestSound {
+    file: String,
+    #[serde(default)]
+    start_s: f64,
 }
 
 #[derive(Deserialize)]
@@ -78,6 +87,12 @@ enum LensModel {
     #[default]
     Rational,
     Fisheye,
+}
+
+impl ManifestSound {
+    fn in_folder(self, folder: &Path) -> CaptureSound {
+        CaptureSound { path: folder.join(self.file), start_s: self.start_s }
+    }
 }
 
 pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
@@ -136,6 +151,7 @@ pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
         learned,
         stated_up: manifest.up.map(unit),
         metres_per_unit: manifest.metres_per_unit,
+        sound: manifest.sound.map(|sound| sound.in_folder(folder)),
         ..builder.build(even_times_s(frames, fps), manifest.fps)
     })
 }

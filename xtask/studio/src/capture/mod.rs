@@ -23,7 +23,7 @@ use program::Fault;
 use refine::capture::CalibratedCamera;
 
 pub use camera_part::CameraPart;
-pub use capture_files::CaptureFiles;
+pub use capture_files::{CaptureFiles, CaptureSound};
 pub use corrections::{CameraCorrection, CameraCorrections};
 #[cfg(feature = "onnx")]
 pub use depth::pfm_file;

@@ -92,6 +92,11 @@ impl FrameSelection {
         self.part.photographs_of(folder, self.size, path, scene, holdout)
     }
 
+    /// Whether it selects all frames.
+    pub(crate) fn is_whole(&self) -> bool {
+        self.part.frames.is_none()
+    }
+
     /// Whether it selects the whole capture.
     pub(crate) fn is_default(&self) -> bool {
         self.part.is_default() && self.size.is_none()

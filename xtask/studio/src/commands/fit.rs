@@ -24,10 +24,11 @@ use codec::PixelFilter;
 use program::{Fault, output};
 use refine::anchor::Mirror;
 use refine::capture::Holdout;
-use refine::fit::{Backend, Cpu, DensityRule, Learned, Lpips};
+use refine::fit::{Backend, DensityRule, Learned, Lpips};
 use refine::reference::RenderScene;
 use serde_json::{Value, json};
 
+use super::backend::BackendOption;
 use super::capture::{
     FrameSelection, HeldFrames, LpipsOption, describe, load_training_views, note_assumed_fps,
 };
@@ -129,9 +130,8 @@ pub(super) struct FitOptions {
     sh_degree: u8,
     #[command(flatten)]
     pub(super) lpips: LpipsOption,
-    /// Back end that renders and computes gradients
-    #[arg(long, value_enum, default_value_t = Engine::Cpu)]
-    backend: Engine,
+    #[command(flatten)]
+    pub(super) backend: BackendOption,
     /// Captured frames per second, of a capture that does not state them; 30 by default
     #[arg(long, value_parser = positive)]
     fps: Option<f64>,
@@ -217,14 +217,6 @@ enum Rule {
     Relocate,
 }
 
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum Engine {
-    /// All CPU cores; the result is bit-identical for any number of cores
-    Cpu,
-    /// The GPU; results differ from the CPU's in their last digits. Needs a build with --features gpu
-    Gpu,
-}
-
 fn positive(text: &str) -> Result<f64, String> {
     let number = text.parse().ok().filter(|x| (1e-3..=1e6).contains(x));
     number.ok_or_else(|| "a number from 0.001 to 1000000".into())
@@ -237,14 +229,19 @@ pub(super) fn fragment_weight(text: &str) -> Result<f64, String> {
 }
 
 /// Fits a capture with the defaults of `fit`; its plates are found if the plan has one.
-pub(super) fn by_default(capture_files: &CaptureFiles, plan: &FitPlan, out: &Path) -> anyhow::Result<()> {
-    fn runtime(backend: &mut Cpu) -> FitRuntime<'_> {
+pub(super) fn by_default(
+    capture_files: &CaptureFiles,
+    plan: &FitPlan,
+    backend: &mut dyn Backend,
+    out: &Path,
+) -> anyhow::Result<()> {
+    fn runtime(backend: &mut dyn Backend) -> FitRuntime<'_> {
         FitRuntime { backend, lpips: None, checkpoint_every: fit::CHECKPOINT_EVERY }
     }
-    let (mut capture_files, mut backend) = (capture_files.clone(), Cpu::default());
+    let mut capture_files = capture_files.clone();
     let mut views = load_training_views(&capture_files, plan.holdout)?;
-    fit_plate(plan, &mut capture_files, &mut views, runtime(&mut backend), out)?;
-    fit_and_write(out, plan, &capture_files, &views, runtime(&mut backend)).map(drop)
+    fit_plate(plan, &mut capture_files, &mut views, runtime(backend), out)?;
+    fit_and_write(out, plan, &capture_files, &views, runtime(backend)).map(drop)
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
@@ -384,14 +381,6 @@ impl FitOptions {
         }
     }
 
-    /// Opens the back end.
-    pub(super) fn open_backend(&self) -> Result<Box<dyn Backend>, Fault> {
-        match self.backend {
-            Engine::Cpu => Ok(Box::new(Cpu::default())),
-            Engine::Gpu => open_gpu(),
-        }
-    }
-
     /// What a fit runs with.
     pub(super) fn runtime<'a>(
         &self,
@@ -421,7 +410,7 @@ fn fit_capture(args: &Args, out: &Path) -> anyhow::Result<FitResult> {
     let plan = plan(args, args.options.plan(&capture_files, holdout)?)?;
     let plan = FitPlan { plate: plate_plan(args, &mut capture_files, holdout)?, ..plan };
     fit::check_checkpoint(&plan, out)?;
-    let mut backend = args.options.open_backend()?;
+    let mut backend = args.options.backend.open()?;
     let runtime = args.options.runtime(&mut *backend, lpips.as_ref());
     let mut views = load_training_views(&capture_files, holdout)?;
     let plate = fit_plate(&plan, &mut capture_files, &mut views, runtime, out)?;
@@ -519,23 +508,6 @@ pub(super) fn fit_and_write(
     Ok(fitted)
 }
 
-#[cfg(feature = "gpu")]
-fn open_gpu() -> Result<Box<dyn Backend>, Fault> {
-    match refine::fit::gpu::Gpu::open() {
-        Ok(gpu) => Ok(Box::new(gpu)),
-        Err(error) => Err(Fault::Device(error.to_string())),
-    }
-}
-
-#[cfg(not(feature = "gpu"))]
-fn open_gpu() -> Result<Box<dyn Backend>, Fault> {
-    Err(Fault::Usage(
-        "--backend gpu: this build has no GPU back end; \
-         run `cargo run --release --package studio --features gpu -- fit ...`"
-            .into(),
-    ))
-}
-
 fn plan(args: &Args, plan: FitPlan) -> anyhow::Result<FitPlan> {
     let start = match (&args.depths, &args.from) {
         (Some(folder), _) => FitStart::Depths(folder.to_string_lossy().into_owned(), args.depth_scale),
@@ -591,7 +563,7 @@ fn slide(args: &Args, out: &Path) -> anyhow::Result<()> {
     let lpips = args.options.lpips.load()?;
     let plan = folder_plan(args, &mut capture_files, holdout)?;
     let work = WorkFolder::open(&plan, &capture_files, out, segments.is_some())?;
-    let mut backend = args.options.open_backend()?;
+    let mut backend = args.options.backend.open()?;
     let runtime = args.options.runtime(&mut *backend, lpips.as_ref());
     note_assumed_fps(&capture_files, "--fps states another number");
     eprintln!("note: {}", describe(&capture_files, holdout)?);

@@ -48,7 +48,7 @@ impl<'a> FitSource<'a> {
         FitSource {
             path,
             kind: "this field",
-            record: subject.hints.fit.clone(),
+            record: scene.fit_record(),
             frames: scene.frames(),
             is_static: subject.field.temporal.is_none(),
             has_plate: scene.plate.is_some(),

@@ -11,10 +11,10 @@ use crate::input::read_package;
 use crate::left_out::{LeftOut, gpu_bytes, left_out};
 use crate::messages::{bad_package, decimal};
 use crate::segments::TakeFile;
-use codec::{AttributeSize, Clip, Contents, Field, Limits, Region, SectionKind};
+use codec::{AttributeSize, Clip, Contents, Field, Limits, Region, SectionKind, Sound};
 use serde::Serialize;
 
-use rows::{Plate, ViewpointRow};
+use rows::{Audio, Plate, ViewpointRow};
 
 /// Clip times at which alive Gaussians are counted.
 const TIMES: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
@@ -40,7 +40,8 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let contents = codec::contents(&bytes, &limits).map_err(bad)?;
     let clip = codec::decode(&bytes, &limits).map_err(bad)?;
     let attributes = codec::measure(&bytes, &limits).map_err(bad)?;
-    let inspection = inspect(&bytes, contents, &clip, attributes);
+    let sound = contents.sound(&bytes, &limits).map_err(bad)?;
+    let inspection = inspect(&bytes, contents, &clip, attributes, sound.as_ref());
     if args.json {
         println!("{}", serde_json::to_string_pretty(&inspection)?);
     } else {
@@ -74,7 +75,9 @@ struct Inspection {
     motion_order: u8,
     rotation_rates: bool,
     filter: &'static str,
+    by_device: bool,
     plate: Option<Plate>,
+    audio: Option<Audio>,
     layers: Vec<Layer>,
     /// One, as a clip is a take of one segment.
     segments: [OnlySegment; 1],
@@ -141,7 +144,13 @@ struct Section {
     raw_bytes: usize,
 }
 
-fn inspect(bytes: &[u8], contents: Contents, clip: &Clip, attributes: Vec<AttributeSize>) -> Inspection {
+fn inspect(
+    bytes: &[u8],
+    contents: Contents,
+    clip: &Clip,
+    attributes: Vec<AttributeSize>,
+    sound: Option<&Sound>,
+) -> Inspection {
     let info = &clip.info;
     Inspection {
         format_version: format!("{}.{}", contents.version_major, contents.version_minor),
@@ -162,11 +171,13 @@ fn inspect(bytes: &[u8], contents: Contents, clip: &Clip, attributes: Vec<Attrib
         motion_order: contents.motion_order,
         rotation_rates: contents.rotation_rates,
         filter: contents.filter.name(),
+        by_device: contents.by_device,
         plate: clip.plate.as_ref().map(|plate| Plate {
             gaussians: plate.len(),
             sh_degree: plate.sh_degree,
             filter: plate.filter.name(),
         }),
+        audio: sound.map(Audio::from),
         layers: layers(&contents, clip.layers.len()),
         segments: [OnlySegment {
             start_s: 0.0,
@@ -226,6 +237,7 @@ impl From<&codec::Section> for Section {
                 SectionKind::Gaussians => "gaussians".into(),
                 SectionKind::TimeIndex => "time index".into(),
                 SectionKind::Poster => "poster".into(),
+                SectionKind::Sound => "sound".into(),
                 SectionKind::Unknown(kind) => format!("unknown {kind}"),
             },
             region: region_name(section.region),
@@ -285,12 +297,16 @@ impl Inspection {
             self.sh_degree, self.motion_order
         );
         println!("filter      {}", self.filter);
+        if self.by_device {
+            println!("computed    by a graphics device; elsewhere the same field may give another package");
+        }
         match &self.plate {
             Some(Plate { gaussians, sh_degree, filter }) => {
                 println!("plate       {gaussians} Gaussians, SH degree {sh_degree}, filter {filter}")
             }
             None => println!("plate       none"),
         }
+        println!("sound       {}", self.audio.as_ref().map_or("none".into(), Audio::describe));
 
         println!("\n{:<8}{:>12}{:>12}  (to its end)", "layer", "gaussians", "bytes");
         for (i, layer) in self.layers.iter().enumerate() {
@@ -359,7 +375,7 @@ impl Inspection {
 impl Section {
     fn name(&self) -> String {
         match self.kind.as_str() {
-            kind @ "poster" => kind.into(),
+            kind @ ("sound" | "poster") => kind.into(),
             kind => format!("{} {kind}", self.region),
         }
     }

@@ -1,5 +1,7 @@
 //! One module per subcommand: its arguments and what it does.
 
+mod audio;
+mod backend;
 pub(crate) mod capture;
 pub(crate) mod depths;
 pub(crate) mod eval;

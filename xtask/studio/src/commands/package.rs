@@ -5,7 +5,7 @@ use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use crate::capture::CaptureFiles;
+use crate::capture::{CaptureFiles, CaptureSound};
 use crate::fit::{self, FitPlan, PlatePlan, Refinement, RefinementReport, TrainingViews};
 use crate::messages::decimal;
 use crate::package::{
@@ -16,19 +16,23 @@ use crate::playlist;
 use crate::progress::StagedProgress;
 use crate::scene::Scene;
 use crate::segments::{FieldFolder, SegmentReport, SegmentSources, TakeReport, package_take};
+use crate::sound::{SoundReport, Soundtrack};
 use crate::takes::{List, ListedTake, OutputState, Record, key};
 use anyhow::bail;
 use clap::{ArgGroup, ValueEnum};
 use program::{Fault, output};
 use refine::capture::Holdout;
 use refine::code::JOINT_ROUNDS;
-use refine::fit::FRAGMENT_WEIGHT;
+use refine::fit::{Backend, FRAGMENT_WEIGHT};
 use refine::prune::Ranking;
 use serde_json::{Value, json};
 
+use super::audio::AudioOptions;
+use super::backend::BackendOption;
 use super::capture::{FrameSelection, HeldFrames, note_assumed_fps};
 use super::fit::fragment_weight;
 use super::fit_plate::PlateWhen;
+use super::fit_source::FitSource;
 use super::takes::{self, TakeCommand, TakeOptions, part_seconds};
 
 /// Maximum loss in dB of a prefix of a package against a package of its size.
@@ -105,6 +109,8 @@ pub struct Args {
     /// rounds each alone
     #[arg(long, value_name = "N", default_value_t = JOINT_ROUNDS, value_parser = joint_rounds)]
     joint_rounds: usize,
+    #[command(flatten)]
+    backend: BackendOption,
     /// Remove a part; repeatable
     #[arg(long, value_enum, value_name = "PART")]
     drop: Vec<DropPart>,
@@ -117,6 +123,8 @@ pub struct Args {
     /// Print the report as JSON
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    sound: AudioOptions,
     #[command(flatten, next_help_heading = "Of the capture, where one is looked at")]
     selection: FrameSelection,
     /// Frames that are held out from fitting and refining; by default none, and with --refine those that
@@ -190,6 +198,7 @@ fn run_one(args: &Args) -> anyhow::Result<()> {
     } else {
         println!("{}", written.scene);
         print_report(&written.report);
+        print_sound(written.sound.as_ref());
         print_prefixes(written.prefix_steps.as_deref().unwrap_or_default());
         println!("{}, written in {:.1} s", written.out.display(), start.elapsed().as_secs_f64());
     }
@@ -228,6 +237,7 @@ struct WrittenPackage {
     scene: String,
     out: PathBuf,
     report: PackageReport,
+    sound: Option<SoundReport>,
     prefix_steps: Option<Vec<PrefixStep>>,
 }
 
@@ -235,6 +245,7 @@ impl WrittenPackage {
     fn to_json(&self) -> anyhow::Result<Value> {
         let mut object = serde_json::to_value(&self.report)?;
         object["out"] = json!(self.out);
+        object["audio"] = json!(self.sound);
         if let Some(prefix_steps) = &self.prefix_steps {
             object["ladder"] = json!(prefix_steps);
         }
@@ -312,6 +323,21 @@ impl Args {
         }
     }
 
+    /// Opens the back end.
+    ///
+    /// # Errors
+    /// [`Fault::Usage`] if there is nothing for a device to compute; those of [`BackendOption::open`].
+    fn open_backend(&self) -> Result<Box<dyn Backend>, Fault> {
+        let backend = self.backend.open()?;
+        let rounds = !matches!(self.coder, Coder::Fixed) && self.joint_rounds > 0;
+        let computes = rounds || self.refine.is_some() || Scene::is_capture(self.scene());
+        if backend.peak_device_bytes().is_some() && !computes {
+            let what = "--backend gpu: nothing is fitted, refined or rounded jointly; leave it out";
+            return Err(Fault::Usage(what.into()));
+        }
+        Ok(backend)
+    }
+
     fn to_quality(&self, coder: codec::Coder) -> Coding {
         Coding::ToQuality { coder, quality_db: self.quality, joint_rounds: self.joint_rounds }
     }
@@ -328,12 +354,18 @@ fn write_package(args: &Args) -> anyhow::Result<WrittenPackage> {
         output::check(out)?;
     }
     let captured = Captured::open(args)?;
+    let mut backend = args.open_backend()?;
     let scene = match &captured {
-        Some(captured) if captured.is_scene => Scene::load_with(args.scene(), &captured.fit(args)?)?,
+        Some(captured) if captured.is_scene => {
+            Scene::load_with(args.scene(), &captured.fit(args, &mut *backend)?)?
+        }
         _ => Scene::load(args.scene())?,
     };
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from(format!("{}.aarc", scene.name)));
     output::check(&out)?;
+    let of_capture = captured.as_ref().and_then(|captured| captured.sound(&scene, args));
+    let of_capture = of_capture.as_ref().map(|(sound, first_s)| (sound, *first_s));
+    let soundtrack = args.sound.soundtrack(of_capture, scene.info.duration_s.into())?;
     let settings = args.settings();
     let progress = StagedProgress::visible();
     let views = match (&captured, args.refine) {
@@ -345,23 +377,31 @@ fn write_package(args: &Args) -> anyhow::Result<WrittenPackage> {
         steps,
         fragment_weight: args.fragment_weight,
     });
-    let package = package_with(&scene, &settings, refinement.as_ref(), &progress)?;
+    let mut package = package_with(&scene, &settings, refinement.as_ref(), &mut *backend, &progress)?;
     if let Some(miss) = package.report.miss.as_ref().filter(|miss| args.strict && miss.is_below) {
         bail!("{}: {}; --strict refuses it, choose a lower --quality", scene.name, miss.text);
     }
-    output::write(&out, &package.bytes)?;
-    if let Some(assumption) = scene.subject.assumption {
-        eprintln!("note: {}: {assumption}", scene.name);
+    match &soundtrack {
+        Some(soundtrack) => {
+            let bytes = soundtrack.put_into(&package.bytes, &out)?;
+            package.report.bytes = bytes.len();
+            output::write(&out, &bytes)?;
+        }
+        None => output::write(&out, &package.bytes)?,
+    }
+    for note in &scene.subject.notes {
+        eprintln!("note: {}: {note}", scene.name);
     }
     print_blind_viewpoints(&scene);
     let prefix_steps = match args.prefix_quality {
-        true => Some(prefix_quality(&scene, &settings, &package, &progress)?),
+        true => Some(prefix_quality(&scene, &settings, &package, &mut *backend, &progress)?),
         false => None,
     };
     Ok(WrittenPackage {
         scene: format!("{}: {}", scene.name, scene.subject.format),
         out,
         report: package.report,
+        sound: soundtrack.map(|soundtrack| soundtrack.report().clone()),
         prefix_steps,
     })
 }
@@ -369,8 +409,12 @@ fn write_package(args: &Args) -> anyhow::Result<WrittenPackage> {
 /// Makes and writes a take.
 fn write_take(args: &Args, sources: &SegmentSources) -> anyhow::Result<WrittenTake> {
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from(format!("{}.aarc", sources.name)));
-    let report = package_take(sources, &args.settings(), &out)?;
-    Ok(WrittenTake { scene: format!("{}: {}", sources.name, sources.format()), out, report })
+    output::check(&out)?;
+    let soundtrack = args.sound.soundtrack(None, sources.duration_s)?;
+    let report =
+        package_take(sources, &args.settings(), &mut *args.open_backend()?, soundtrack.as_ref(), &out)?;
+    let sound = soundtrack.as_ref().map(Soundtrack::report).cloned();
+    Ok(WrittenTake { scene: format!("{}: {}", sources.name, sources.format()), out, report, sound })
 }
 
 /// A take that was written.
@@ -379,12 +423,14 @@ struct WrittenTake {
     scene: String,
     out: PathBuf,
     report: TakeReport,
+    sound: Option<SoundReport>,
 }
 
 impl WrittenTake {
     fn to_json(&self) -> anyhow::Result<Value> {
         let mut object = serde_json::to_value(&self.report)?;
         object["out"] = json!(self.out);
+        object["audio"] = json!(self.sound);
         Ok(object)
     }
 
@@ -435,8 +481,16 @@ impl WrittenTake {
             report.bytes as f64 / report.segment_bytes as f64,
             decimal(report.duration_s, 3)
         );
+        print_sound(self.sound.as_ref());
         println!("{}, written in {seconds:.1} s", self.out.display());
     }
+}
+
+/// The sound, and what was done to it.
+fn print_sound(sound: Option<&SoundReport>) {
+    let Some(sound) = sound else { return };
+    println!("{:16} {}", "sound", sound.describe());
+    sound.notes.iter().for_each(|note| println!("{:16} {note}", ""));
 }
 
 /// The capture that a field is fitted to or refined on.
@@ -498,11 +552,11 @@ impl Captured {
     }
 
     /// Fits a field to the capture, to a file beside the package; with a list, unless that is done.
-    fn fit(&self, args: &Args) -> anyhow::Result<PathBuf> {
+    fn fit(&self, args: &Args, backend: &mut dyn Backend) -> anyhow::Result<PathBuf> {
         let out = field_path(args);
         let plan = self.plan(args)?;
         if args.many.list.is_none() {
-            self.fit_to(&out, &plan)?;
+            self.fit_to(&out, &plan, backend)?;
             return Ok(out);
         }
         let key = key(FIELD_OF_PACKAGE, &format!("{plan:?}"), &[args.scene()])?;
@@ -514,14 +568,24 @@ impl Captured {
             OutputState::Unknown => {}
         }
         Record::begin(&out, FIELD_OF_PACKAGE, &key)?;
-        self.fit_to(&out, &plan)?;
+        self.fit_to(&out, &plan, backend)?;
         Record::complete(&out, FIELD_OF_PACKAGE, &key, Value::Null)?;
         Ok(out)
     }
 
-    fn fit_to(&self, out: &Path, plan: &FitPlan) -> anyhow::Result<()> {
+    fn fit_to(&self, out: &Path, plan: &FitPlan, backend: &mut dyn Backend) -> anyhow::Result<()> {
         note_assumed_fps(&self.capture_files, "duration_s and fps in scene.json state others");
-        super::fit::by_default(&self.capture_files, plan, out)
+        super::fit::by_default(&self.capture_files, plan, backend, out)
+    }
+
+    /// The sound of the capture, and the second of the capture at which `scene` begins.
+    fn sound(&self, scene: &Scene, args: &Args) -> Option<(CaptureSound, f64)> {
+        let sound = self.capture_files.sound.clone()?;
+        let path = if self.is_scene { field_path(args) } else { args.scene().to_owned() };
+        let fitted = FitSource::of_scene(&path, scene).record.frames.clone();
+        // With --frames, the first frame of the selection is that of the field.
+        let first = fitted.filter(|_| args.selection.is_whole()).map_or(0, |frames| frames.start);
+        Some((sound, self.capture_files.second_of(first)))
     }
 
     /// The photographs for the refinement of `scene`.

@@ -3,14 +3,18 @@
 //! Each turns values into the bytes of a file; [`program::output::write`] writes them.
 
 mod field_file;
+mod glb;
 mod ply;
+mod sequence;
 mod splatv;
 mod spz;
 
 use codec::{ALPHA_MIN, Field};
 
 pub use field_file::{field_file, fitted_field_file};
+pub use glb::glb;
 pub use ply::static_ply;
+pub use sequence::{frame_of_sequence, rows_of_sequence};
 pub use splatv::splatv;
 pub use spz::spz;
 

@@ -29,8 +29,8 @@ use refine::capture::CalibratedCamera;
 use refine::fit::{Backend, DeviceError, Fit, Lpips, RenderedImage, Run, TrainingView};
 
 use crate::capture::CaptureFiles;
+use crate::import::up_of;
 use crate::scene::{DEFAULT_DURATION_S, DEFAULT_METRES_PER_UNIT, DEFAULT_UP, plate_path};
-use crate::up_axis::up_of;
 pub use cameras::learned_cameras;
 use checkpoint::{Checkpoint, Tally};
 use log::LogEntry;

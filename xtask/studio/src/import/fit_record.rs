@@ -2,6 +2,8 @@
 
 use std::ops::Range;
 
+use ::import::Hints;
+use ::import::field_file::MARK;
 use refine::capture::Holdout;
 
 /// Value of the comment on mattes.
@@ -39,11 +41,23 @@ impl FitRecord {
         .flatten()
     }
 
+    /// The record in a file's comments.
+    ///
+    /// # Errors
+    /// The comment that cannot be used.
+    pub fn of(hints: &Hints) -> Result<FitRecord, String> {
+        let mut record = FitRecord::default();
+        for (key, value) in &hints.comments {
+            record.take(key, value).map_err(|()| format!("comment {MARK} {key}: cannot use `{value}`"))?;
+        }
+        Ok(record)
+    }
+
     /// Takes the value of a comment with one of these keys; ignores other keys.
     ///
     /// # Errors
     /// If the value cannot be used.
-    pub(super) fn take(&mut self, key: &str, value: &str) -> Result<(), ()> {
+    fn take(&mut self, key: &str, value: &str) -> Result<(), ()> {
         match key {
             "holdout" => self.holdout = Some(Holdout::named(value).ok_or(())?),
             "frames" => self.frames = Some(frames(value).ok_or(())?),

@@ -7,8 +7,8 @@ use serde::Serialize;
 
 use super::calibration::{Calibration, RigCamera};
 use super::options::{IngestOptions, UpSource};
+use crate::import::up_of;
 use crate::messages::decimal;
-use crate::up_axis::up_of;
 
 /// Where a rig is in its world.
 #[derive(Clone, Debug, Serialize)]

@@ -45,6 +45,20 @@ pub struct Starts {
     pub is_kept: bool,
 }
 
+impl Starts {
+    /// Number of the video whose sound is that of the capture: the one that agrees best with all others, or the first with
+    /// sound where none were compared.
+    pub(super) fn sound_of(&self, videos: &[RigVideo]) -> Option<usize> {
+        let agreement = |i: usize| {
+            let pairs = self.sound.iter().flat_map(|sound| &sound.pairs);
+            pairs.filter(|pair| pair.cameras.contains(&i)).map(|pair| pair.confidence).sum::<f64>()
+        };
+        let has_sound = (0..videos.len()).filter(|i| videos[*i].probe.has_sound);
+        // The first of several.
+        has_sound.rev().max_by(|a, b| agreement(*a).total_cmp(&agreement(*b)))
+    }
+}
+
 /// Finds when `videos` start; warnings go to `warn`.
 ///
 /// # Errors
@@ -205,6 +219,39 @@ mod tests {
         let full = seconds(30000.0 / 1001.0, "01:00:00:00").unwrap();
         assert!((full - 3603.6).abs() < 1e-6, "{full}");
         assert_eq!(seconds(25.0, "garbage"), None);
+    }
+
+    #[test]
+    fn the_sound_of_the_capture_is_that_which_agrees_best() {
+        let videos = |has_sound: [bool; 3]| {
+            has_sound.map(|has_sound| {
+                let mut video = video("a", 25.0);
+                video.probe.has_sound = has_sound;
+                video
+            })
+        };
+        let pair = |cameras, confidence| sound::SoundPair {
+            cameras,
+            later_s: 0.0,
+            drift_ppm: 0.0,
+            confidence,
+            residual_s: None,
+            curve: Vec::new(),
+        };
+        let starts = |pairs: Vec<sound::SoundPair>| Starts {
+            source: StartSource::Sound,
+            starts_s: vec![0.0; 3],
+            sound: (!pairs.is_empty()).then(|| SoundSync {
+                starts_s: vec![0.0; 3],
+                drifts_ppm: vec![0.0; 3],
+                pairs,
+            }),
+            is_kept: false,
+        };
+        let compared = || starts(vec![pair([0, 1], 20.0), pair([0, 2], 30.0), pair([1, 2], 40.0)]);
+        assert_eq!(compared().sound_of(&videos([true; 3])), Some(2));
+        assert_eq!(starts(Vec::new()).sound_of(&videos([false, true, true])), Some(1));
+        assert_eq!(starts(Vec::new()).sound_of(&videos([false; 3])), None);
     }
 
     #[test]

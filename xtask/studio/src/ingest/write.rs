@@ -77,6 +77,12 @@ pub(super) fn write(
         head.push(("masks", json!(MASKS)));
     }
     head.push(("plates", json!(PLATES)));
+    if let Some(i) = parts.starts.sound_of(parts.videos) {
+        let video = &parts.videos[i];
+        // A file may begin before its first frame.
+        let start_s = parts.starts.starts_s[i] - video.probe.first_s;
+        head.push(("sound", json!({"file": path_from(out, &video.path)?, "start_s": start_s})));
+    }
     if parts.videos.len() > 1 {
         head.push(("learn", json!(learn)));
     }

@@ -7,6 +7,7 @@ use anyhow::{anyhow, ensure};
 use codec::{Clip, EncodeError, EncodeOptions, Field, Limits, Precision, Source};
 use program::Fault;
 use refine::code::{CodeError, Coded, JointRounding, Miss, PackageTarget, WORST_BELOW_DB, code, code_steps};
+use refine::fit::Backend;
 use refine::prune::{Fidelity, Pictures};
 use refine::reference::RenderScene;
 
@@ -50,11 +51,12 @@ pub(super) fn draft(
             Precision { psnr: quality_db + DRAFT_MARGIN_DB, ..Precision::default() }
         }
     };
-    encode_once(scene, field, plate, coding, precision).map(|(_, clip)| clip)
+    encode_once(scene, field, plate, &options(coding, precision, false)).map(|(_, clip)| clip)
 }
 
 /// Makes static what only seems to change, and encodes a field in layers, most important row first, to the precision
 /// of `coding`; decodes the package, compares it with the field as given, and verifies that every Gaussian is there.
+/// `backend` computes the gradients of joint rounding.
 ///
 /// # Errors
 /// [`Fault::Data`] where the field cannot be coded, or players would not read the package.
@@ -63,6 +65,7 @@ pub(crate) fn encode(
     field: &Field,
     plate: Option<&Field>,
     coding: Coding,
+    backend: &mut dyn Backend,
     progress: &StagedProgress,
 ) -> anyhow::Result<VerifiedPackage> {
     let compared = compared_views(scene, field, CODED_SIZE);
@@ -71,10 +74,12 @@ pub(crate) fn encode(
     let judge = Pictures::take(&render_scene(field, plate), compared, || progress.step());
     let views = visibility_views(scene, field, CODED_SIZE);
     let (field, snapped) = &snap(field, &views, coding);
+    let by_device = backend.peak_device_bytes().is_some();
     let (coded, steering_views, rounding_views) = match coding {
         Coding::Fixed => {
             let precision = Precision { psnr: QUALITY_DB, ..Precision::default() };
-            let (bytes, clip) = encode_once(scene, field, plate, coding, precision)?;
+            let options = options(coding, precision, by_device);
+            let (bytes, clip) = encode_once(scene, field, plate, &options)?;
             let fidelity = judge.compare(&RenderScene::from(&clip), || ());
             (Coded { bytes, clip, fidelity, miss: None, bytes_alone: None }, 0, 0)
         }
@@ -82,12 +87,10 @@ pub(crate) fn encode(
             let source = Source { info: &scene.head_info(), field, plate };
             let rounding = NonZero::new(joint_rounds).map(|rounds| (rounds, rounding_views(scene, field)));
             let rounding_count = rounding.as_ref().map_or(0, |(_, views)| views.len());
-            progress.stage("pictures to round by", rounding_count);
-            let joint = rounding
-                .map(|(rounds, views)| JointRounding::new(&source, views, rounds, || progress.step()));
-            progress.stage("coding", views.len() + code_steps(joint.as_ref()));
-            let target = PackageTarget { coder, layers: &LAYERS, psnr_db: quality_db };
-            let coded = code(&source, target, &views, &judge, joint.as_ref(), || progress.step())
+            let mut joint = rounding.map(|(rounds, views)| JointRounding::new(views, rounds, backend));
+            progress.stage("coding", views.len() + code_steps(joint_rounds));
+            let target = PackageTarget { coder, layers: &LAYERS, psnr_db: quality_db, by_device };
+            let coded = code(&source, target, &views, &judge, joint.as_mut(), || progress.step())
                 .map_err(|error| refused(scene, error))?;
             (coded, views.len(), rounding_count)
         }
@@ -99,16 +102,18 @@ pub(crate) fn encode(
     Ok(VerifiedPackage { coded, snapped: *snapped, steering_views, rounding_views, judging_views })
 }
 
+fn options(coding: Coding, precision: Precision, by_device: bool) -> EncodeOptions {
+    EncodeOptions { coder: coding.coder(), layers: LAYERS.to_vec(), precision, by_device }
+}
+
 fn encode_once(
     scene: &Scene,
     field: &Field,
     plate: Option<&Field>,
-    coding: Coding,
-    precision: Precision,
+    options: &EncodeOptions,
 ) -> anyhow::Result<(Vec<u8>, Clip)> {
     let source = Source { info: &scene.head_info(), field, plate };
-    let options = EncodeOptions { coder: coding.coder(), layers: LAYERS.to_vec(), precision };
-    let bytes = codec::encode(&source, &options).map_err(|error| refused(scene, CodeError::Encode(error)))?;
+    let bytes = codec::encode(&source, options).map_err(|error| refused(scene, CodeError::Encode(error)))?;
     let clip = codec::decode(&bytes, &Limits::default());
     let clip = clip.map_err(|error| refused(scene, CodeError::Decode(error)))?;
     Ok((bytes, clip))
@@ -144,6 +149,7 @@ pub(crate) fn refused(scene: &Scene, error: CodeError) -> anyhow::Error {
             };
             Fault::Data(format!("{}: {error}; {step}", scene.name)).into()
         }
+        CodeError::Device(error) => Fault::Device(error.to_string()).into(),
         CodeError::Decode(error @ codec::Error::Limits { .. }) => {
             let what = format!("{}: {error}, which is more than players read; choose a --budget", scene.name);
             Fault::Data(what).into()

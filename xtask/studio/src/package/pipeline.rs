@@ -1,8 +1,9 @@
 //! [`package`]: the stages of packaging, one after another.
 
 use codec::Field;
+use program::Fault;
 use refine::code::Miss;
-use refine::fit::Cpu;
+use refine::fit::{Backend, Cpu};
 
 use super::choose::choose;
 use super::encode::{VerifiedPackage, encode, explain};
@@ -34,26 +35,29 @@ pub struct Package {
 /// [`program::Fault::Data`] where no Gaussian is visible, numbers cannot be coded, or `strict` refuses a
 /// repair. Any other error is a defect of this program.
 pub fn package(scene: &Scene, settings: &PackageSettings) -> anyhow::Result<Package> {
-    package_with(scene, settings, None, &StagedProgress::hidden())
+    package_with(scene, settings, None, &mut Cpu::default(), &StagedProgress::hidden())
 }
 
 /// Makes a package as [`package`] does, refines the retained Gaussians on photographs,
-/// and draws `progress`.
+/// and draws `progress`. `backend` computes the gradients of refining and of joint rounding. With a graphics device, the
+/// package is marked, for another may give other bytes.
 ///
 /// # Errors
-/// As [`package`].
+/// As [`package`]; [`program::Fault::Device`] if the device fails.
 pub fn package_with(
     scene: &Scene,
     settings: &PackageSettings,
     refinement: Option<&Refinement>,
+    backend: &mut dyn Backend,
     progress: &StagedProgress,
 ) -> anyhow::Result<Package> {
     let VisibleScene { field, mut subject, plate, plate_counts, parts_removed } =
         visible_scene(scene, settings)?;
     let mut choice = choose(scene, &field, plate.as_ref(), settings, progress)?;
-    let refined = refinement.map(|refinement| refine_field(&mut choice.field, refinement, progress));
+    let refine = |refinement| refine_field(&mut choice.field, refinement, backend, progress);
+    let refined = refinement.map(refine).transpose()?;
     let VerifiedPackage { coded, snapped, steering_views, rounding_views, judging_views } =
-        encode(scene, &choice.field, plate.as_ref(), settings.coding, progress)?;
+        encode(scene, &choice.field, plate.as_ref(), settings.coding, backend, progress)?;
     let lens_fragments = lens_fragments(&field, plate.as_ref(), &coded.clip);
     let whole_psnr_db = choice.whole_psnr_db(&coded.clip);
     progress.finish();
@@ -97,7 +101,12 @@ pub fn package_with(
 }
 
 /// Refines `field` on the photographs; its rows stay in order.
-fn refine_field(field: &mut Field, refinement: &Refinement, progress: &StagedProgress) -> RefinementReport {
+fn refine_field(
+    field: &mut Field,
+    refinement: &Refinement,
+    backend: &mut dyn Backend,
+    progress: &StagedProgress,
+) -> Result<RefinementReport, Fault> {
     progress.stage("refining", (refinement.steps / STEPS_PER_PROGRESS) as usize);
     let mut steps = 0;
     let on_step = || {
@@ -106,8 +115,8 @@ fn refine_field(field: &mut Field, refinement: &Refinement, progress: &StagedPro
             progress.step();
         }
     };
-    let refined = refinement.run(field, &mut Cpu::default(), on_step);
-    let (refined, report) = refined.expect("the CPU is always available");
+    let refined = refinement.run(field, backend, on_step);
+    let (refined, report) = refined.map_err(|error| Fault::Device(error.to_string()))?;
     *field = refined;
-    report
+    Ok(report)
 }

@@ -8,6 +8,8 @@ use refine::prune::{Pictures, Ranking};
 use refine::reference;
 use serde::Serialize;
 
+use refine::fit::Backend;
+
 use super::pipeline::{Package, package_with};
 use super::settings::PackageSettings;
 use super::views::{judging_views, render_scene};
@@ -42,6 +44,7 @@ pub fn prefix_quality(
     scene: &Scene,
     settings: &PackageSettings,
     package: &Package,
+    backend: &mut dyn Backend,
     progress: &StagedProgress,
 ) -> anyhow::Result<Vec<PrefixStep>> {
     let limits = Limits::default();
@@ -64,7 +67,7 @@ pub fn prefix_quality(
             let rank =
                 Ranking::ALL.into_iter().find(|ranking| ranking.name() == package.report.layer_ranking);
             let settings = PackageSettings { budget: Some(gaussians), rank, ..settings.clone() };
-            let own = package_with(scene, &settings, None, progress)?;
+            let own = package_with(scene, &settings, None, backend, progress)?;
             (own.bytes.len(), psnr_of(&own.bytes)?)
         };
         let loss_db = if own_psnr_db == prefix_psnr_db { 0.0 } else { own_psnr_db - prefix_psnr_db };

@@ -7,6 +7,7 @@ use std::time::Instant;
 
 use codec::{Clip, Coder, EncodeOptions, Limits, Source};
 use refine::code::{CodeError, JOINT_ROUNDS, JointRounding, TRIALS, TargetCoder, code_steps};
+use refine::fit::Cpu;
 use refine::prune::{Pictures, PosedView, Ranking, by_importance};
 use refine::reference::{RenderScene, sensitivities};
 
@@ -114,16 +115,16 @@ fn joint_rounding(
     let scene = &subject.scene;
     let views = rounding_views(scene, source.field);
     let view_count = views.len();
-    progress.stage("pictures to round by", view_count);
     let rounds = |count| NonZero::new(count).expect("rounds beside 0");
-    let mut joint = JointRounding::new(source, views, rounds(JOINT_ROUNDS), || progress.step());
+    let mut backend = Cpu::default();
+    let mut joint = JointRounding::new(views, rounds(JOINT_ROUNDS), &mut backend);
     let mut points = Vec::new();
     let alone = coder.code(QUALITY_DB, || ()).map_err(|error| refused(scene, error))?;
     points.push(package("0", false, &alone.bytes, alone.fidelity.psnr_db)?);
     for count in ROUNDS {
         joint = joint.with_rounds(rounds(count));
-        progress.stage("joint rounding", code_steps(Some(&joint)));
-        let coded = coder.code_jointly(QUALITY_DB, &joint, || progress.step());
+        progress.stage("joint rounding", code_steps(count));
+        let coded = coder.code_jointly(QUALITY_DB, &mut joint, || progress.step());
         let coded = coded.map_err(|error| refused(scene, error))?;
         points.push(package(
             &count.to_string(),

@@ -9,6 +9,7 @@ mod result;
 mod text;
 mod views;
 
+use refine::fit::Cpu;
 use refine::prune::{Floor, Measure, Pictures, ROUNDS, Ranking, Retained, Selection};
 use refine::reference;
 
@@ -182,7 +183,9 @@ impl<'a> RateBench<'a> {
     fn code(&self, rows: Vec<usize>) -> anyhow::Result<CodedRows> {
         let ReportSubject { scene, field, plate } = self.subject;
         let part = field.select(&rows);
-        let coded = encode(scene, &part, plate.as_ref(), self.settings.coding, self.progress)?.coded;
+        let coded =
+            encode(scene, &part, plate.as_ref(), self.settings.coding, &mut Cpu::default(), self.progress)?
+                .coded;
         let psnr_db = self.reported.psnr(&reference::RenderScene::from(&coded.clip), || ());
         Ok(CodedRows { rows, bytes: coded.bytes.len(), psnr_db })
     }

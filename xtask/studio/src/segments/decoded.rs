@@ -64,7 +64,7 @@ impl SegmentContent {
     fn fit_record(&self) -> FitRecord {
         match self {
             SegmentContent::Clip(_) => FitRecord::default(),
-            SegmentContent::Scene(scene) => scene.subject.hints.fit.clone(),
+            SegmentContent::Scene(scene) => scene.fit_record(),
         }
     }
 

@@ -6,7 +6,7 @@ use std::num::NonZero;
 use std::path::{Path, PathBuf};
 use std::thread::available_parallelism;
 
-use codec::{Clip, Contents, Error, FormatError, Limits, Package, Take};
+use codec::{Clip, Contents, Error, FormatError, Limits, Package, Sound, Take};
 use program::Fault;
 
 use super::folder::FieldFolder;
@@ -130,6 +130,16 @@ impl TakeFile {
         let bytes = self.read_prefix(index, first_layer)?;
         let contents = self.take.segment_contents(index, &bytes, &Limits::default());
         contents.map_err(|error| self.damaged(index, &without_number(&error)))
+    }
+
+    /// The sound of a segment; `contents` is its head.
+    ///
+    /// # Errors
+    /// [`Fault::Data`] that names the segment if it is cut short or damaged.
+    pub fn sound(&self, index: usize, contents: &Contents) -> Result<Option<Sound>, Fault> {
+        let sound = contents.sound(&self.read(index)?, &Limits::default());
+        // The offset of an error counts from the start of the segment.
+        sound.map_err(|error| self.damaged(index, &format!("{error} of the segment")))
     }
 
     /// The bytes of a whole segment, of which the checksums of all sections are right. `contents` is its head.

@@ -108,8 +108,8 @@ impl JoinInput {
             LoadedSegment {
                 name,
                 span,
+                record: scene.fit_record(),
                 info: ClipInfo { viewpoints, ..scene.info },
-                record: scene.subject.hints.fit,
                 field: scene.subject.field,
                 plate: scene.plate.map(|plate| plate.field),
             }

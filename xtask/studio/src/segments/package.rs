@@ -13,6 +13,7 @@ use std::time::Duration;
 use codec::ClipInfo;
 use indicatif::HumanDuration;
 use program::{Fault, counted};
+use refine::fit::Backend;
 use refine::prune::Ranking;
 
 use super::agreement::Agreement;
@@ -26,6 +27,7 @@ use crate::package::{
 };
 use crate::progress::{StagedProgress, counting};
 use crate::scene::Scene;
+use crate::sound::{Soundtrack, put};
 
 /// Estimated seconds of packaging a Gaussian of the source on one core, seconds of the pictures of a segment however
 /// small, and bytes of a packaged Gaussian; xtask/README.md has 0.0006 to 0.0008 s, 0.2 s and 14 bytes.
@@ -44,7 +46,7 @@ struct Survey {
 
 /// Packages a take and writes it to `out`.
 ///
-/// `settings` hold in every segment, except that `budget` bounds the Gaussians of all segments that hold one instant.
+/// `soundtrack` is that of the whole take. `settings` hold in every segment, except that `budget` bounds the Gaussians of all segments that hold one instant.
 /// The same sources and settings give the same bytes, on any number of threads.
 ///
 /// # Errors
@@ -53,6 +55,8 @@ struct Survey {
 pub fn package_take(
     sources: &SegmentSources,
     settings: &PackageSettings,
+    backend: &mut dyn Backend,
+    soundtrack: Option<&Soundtrack>,
     out: &Path,
 ) -> anyhow::Result<TakeReport> {
     let mut writer = TakeWriter::begin(out)?;
@@ -82,6 +86,7 @@ pub fn package_take(
     let chosen = tried.iter().find(|ranking| ranking.chosen).map(|ranking| ranking.ranking);
     let rank = settings.rank.or(Ranking::ALL.into_iter().find(|ranking| Some(ranking.name()) == chosen));
 
+    let sounds = soundtrack.map(|soundtrack| soundtrack.of_segments(sources.duration_s, &survey.spans));
     let mut segments = Vec::new();
     for (i, &span) in survey.spans.iter().enumerate() {
         progress.set_message(format!("segment {i} of {}", survey.spans.len()));
@@ -90,7 +95,12 @@ pub fn package_take(
         let rank = rank.or(budget.map(|_| Ranking::Mass));
         let of_segment = PackageSettings { budget, rank, ..settings.clone() };
         let scene = sources.scene(i)?;
-        let Package { bytes, report } = package_with(&scene, &of_segment, None, &StagedProgress::hidden())?;
+        let Package { mut bytes, mut report } =
+            package_with(&scene, &of_segment, None, backend, &StagedProgress::hidden())?;
+        if let Some(sound) = sounds.as_ref().and_then(|sounds| sounds[i].as_ref()) {
+            bytes = put(&bytes, Some(sound), out)?;
+            report.bytes = bytes.len();
+        }
         if let Some(miss) = report.miss.as_ref().filter(|miss| settings.strict && miss.is_below) {
             anyhow::bail!("{}: {}; --strict refuses it, choose a lower --quality", scene.name, miss.text);
         }

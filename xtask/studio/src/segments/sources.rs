@@ -162,7 +162,8 @@ fn scene_of_part(whole: &Scene, part: &SplitSegment, duration_s: f64) -> Scene {
         field: plate.field.clone(),
         hints: plate.hints.clone(),
         repairs: plate.repairs.clone(),
-        ..*plate
+        format: plate.format,
+        notes: plate.notes.clone(),
     });
     Scene { plate, assumed: whole.assumed.clone(), is_segment: true, ..made }
 }

@@ -110,6 +110,11 @@ impl System {
         self.app.internal_data_path().map(|folder| PlacementStore::open(&folder))
     }
 
+    /// The folder in which the volume is remembered; `None` if the system has no place for it.
+    pub(in crate::xr) fn state_dir(&self) -> Option<PathBuf> {
+        self.app.internal_data_path()
+    }
+
     /// The folder in which downloads are cached, which the system empties when it needs room; `None` if
     /// there is none.
     pub(in crate::xr) fn cache_dir(&self) -> Option<PathBuf> {

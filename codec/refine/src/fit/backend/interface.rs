@@ -1,6 +1,6 @@
 //! [`Backend`]: the interface of the back ends, with their state, input and output.
 
-use super::DeviceError;
+use super::{DeviceError, Gradient};
 use crate::capture::Response;
 use crate::fit::cameras::CameraNumbers;
 use crate::fit::density::ScreenGradients;
@@ -57,6 +57,9 @@ pub struct StepReport {
     pub camera: Option<CameraNumbers>,
 }
 
+/// For the number of a view and the pixels of its image, the gradients of some losses with respect to these pixels.
+pub type PixelGradients<'a> = dyn Fn(usize, &[[f32; 4]]) -> Vec<Vec<[f32; 4]>> + Sync + 'a;
+
 /// Computes the steps of a fit, by the conventions of [`crate::reference`]. From [`Backend::load`] to
 /// [`Backend::store`] the training state lives where the back end computes.
 pub trait Backend {
@@ -77,6 +80,34 @@ pub trait Backend {
     /// # Panics
     /// If nothing is loaded.
     fn render(&mut self, view: &FrameView) -> Result<RenderedImage<f32>, DeviceError>;
+
+    /// Renders the loaded Gaussians in each of `views`, and gives the images to `take`, in order.
+    ///
+    /// # Errors
+    /// A [`DeviceError`].
+    ///
+    /// # Panics
+    /// If nothing is loaded.
+    fn render_each(
+        &mut self,
+        views: &[FrameView],
+        take: &mut dyn FnMut(RenderedImage<f32>),
+    ) -> Result<(), DeviceError>;
+
+    /// Renders the loaded Gaussians in each of `views`, and backpropagates what `of_pixels` returns for its image. `take`
+    /// gets the gradients of a view, in the order of the views.
+    ///
+    /// # Errors
+    /// A [`DeviceError`].
+    ///
+    /// # Panics
+    /// If nothing is loaded, or if a gradient and its image differ in length.
+    fn gradients(
+        &mut self,
+        views: &[FrameView],
+        of_pixels: &PixelGradients,
+        take: &mut dyn FnMut(Vec<Gradient<f32>>),
+    ) -> Result<(), DeviceError>;
 
     /// Takes one step: renders the view, compares the image with the photograph, backpropagates the
     /// loss and moves the Gaussians that were rendered.

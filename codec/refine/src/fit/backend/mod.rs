@@ -10,4 +10,4 @@ mod interface;
 
 pub use error::DeviceError;
 pub use gradient::Gradient;
-pub use interface::{Backend, StepConfig, StepReport, TrainingState};
+pub use interface::{Backend, PixelGradients, StepConfig, StepReport, TrainingState};

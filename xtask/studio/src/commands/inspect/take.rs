@@ -7,7 +7,7 @@ use codec::{Segment, Take};
 use program::Fault;
 use serde::Serialize;
 
-use super::rows::{Plate, ViewpointRow};
+use super::rows::{Audio, Plate, ViewpointRow};
 use crate::left_out::{LeftOut, TakeLeftOut};
 use crate::messages::{count, decimal};
 use crate::segments::{Course, Span, TakeFile, course, gaps};
@@ -33,8 +33,11 @@ struct TakeInspection {
     motion_order: u8,
     rotation_rates: bool,
     filter: &'static str,
+    by_device: bool,
     /// The largest plate.
     plate: Option<Plate>,
+    /// The sound of all segments.
+    audio: Option<Audio>,
     /// Sums over all segments of their first layers.
     layers: Vec<LayerSum>,
     segments: Vec<SegmentRow>,
@@ -95,8 +98,8 @@ pub(super) fn run(file: &TakeFile, json: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Decodes a segment and adds it to the sums.
-fn row(file: &TakeFile, index: usize, sums: &mut TakeLeftOut) -> SegmentRow {
+/// Decodes a segment and adds it to the sums, and its sound to that of the segments before.
+fn row(file: &TakeFile, index: usize, sums: &mut TakeLeftOut, audio: &mut Option<Audio>) -> SegmentRow {
     let (take, segment) = (file.take(), &file.take().segments[index]);
     let available = file.available(index);
     let first_layer = segment.layers.first().map_or(0, |layer| layer.bytes);
@@ -104,7 +107,17 @@ fn row(file: &TakeFile, index: usize, sums: &mut TakeLeftOut) -> SegmentRow {
     let mut problem = (missing > 0).then(|| format!("{missing} of {} bytes are missing", segment.bytes()));
     let mut damaged = false;
     match file.contents(index).and_then(|contents| Ok((contents, file.decode(index)?))) {
-        Ok((contents, clip)) => sums.add(take, &contents, &clip),
+        Ok((contents, clip)) => {
+            sums.add(take, &contents, &clip);
+            match file.sound(index, &contents) {
+                Ok(sound) => match (sound.as_ref().map(Audio::from), audio) {
+                    (Some(sound), Some(all)) => all.add(&sound),
+                    (Some(sound), none) => *none = Some(sound),
+                    (None, _) => {}
+                },
+                Err(error) => (problem, damaged) = (Some(without_file(&error, file)), true),
+            }
+        }
         Err(_) if available < first_layer => {}
         Err(error) => (problem, damaged) = (Some(without_file(&error, file)), true),
     }
@@ -114,7 +127,8 @@ fn row(file: &TakeFile, index: usize, sums: &mut TakeLeftOut) -> SegmentRow {
 fn inspect(file: &TakeFile) -> TakeInspection {
     let take = file.take();
     let mut sums = TakeLeftOut::of_table(take);
-    let segments = (0..take.segments.len()).map(|index| row(file, index, &mut sums)).collect();
+    let mut audio = None;
+    let segments = (0..take.segments.len()).map(|index| row(file, index, &mut sums, &mut audio)).collect();
     let TakeLeftOut { parts: left_out, plates, segment_gpu_bytes } = sums;
     let gaussians = take.segments.iter().map(Segment::gaussians).sum::<usize>() - plates;
     let spans: Vec<Span> = take.segments.iter().map(Span::from).collect();
@@ -136,11 +150,13 @@ fn inspect(file: &TakeFile) -> TakeInspection {
         motion_order: take.motion_order,
         rotation_rates: take.rotation_rates,
         filter: take.filter.name(),
+        by_device: take.by_device,
         plate: (take.plate_len > 0).then(|| Plate {
             gaussians: take.plate_len,
             sh_degree: take.plate_sh_degree,
             filter: take.plate_filter.name(),
         }),
+        audio,
         layers: layer_sums(take),
         segments,
         course: course(take),
@@ -226,9 +242,13 @@ impl TakeInspection {
         let rotation = if self.rotation_rates { ", with rotation rates" } else { "" };
         row("motion", format!("power {}{rotation}", self.motion_order));
         row("filter", self.filter.into());
+        if self.by_device {
+            row("computed", "by a graphics device; elsewhere the same fields may give another take".into());
+        }
         if let Some(plate) = &self.plate {
             row("plate", format!("{} Gaussians at most, SH degree {}", plate.gaussians, plate.sh_degree));
         }
+        row("sound", self.audio.as_ref().map_or("none".into(), Audio::describe));
         for view in &self.viewpoints {
             row("viewpoint", view.name.clone());
         }

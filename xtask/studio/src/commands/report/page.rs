@@ -8,6 +8,7 @@ use glam::UVec2;
 use measure::device::{Passes, device};
 use measure::playing;
 use program::Fault;
+use refine::fit::Cpu;
 
 use crate::commands::capture::PartSelection;
 use crate::fit::TrainingViews;
@@ -45,7 +46,7 @@ pub(super) fn measure(request: &Request) -> anyhow::Result<Findings> {
     let bytes = if is_package(path) {
         read_package(path)?
     } else {
-        package_with(&subject.scene, &PackageSettings::default(), None, &progress)?.bytes
+        package_with(&subject.scene, &PackageSettings::default(), None, &mut Cpu::default(), &progress)?.bytes
     };
     let clip = codec::decode(&bytes, &Limits::default()).with_context(|| path.display().to_string())?;
     let gpu = device(Passes::Shared)?;

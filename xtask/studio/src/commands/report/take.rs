@@ -7,6 +7,7 @@ use anyhow::bail;
 use codec::{Camera, Segment, Take};
 use measure::parameter::{ImageErrors, ParameterValue, Quartiles};
 use program::Fault;
+use refine::fit::Cpu;
 use refine::image::{Image, psnr};
 use refine::reference::{Order, Radius, RenderScene, coverage, render};
 
@@ -71,7 +72,13 @@ pub(super) fn measure(request: &TakeRequest) -> anyhow::Result<TakeFindings> {
     }
     let folder = tempfile::tempdir()?;
     let packaged = folder.path().join("take.aarc");
-    package_take(&SegmentSources::of_folder(path)?, &PackageSettings::default(), &packaged)?;
+    package_take(
+        &SegmentSources::of_folder(path)?,
+        &PackageSettings::default(),
+        &mut Cpu::default(),
+        None,
+        &packaged,
+    )?;
     measure_file(&packaged, &name_of(path), Some(path), request)
 }
 

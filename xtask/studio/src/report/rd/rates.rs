@@ -5,6 +5,7 @@ use std::num::NonZero;
 
 use codec::{AttributeSize, Coder, Limits, Source};
 use refine::code::{JOINT_ROUNDS, JointRounding, TRIALS, TargetCoder, code_steps};
+use refine::fit::Cpu;
 use refine::prune::Pictures;
 use refine::reference::sensitivities;
 use serde::Serialize;
@@ -73,16 +74,17 @@ pub(super) fn measure(
     let judge = Pictures::take(&render_scene(&part, plate.as_ref()), compared, || ());
     let visible = sensitivities(&part, plate.as_ref(), &visibility_views(scene, &part, size.into()), || ());
     let views = rounding_views(scene, &part);
-    progress.stage("pictures to round by", views.len());
     let rounds = NonZero::new(JOINT_ROUNDS).expect("a default above 0");
-    let joint = JointRounding::new(&source, views, rounds, step);
+    let mut backend = Cpu::default();
+    let mut joint = JointRounding::new(views, rounds, &mut backend);
     let mut context = TargetCoder::new(&source, Coder::Context, &LAYERS, visible.clone(), &judge);
     let mut coder = TargetCoder::new(&source, Coding::default().coder(), &LAYERS, visible, &judge);
-    progress.stage("rates", (3 * TRIALS + code_steps(Some(&joint))) * TARGETS_DB.len());
+    progress.stage("rates", (3 * TRIALS + code_steps(JOINT_ROUNDS)) * TARGETS_DB.len());
     let rate = |target_db: f64| {
         let coded = coder.code(target_db, step).map_err(|error| refused(scene, error))?;
         let alike = coder.code_equally(target_db, step).map_err(|error| refused(scene, error))?;
-        let jointly = coder.code_jointly(target_db, &joint, step).map_err(|error| refused(scene, error))?;
+        let jointly =
+            coder.code_jointly(target_db, &mut joint, step).map_err(|error| refused(scene, error))?;
         let context = context.code(target_db, step).map_err(|error| refused(scene, error))?;
         Ok(CoderRate {
             gaussians: part.len(),

@@ -1,11 +1,14 @@
 //! [`Cpu`]: the back end that runs on all cores.
 
 use super::render::render;
-use crate::fit::backend::{Backend, DeviceError, Gradient, StepConfig, StepReport, TrainingState};
+use crate::fit::backend::{
+    Backend, DeviceError, Gradient, PixelGradients, StepConfig, StepReport, TrainingState,
+};
 use crate::fit::cameras::{respond, respond_backward};
 use crate::fit::loss::loss;
 use crate::fit::optimizer::{adam, add_fragment_term};
 use crate::fit::views::{FrameView, Photograph, RenderedImage};
+use crate::in_order::for_each_in_order;
 
 /// The cores of the machine. Results are the same bit by bit for any number of them.
 #[derive(Clone, Debug, Default)]
@@ -31,6 +34,33 @@ impl Backend for Cpu {
 
     fn render(&mut self, view: &FrameView) -> Result<RenderedImage<f32>, DeviceError> {
         Ok(render(&self.loaded().parameters, view).image)
+    }
+
+    fn render_each(
+        &mut self,
+        views: &[FrameView],
+        take: &mut dyn FnMut(RenderedImage<f32>),
+    ) -> Result<(), DeviceError> {
+        let parameters = &self.loaded().parameters;
+        for_each_in_order(views, |view| render(parameters, view).image, |_, image| take(image));
+        Ok(())
+    }
+
+    fn gradients(
+        &mut self,
+        views: &[FrameView],
+        of_pixels: &PixelGradients,
+        take: &mut dyn FnMut(Vec<Gradient<f32>>),
+    ) -> Result<(), DeviceError> {
+        let parameters = &self.loaded().parameters;
+        let backward = |(i, view): &(usize, &FrameView)| {
+            let forward = render(parameters, view);
+            let d_images = of_pixels(*i, &forward.image.pixels);
+            d_images.iter().map(|d_image| forward.backward(parameters, view, d_image, false)).collect()
+        };
+        let numbered: Vec<(usize, &FrameView)> = views.iter().enumerate().collect();
+        for_each_in_order(&numbered, backward, |_, gradients| take(gradients));
+        Ok(())
     }
 
     fn step(

@@ -9,7 +9,9 @@ use super::kernels::{Dispatch, Kernels};
 use super::plan::Plan;
 use super::transfer;
 use crate::capture::Response;
-use crate::fit::backend::{Backend, DeviceError, Gradient, StepConfig, StepReport, TrainingState};
+use crate::fit::backend::{
+    Backend, DeviceError, Gradient, PixelGradients, StepConfig, StepReport, TrainingState,
+};
 use crate::fit::cameras::ViewGradient;
 use crate::fit::loss::{LAMBDA, lpips_loss};
 use crate::fit::parameters::{Carried, Parameters};
@@ -146,6 +148,28 @@ impl Backend for Gpu {
         })?;
         let pixels = device.read(&loaded.buffers.pixels.image, width as usize * height as usize)?;
         Ok(RenderedImage { width, height, pixels })
+    }
+
+    fn render_each(
+        &mut self,
+        views: &[FrameView],
+        take: &mut dyn FnMut(RenderedImage<f32>),
+    ) -> Result<(), DeviceError> {
+        views.iter().try_for_each(|view| self.render(view).map(&mut *take))
+    }
+
+    fn gradients(
+        &mut self,
+        views: &[FrameView],
+        of_pixels: &PixelGradients,
+        take: &mut dyn FnMut(Vec<Gradient<f32>>),
+    ) -> Result<(), DeviceError> {
+        for (i, view) in views.iter().enumerate() {
+            let d_images = of_pixels(i, &self.render(view)?.pixels);
+            let gradients = d_images.iter().map(|d_image| self.gradient(view, d_image, false));
+            take(gradients.collect::<Result<_, _>>()?);
+        }
+        Ok(())
     }
 
     fn step(

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use program::{Fault, output};
 use refine::capture::{Holdout, PhotoId, Split};
+use refine::fit::Cpu;
 use refine::fit::Lpips;
 use refine::image::Image;
 use serde::Deserialize;
@@ -262,7 +263,7 @@ impl Bench<'_> {
         }
         let (_, views) = self.views.as_mut().context("photographs")?;
         let options = self.options;
-        let mut backend = options.open_backend()?;
+        let mut backend = options.backend.open()?;
         let lpips = self.lpips.as_ref().filter(|_| plan.lpips.is_some());
         // A plate changes the responses that its field starts from.
         let responses = views.responses.clone();
@@ -295,7 +296,8 @@ impl Bench<'_> {
                 let settings = PackageSettings { budget: Some(budget), ..PackageSettings::default() };
                 let progress = StagedProgress::visible();
                 progress.set_prefix(format!("{}, {budget}: ", variant.name));
-                let made = package_with(&Scene::load(field)?, &settings, None, &progress)?;
+                let made =
+                    package_with(&Scene::load(field)?, &settings, None, &mut Cpu::default(), &progress)?;
                 output::write(package, &made.bytes)?;
                 let report = serde_json::to_value(made.report)?;
                 Record::complete(package, PACKAGE, &key, report.clone())?;

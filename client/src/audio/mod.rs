@@ -1,0 +1,47 @@
+//! The sound of clips: from packets to the audio device, in time with the picture.
+//!
+//! ```text
+//!            frame thread                sound thread                        device's thread
+//! player --> timing --commands--> filler <-- packets <-- track   ring --> output --> device
+//!               ^                    |                     ^                  |
+//!               |                    +-- anchor --+        +------------------+
+//!               +-------- link <------------------+-------- heard ------------+
+//! ```
+//!
+//! The audio device is the master clock while a clip plays forward at its captured rate: `timing` turns what is heard
+//! into the seconds by which a frame advances the player. At other speeds, backwards, and while the timeline is held,
+//! nothing is heard and the display's clock counts. `packets` decodes, `filler` keeps a ring of samples filled ahead, on the thread of `parts`,
+//! `output` is the callback of the device: it fades, places and measures, and neither locks nor allocates. Only
+//! `device` names the audio library. Without the feature `audio` there is the track alone, always empty.
+
+#[cfg(all(feature = "audio", any(feature = "window", feature = "xr")))]
+mod device;
+#[cfg(all(feature = "audio", any(feature = "window", feature = "xr")))]
+mod filler;
+#[cfg(all(feature = "audio", any(feature = "window", feature = "xr")))]
+mod link;
+#[cfg(all(feature = "audio", any(feature = "window", feature = "xr")))]
+mod output;
+#[cfg(all(feature = "audio", any(feature = "window", feature = "xr")))]
+mod packets;
+#[cfg(all(feature = "audio", any(feature = "window", feature = "xr")))]
+mod panner;
+#[cfg(all(feature = "audio", any(feature = "window", feature = "xr")))]
+mod parts;
+#[cfg(all(feature = "audio", any(feature = "window", feature = "xr")))]
+mod rate;
+#[cfg(any(feature = "window", feature = "xr"))]
+mod speaker;
+#[cfg(all(test, feature = "audio", any(feature = "window", feature = "xr")))]
+mod tests;
+#[cfg(all(feature = "audio", any(feature = "window", feature = "xr")))]
+mod timing;
+mod track;
+#[cfg(any(feature = "window", feature = "xr"))]
+mod volume;
+
+#[cfg(any(feature = "window", feature = "xr"))]
+pub(crate) use speaker::Speaker;
+pub(crate) use track::SoundTrack;
+#[cfg(feature = "window")]
+pub(crate) use volume::Volume;

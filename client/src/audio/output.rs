@@ -1,0 +1,123 @@
+//! [`RingOutput`]: the callback of the audio device: takes frames from the ring, fades, places, and says what is heard.
+//!
+//! It runs on a thread that must never wait: it neither locks nor allocates, and a ring that is empty is silence.
+
+use std::sync::Arc;
+
+use rtrb::Consumer;
+
+use super::link::{Heard, Link};
+use super::packets::Frame;
+use super::panner::{Pan, Placing};
+
+/// Seconds of a fade.
+const FADE_S: f32 = 0.005;
+
+/// The end of the ring at the device.
+pub(super) struct RingOutput {
+    ring: Consumer<Frame>,
+    link: Arc<Link>,
+    rate_hz: u32,
+    /// Number of the next frame of the ring.
+    index: u64,
+    /// Length of a fade in frames.
+    fade: usize,
+    /// Frames since the sound began after silence, up to `fade`.
+    faded_in: usize,
+    /// The frame before, from which the sound fades out if no other comes.
+    last: Frame,
+    gain: f32,
+    placing: Placing,
+}
+
+impl RingOutput {
+    pub(super) fn new(ring: Consumer<Frame>, link: Arc<Link>, rate_hz: u32) -> RingOutput {
+        let fade = ((FADE_S * rate_hz as f32) as usize).max(1);
+        RingOutput {
+            ring,
+            gain: link.gain(),
+            link,
+            rate_hz,
+            index: 0,
+            fade,
+            faded_in: 0,
+            last: [0.0; 2],
+            placing: Placing::new(rate_hz),
+        }
+    }
+
+    /// Fills `out`, frames of `channels` samples, which is asked for at `now_s` seconds and heard `latency_s` later.
+    pub(super) fn render(&mut self, out: &mut [f32], channels: usize, now_s: f64, latency_s: f64) {
+        let channels = channels.max(1);
+        let count = out.len() / channels;
+        let (target, pan) = (self.link.gain(), self.link.pan());
+        let skipped = self.skip(out, channels, target, &pan);
+        let first = self.index;
+        for samples in out.chunks_exact_mut(channels).skip(skipped) {
+            let frame = match self.ring.pop() {
+                Ok(frame) => {
+                    self.index += 1;
+                    self.fade_in(frame)
+                }
+                Err(_) => self.fall_silent(),
+            };
+            self.emit(frame, samples, target, &pan);
+        }
+        let at_s = now_s + latency_s + skipped as f64 / f64::from(self.rate_hz);
+        debug_assert!(skipped <= count);
+        self.link.set_heard(Heard { index: first, at_s, count: (self.index - first) as u32 });
+    }
+
+    /// Fades out what is to be dropped, and drops it. Returns the number of frames of `out` that this took.
+    fn skip(&mut self, out: &mut [f32], channels: usize, target: f32, pan: &Pan) -> usize {
+        let dropped = self.link.skip_to().saturating_sub(self.index);
+        if dropped == 0 {
+            return 0;
+        }
+        let there = usize::try_from(dropped).unwrap_or(usize::MAX).min(self.ring.slots());
+        let faded = there.min(self.fade).min(out.len() / channels);
+        for (i, samples) in out.chunks_exact_mut(channels).take(faded).enumerate() {
+            let Ok(frame) = self.ring.pop() else { break };
+            let left = 1.0 - (i + 1) as f32 / faded as f32;
+            self.index += 1;
+            let frame = self.fade_in(frame).map(|x| x * left);
+            self.emit(frame, samples, target, pan);
+        }
+        if let Ok(chunk) = self.ring.read_chunk(there - faded) {
+            chunk.commit_all();
+        }
+        // Frames before it that are not in the ring will never be.
+        self.index = self.link.skip_to().max(self.index);
+        (self.faded_in, self.last) = (0, [0.0; 2]);
+        faded
+    }
+
+    fn fade_in(&mut self, frame: Frame) -> Frame {
+        self.last = frame;
+        if self.faded_in < self.fade {
+            self.faded_in += 1;
+            self.last = frame.map(|x| x * self.faded_in as f32 / self.fade as f32);
+        }
+        self.last
+    }
+
+    /// The next frame where the ring is empty.
+    fn fall_silent(&mut self) -> Frame {
+        self.faded_in = 0;
+        // To a thousandth in the length of a fade.
+        self.last = self.last.map(|x| x * (1.0 - 7.0 / self.fade.max(8) as f32));
+        self.last
+    }
+
+    /// Writes a frame to all channels of the device.
+    fn emit(&mut self, frame: Frame, samples: &mut [f32], target: f32, pan: &Pan) {
+        self.gain += (target - self.gain) / self.fade as f32;
+        let placed = self.placing.place(frame, pan).map(|x| (x * self.gain).clamp(-1.0, 1.0));
+        samples.fill(0.0);
+        match samples {
+            [both] => *both = 0.5 * (placed[0] + placed[1]),
+            [left, right, ..] => (*left, *right) = (placed[0], placed[1]),
+            [] => {}
+        }
+    }
+}

@@ -1,0 +1,132 @@
+//! [`Speaker`]: the sound of the clip on display: its track, volume and place, and the clock that it gives the player.
+
+use std::path::PathBuf;
+
+use glam::DVec3;
+
+#[cfg(feature = "audio")]
+use super::parts::Parts;
+use super::track::SoundTrack;
+use super::volume::Volume;
+use crate::player::Player;
+
+/// The sound of a display.
+pub(crate) struct Speaker {
+    /// How loud it is.
+    pub(crate) volume: Volume,
+    track: SoundTrack,
+    /// Whether it plays no track.
+    is_silent: bool,
+    #[cfg(feature = "audio")]
+    parts: Parts,
+}
+
+impl Speaker {
+    /// Without a track. The volume is remembered in `folder`.
+    pub(crate) fn new(folder: Option<PathBuf>) -> Speaker {
+        Speaker {
+            volume: Volume::open(folder),
+            track: SoundTrack::default(),
+            is_silent: false,
+            #[cfg(feature = "audio")]
+            parts: Parts::default(),
+        }
+    }
+
+    /// One that plays nothing, for measurements: the display's clock alone counts, and no device is opened.
+    #[cfg(feature = "xr")]
+    pub(crate) fn silent() -> Speaker {
+        Speaker { is_silent: true, ..Speaker::new(None) }
+    }
+
+    /// The volume, if the clip has sound as far as is known.
+    pub(crate) fn controls(&mut self) -> Option<&mut Volume> {
+        if self.track.is_empty() { None } else { Some(&mut self.volume) }
+    }
+}
+
+#[cfg(not(feature = "audio"))]
+impl Speaker {
+    /// Plays another track.
+    pub(crate) fn change_track(&mut self, track: SoundTrack, _: bool) {
+        if !self.is_silent {
+            self.track = track;
+        }
+    }
+
+    /// Seconds by which a frame advances the player: those of the display's clock.
+    pub(crate) fn step(&mut self, _: &Player, _: bool, elapsed_s: f64, _: f64) -> f64 {
+        elapsed_s
+    }
+
+    /// Does nothing: there is nothing to silence.
+    #[cfg(feature = "window")]
+    pub(crate) fn rest(&mut self, _: &Player, _: bool) {}
+
+    /// Does nothing: there is nothing to silence.
+    pub(crate) fn stop(&mut self) {}
+
+    /// Does nothing: there is nothing to place.
+    pub(crate) fn place(&mut self, _: &Player, _: impl Fn(DVec3) -> DVec3) {}
+
+    /// What there is to say: nothing.
+    pub(crate) fn take_note(&mut self) -> Option<String> {
+        None
+    }
+}
+
+#[cfg(feature = "audio")]
+impl Speaker {
+    /// Plays another track, unless it is the one that plays. If it `follows` that one, the picture goes on without
+    /// waiting for it.
+    pub(crate) fn change_track(&mut self, track: SoundTrack, follows: bool) {
+        if !self.is_silent && !self.track.is_same(&track) {
+            self.track = track;
+            self.parts.timing.change_track(follows);
+        }
+    }
+
+    /// Takes in the player before a frame that is seen `ahead_s` seconds from now, `elapsed_s` after the one before by the
+    /// display's clock. Returns the seconds by which the frame advances the player.
+    pub(crate) fn step(&mut self, player: &Player, is_scrubbing: bool, elapsed_s: f64, ahead_s: f64) -> f64 {
+        if !self.track.is_empty() {
+            self.parts.start_thread();
+        }
+        self.parts.link.set_gain(self.volume.gain());
+        let now_s = self.parts.epoch.elapsed().as_secs_f64();
+        self.parts.link.set_frame_at_s(now_s);
+        let frame = super::timing::FrameTime { elapsed_s, seen_at_s: now_s + ahead_s };
+        let Parts { timing, link, .. } = &mut self.parts;
+        let (elapsed_s, command) = timing.step(player, is_scrubbing, &self.track, link, frame);
+        self.parts.send(command);
+        elapsed_s
+    }
+
+    /// Falls silent if the player has paused since [`Speaker::step`], or plays otherwise than at the captured rate.
+    #[cfg(feature = "window")]
+    pub(crate) fn rest(&mut self, player: &Player, is_scrubbing: bool) {
+        let command = self.parts.timing.rest(player, is_scrubbing);
+        self.parts.send(command);
+    }
+
+    /// Falls silent until the next frame.
+    pub(crate) fn stop(&mut self) {
+        let command = self.parts.timing.stop();
+        self.parts.send(command);
+    }
+
+    /// Places the sound at the position of `player`. `hears` turns a point of the clip into metres from the listener: x to
+    /// the right, y up, z backwards.
+    pub(crate) fn place(&mut self, player: &Player, hears: impl Fn(DVec3) -> DVec3) {
+        let position = self.track.position_at(player.position_s());
+        let pan = position.map_or(super::panner::Pan::default(), |position| {
+            super::panner::pan(hears(DVec3::from(position.map(f64::from))))
+        });
+        self.parts.link.set_pan(&pan);
+    }
+
+    /// What there is to say, once: that there is no device, that it was lost, or that the sound is damaged.
+    pub(crate) fn take_note(&mut self) -> Option<String> {
+        self.track.take_note().or_else(|| self.parts.take_note())
+    }
+}

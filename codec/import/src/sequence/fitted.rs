@@ -1,0 +1,120 @@
+//! [`fitted`]: one moving field of frames whose rows correspond.
+
+use codec::{Field, sh_coefficients};
+
+use crate::budget::ImportBudget;
+
+use super::samples::Samples;
+use super::track::Track;
+
+/// Tolerance of positions, relative to the size of the field: a pixel where it fills an image of a thousand.
+const TOLERANCE: f64 = 1e-3;
+
+/// Fraction of the rows at either end of an axis that do not count for the size.
+const STRAYS: f64 = 0.02;
+
+/// The frames of a sequence whose rows correspond.
+pub(super) struct Frames {
+    /// Clip times, ascending.
+    pub(super) times: Vec<f64>,
+    /// The frames, with constant colours.
+    pub(super) frames: Vec<Field>,
+    /// Number of frames, missing ones included.
+    pub(super) steps: usize,
+    /// SH degree of the sequence.
+    pub(super) sh_degree: u8,
+    /// Sums of the SH coefficients over the frames, as [`Field::sh`] has them.
+    pub(super) sh_sums: Vec<[f32; 3]>,
+}
+
+/// The errors of a fit over all rows and frames.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct FitError {
+    position_squares: f64,
+    positions: f64,
+    opacity_squares: f64,
+    opacities: f64,
+    /// Largest distance in source units.
+    pub(super) position_max: f64,
+    /// Size of the field in source units.
+    pub(super) size: f64,
+    /// Rows that no frame shows.
+    pub(super) invisible: usize,
+}
+
+impl FitError {
+    fn add(&mut self, track: &Track) {
+        for distance in track.distances.iter().flatten() {
+            self.position_squares += distance * distance;
+            self.positions += 1.0;
+            self.position_max = self.position_max.max(*distance);
+        }
+        self.opacity_squares += track.opacities.iter().map(|x| x * x).sum::<f64>();
+        self.opacities += track.opacities.len() as f64;
+        self.invisible += usize::from(track.pieces.is_empty());
+    }
+
+    /// Root mean square distance in source units.
+    pub(super) fn position_rms(&self) -> f64 {
+        (self.position_squares / self.positions.max(1.0)).sqrt()
+    }
+
+    /// Root mean square difference of opacity.
+    pub(super) fn opacity_rms(&self) -> f64 {
+        (self.opacity_squares / self.opacities.max(1.0)).sqrt()
+    }
+}
+
+/// Fits trajectories and windows to every row.
+///
+/// # Errors
+/// If the field exceeds `budget`.
+pub(super) fn fitted(frames: &Frames, budget: &mut ImportBudget) -> Result<(Field, FitError), String> {
+    let size = size_of(&frames.frames[frames.frames.len() / 2]);
+    let mut error = FitError { size, ..FitError::default() };
+    let rows = frames.frames[0].len();
+    let mut pieces = budget.field(rows, frames.sh_degree)?;
+    let mut temporal = budget.temporal(rows, 3)?;
+    let mut rates = budget.vec(rows)?;
+    let coefficients = sh_coefficients(frames.sh_degree);
+    let scale = 1.0 / frames.frames.len() as f32;
+    for row in 0..rows {
+        let samples = Samples::of_row(&frames.times, &frames.frames, row);
+        let track = Track::fit(&samples, TOLERANCE * size, frames.steps);
+        error.add(&track);
+        // The first piece of each row is counted already.
+        let further = track.pieces.len().saturating_sub(1) as u64;
+        budget.spend(further * 4 * (11 + 3 * coefficients as u64 + 15))?;
+        for piece in &track.pieces {
+            let values = piece.to_row();
+            pieces.centers.push(values.center);
+            pieces.rotations.push(values.rotation);
+            pieces.log_scales.push(values.log_scales);
+            pieces.opacities.push(piece.window.peak as f32);
+            pieces.sh.push(values.color);
+            let sums = &frames.sh_sums[row * coefficients..(row + 1) * coefficients];
+            pieces.sh.extend(sums[1..].iter().map(|sum| sum.map(|x| scale * x)));
+            temporal.tau.push(piece.window.tau as f32);
+            temporal.s.push(piece.window.s as f32);
+            temporal.motion.extend(values.motion);
+            rates.push(values.rotation_rate);
+        }
+    }
+    temporal.rotation_rates = Some(rates);
+    pieces.temporal = Some(temporal);
+    pieces.filter = frames.frames[0].filter;
+    Ok((pieces, error))
+}
+
+/// Diagonal of the box around nearly all centres; the largest standard deviation where they coincide.
+fn size_of(field: &Field) -> f64 {
+    let strays = (STRAYS * field.len() as f64) as usize;
+    let extent = |axis: usize| {
+        let mut column: Vec<f64> = field.centers.iter().map(|center| f64::from(center[axis])).collect();
+        column.sort_by(f64::total_cmp);
+        column[column.len() - 1 - strays] - column[strays]
+    };
+    let diagonal = (0..3).map(|axis| extent(axis).powi(2)).sum::<f64>().sqrt();
+    let largest = || field.log_scales.as_flattened().iter().fold(f32::NEG_INFINITY, |a, &b| a.max(b));
+    if diagonal > 0.0 { diagonal } else { f64::from(largest()).exp().max(f64::MIN_POSITIVE) }
+}

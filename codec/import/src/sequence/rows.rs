@@ -1,0 +1,40 @@
+//! [`correspond`]: whether the rows of two frames are the same Gaussians in the same order.
+//!
+//! A Gaussian keeps its colour and size from one frame to the next, and does not go far. So a row resembles the row of
+//! the same number more than its neighbours or a distant one, unless the order is another: then it resembles each of
+//! them as often.
+
+use codec::{Field, SH_C0};
+
+/// Most rows that are compared.
+const ROWS_MAX: usize = 4096;
+
+/// Fraction of the rows that must resemble their own row most. One third does by chance.
+const SHARE_MIN: f64 = 0.8;
+
+/// Whether the rows of two frames of the same length correspond.
+pub(super) fn correspond(a: &Field, b: &Field) -> bool {
+    let rows = a.len();
+    if rows != b.len() {
+        return false;
+    }
+    let [low, high] = a.bounds();
+    let size = (0..3).map(|axis| f64::from(high[axis] - low[axis]).powi(2)).sum::<f64>();
+    let step = rows.div_ceil(ROWS_MAX).max(1);
+    let resembles_its_own = |&row: &usize| {
+        let own = distance(a, row, b, row, size);
+        [1, rows / 2, rows - 1].iter().all(|offset| own <= distance(a, row, b, (row + offset) % rows, size))
+    };
+    let compared = (0..rows).step_by(step);
+    let count = compared.len() as f64;
+    compared.filter(resembles_its_own).count() as f64 >= SHARE_MIN * count
+}
+
+/// Squared difference of two rows: positions by the size of the field, sizes and colours.
+fn distance(a: &Field, i: usize, b: &Field, j: usize, size: f64) -> f64 {
+    let square = |x: [f32; 3], y: [f32; 3]| (0..3).map(|k| f64::from(x[k] - y[k]).powi(2)).sum::<f64>();
+    let positions = square(a.centers[i], b.centers[j]);
+    let positions = if size > 0.0 { positions / size } else { 0.0 };
+    let colors = SH_C0 * SH_C0 * square(a.sh_of(i)[0], b.sh_of(j)[0]);
+    positions + colors + square(a.log_scales[i], b.log_scales[j])
+}

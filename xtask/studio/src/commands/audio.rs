@@ -1,0 +1,70 @@
+//! The options of `package` about sound.
+
+use std::path::{Path, PathBuf};
+
+use program::Fault;
+
+use crate::capture::CaptureSound;
+use crate::sound::{SoundSource, Soundtrack};
+
+/// What `--audio` says to leave out the sound of a capture.
+const NONE: &str = "none";
+
+/// Options about sound.
+#[derive(clap::Args, Clone, Debug)]
+#[command(next_help_heading = "Sound")]
+pub(super) struct AudioOptions {
+    /// Sound of the clip or the take: any file with sound that ffmpeg reads; none leaves out that of a capture, which is
+    /// taken otherwise
+    #[arg(long, value_name = "FILE|none", conflicts_with = "list")]
+    audio: Option<PathBuf>,
+    /// Second of the clip at which the file begins; below 0 for a file that begins before the clip
+    #[arg(long, value_name = "S", requires = "audio", allow_negative_numbers = true, default_value_t = 0.0,
+          value_parser = seconds)]
+    audio_start: f64,
+    /// Point of the scene from which the sound comes, in its axes and units; without one it is heard the same from
+    /// everywhere
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = position)]
+    audio_position: Option<[f32; 3]>,
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    let seconds = text.parse().ok().filter(|seconds: &f64| seconds.is_finite());
+    seconds.ok_or_else(|| "a number of seconds".into())
+}
+
+fn position(text: &str) -> Result<[f32; 3], String> {
+    let numbers: Option<Vec<f32>> = text.split(',').map(|x| x.trim().parse().ok()).collect();
+    let position = numbers.and_then(|numbers| <[f32; 3]>::try_from(numbers).ok());
+    let position = position.filter(|position| position.iter().all(|x| x.is_finite()));
+    position.ok_or_else(|| "three numbers with commas between them, as in 0,1.6,0".into())
+}
+
+impl AudioOptions {
+    /// The sound of a clip or a take of `duration_s` seconds: that of the options, or of the capture, which has it from
+    /// second `first_s` on.
+    ///
+    /// # Errors
+    /// Those of [`Soundtrack::encode`]; [`Fault::Usage`] for a position without sound.
+    pub(super) fn soundtrack(
+        &self,
+        capture: Option<(&CaptureSound, f64)>,
+        duration_s: f64,
+    ) -> Result<Option<Soundtrack>, Fault> {
+        let position = self.audio_position;
+        let source = match (&self.audio, capture) {
+            (Some(path), _) if path != Path::new(NONE) => {
+                SoundSource { path: path.clone(), start_s: self.audio_start, position }
+            }
+            (None, Some((sound, first_s))) => {
+                SoundSource { path: sound.path.clone(), start_s: sound.start_s - first_s, position }
+            }
+            _ if position.is_some() => {
+                let what = "--audio-position: there is no sound to place; name it with --audio";
+                return Err(Fault::Usage(what.into()));
+            }
+            _ => return Ok(None),
+        };
+        Soundtrack::encode(&source, duration_s).map(Some)
+    }
+}
