@@ -1,6 +1,5 @@
 //! Frozen packages, one per coder, of version 1, or of version 2 where it has to be: every version decodes them to the same bits on
-//! every machine, and the current encoder writes the same bytes. A take of version 2 is checked likewise; it is a
-//! draft, as version 2 is.
+//! every machine, and the current encoder writes the same bytes. A take of version 2 is checked likewise.
 //!
 //! `UPDATE_GOLDEN=1` rewrites the files and fails once. The numbers of the listings, `.txt`, may change
 //! only with the major version; the packages, `.aarc`, also with decisions of the encoder or with
