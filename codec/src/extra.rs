@@ -33,12 +33,23 @@ pub(crate) fn with_extra(
             raw_length: payload.len(),
             crc: crc32fast::hash(payload),
         };
-        let is_later = |(other, _): &(Section, _)| other.kind.is_counted() || other.kind.id() > kind.id();
-        parts.insert(parts.iter().position(is_later).unwrap_or(parts.len()), (section, payload));
+        // Sound is the first section.
+        let is_sound = |(other, _): &(Section, _)| other.kind == SectionKind::Sound;
+        let place = if kind == SectionKind::Sound {
+            0
+        } else {
+            parts.iter().take_while(|part| is_sound(part)).count()
+        };
+        parts.insert(place, (section, payload));
     }
     // Other sections of later minor versions may be there.
-    let has_extra = parts.iter().any(|(section, _)| !section.kind.is_counted());
-    contents.version_minor = if has_extra { contents.version_minor.max(VERSION_MINOR) } else { 0 };
+    let has_extra =
+        parts.iter().any(|(section, _)| matches!(section.kind, SectionKind::Sound | SectionKind::Poster));
+    contents.version_minor = match contents.version_minor {
+        ..=VERSION_MINOR if has_extra => VERSION_MINOR,
+        ..=VERSION_MINOR => 0,
+        later => later,
+    };
     contents.sections = parts.iter().map(|(section, _)| *section).collect();
     let mut written = contents.write()?;
     parts.iter().for_each(|(_, bytes)| written.extend_from_slice(bytes));

@@ -268,6 +268,7 @@ impl Contents {
     }
 
     /// Checks the table against the counts.
+    // Long: what each kind of section requires.
     fn check_table(&self) -> Result<(), Error> {
         let mut plan = self.plan();
         let mut offset = self.head_bytes;

@@ -53,7 +53,7 @@ pub enum Region {
 
 impl SectionKind {
     #[cfg(feature = "encode")]
-    pub(crate) fn id(self) -> u8 {
+    fn id(self) -> u8 {
         match self {
             SectionKind::Gaussians => 1,
             SectionKind::TimeIndex => 2,

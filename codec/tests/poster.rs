@@ -3,7 +3,10 @@
 
 mod common;
 
-use codec::{Coder, Contents, Error, Limits, Poster, SectionKind, contents, decode, poster, with_poster};
+use codec::{
+    Coder, Contents, Error, Limits, Poster, SectionKind, Sound, SoundInfo, contents, decode, poster,
+    with_poster, with_sound,
+};
 use common::{Shape, field, options, package, small_take};
 
 const POSTER: Poster =
@@ -67,6 +70,31 @@ fn the_poster_of_a_take_is_in_its_first_segment_and_leaves_the_others_as_they_ar
         assert_eq!(decoded(&new, &posted), decoded(&take, &bare), "segment {index}");
     }
     assert!(with_poster(&bare[..end - 1], Some(&POSTER), &limits()).is_err(), "cut short");
+}
+
+#[test]
+fn sound_and_a_poster_come_and_go_in_any_order() {
+    let bare = clip(Coder::Rans);
+    let info = SoundInfo {
+        channels: 1,
+        position: None,
+        stream: 1,
+        start: 0,
+        length: 960,
+        lead: 312,
+        packet_samples: 960,
+    };
+    let packets = vec![[7; 9]; info.packet_count()];
+    let sound = Sound::new(info, packets.iter().map(<[u8; 9]>::as_slice)).unwrap();
+    let posted = with_poster(&bare, Some(&POSTER), &limits()).unwrap();
+    let heard = with_sound(&bare, Some(&sound)).unwrap();
+    let both = with_sound(&posted, Some(&sound)).unwrap();
+    assert!(both == with_poster(&heard, Some(&POSTER), &limits()).unwrap(), "the same bytes in either order");
+    assert_eq!(head(&both).sound(&both, &limits()).unwrap(), Some(sound));
+    assert_eq!(poster(&both, &limits()).unwrap(), Some(POSTER));
+    assert!(with_sound(&both, None).unwrap() == posted, "without sound, the poster stays");
+    assert!(with_poster(&both, None, &limits()).unwrap() == heard, "without the poster, the sound stays");
+    assert!(with_sound(&posted, None).unwrap() == posted, "there was no sound");
 }
 
 #[test]

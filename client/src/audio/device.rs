@@ -28,7 +28,7 @@ impl OpenDevice {
         let config = config(&device)?;
         let StreamConfig { channels, sample_rate, .. } = config;
         let (producer, consumer) = rtrb::RingBuffer::new((RING_S * f64::from(sample_rate)) as usize);
-        link.set_skip_to(0);
+        link.begin_device();
         let mut output = RingOutput::new(consumer, link.clone(), sample_rate);
         let render = move |samples: &mut [f32], info: &cpal::OutputCallbackInfo| {
             let times = info.timestamp();

@@ -78,6 +78,11 @@ impl HeardCell {
         self.sequence.store(sequence.wrapping_add(2), Ordering::Release);
     }
 
+    /// Forgets the latest; no writer is there.
+    fn clear(&self) {
+        self.sequence.store(0, Ordering::Release);
+    }
+
     /// The latest; `None` if there is none, or each try met a writer.
     fn read(&self) -> Option<Heard> {
         for _ in 0..TRIES {
@@ -97,6 +102,13 @@ impl HeardCell {
 }
 
 impl Link {
+    /// Forgets what the last device played: the frames of the next one count from 0.
+    pub(super) fn begin_device(&self) {
+        self.set_skip_to(0);
+        self.heard.clear();
+        self.set_anchor(None);
+    }
+
     pub(super) fn skip_to(&self) -> u64 {
         self.skip_to.load(Ordering::Acquire)
     }

@@ -70,7 +70,9 @@ impl RingOutput {
 
     /// Fades out what is to be dropped, and drops it. Returns the number of frames of `out` that this took.
     fn skip(&mut self, out: &mut [f32], channels: usize, target: f32, pan: &Pan) -> usize {
-        let dropped = self.link.skip_to().saturating_sub(self.index);
+        // Read once: a further start between would leave frames of the ring that no skip drops.
+        let skip_to = self.link.skip_to();
+        let dropped = skip_to.saturating_sub(self.index);
         if dropped == 0 {
             return 0;
         }
@@ -87,7 +89,7 @@ impl RingOutput {
             chunk.commit_all();
         }
         // Frames before it that are not in the ring will never be.
-        self.index = self.link.skip_to().max(self.index);
+        self.index = skip_to.max(self.index);
         (self.faded_in, self.last) = (0, [0.0; 2]);
         faded
     }

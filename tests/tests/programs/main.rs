@@ -7,6 +7,7 @@ use aarc_tests::gpu;
 
 mod apk;
 mod cli;
+mod dist;
 mod failures;
 mod faults;
 mod headset;
@@ -23,6 +24,7 @@ fn main() -> ExitCode {
         ("job_array", job_array::trials()),
         ("apk", apk::trials()),
         ("cli", cli::trials()),
+        ("dist", dist::trials()),
         ("failures", failures::trials()),
         ("faults", faults::trials()),
         ("headset", headset::trials()),

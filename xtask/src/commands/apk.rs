@@ -69,24 +69,16 @@ pub(crate) struct Args {
     out: PathBuf,
 }
 
+impl Args {
+    /// The arguments of an optimised APK at `out`, with the loader that the environment names.
+    pub(super) fn release(out: PathBuf) -> Args {
+        Args { release: true, openxr_loader: None, library: None, out }
+    }
+}
+
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
-    let loader =
-        args.openxr_loader.clone().or_else(|| env::var_os("OPENXR_LOADER").map(PathBuf::from)).ok_or_else(
-            || {
-                let source =
-                    "openxr_loader_for_android-VERSION.aar from the releases of Khronos's OpenXR-SDK-Source";
-                let option = "--openxr-loader FILE";
-                format!("no OpenXR loader: download {source} and give {option}")
-            },
-        );
-    let toolchain = if args.library.is_none() { Toolchain::find().map(Some) } else { Ok(None) };
-    let (loader, toolchain) = match (loader, toolchain) {
-        (Ok(loader), Ok(toolchain)) => (loader, toolchain),
-        (loader, toolchain) => {
-            let missing: Vec<String> = toolchain.err().into_iter().flatten().chain(loader.err()).collect();
-            return Err(Fault::Device(missing.join("; ")).into());
-        }
-    };
+    let (loader, toolchain) =
+        prerequisites(args.openxr_loader.as_deref(), args.library.is_some()).map_err(Fault::Device)?;
     let parts = workspace::target_folder().join("apk/parts");
     fs::create_dir_all(&parts).with_context(|| parts.display().to_string())?;
     let loader_part = parts.join(LOADER);
@@ -105,6 +97,34 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     pack(&library_part, &loader_part, &notices_part, &args.out)?;
     println!("adb install -r {}", args.out.display());
     Ok(())
+}
+
+/// What an APK needs and this machine lacks, given the option `--openxr-loader`; `None` if it can be made.
+pub(super) fn missing(openxr_loader: Option<&Path>) -> Option<String> {
+    prerequisites(openxr_loader, false).err()
+}
+
+/// Finds the loader, and the toolchain unless there `is_library`.
+///
+/// # Errors
+/// A sentence with the remedy for each missing part.
+fn prerequisites(
+    openxr_loader: Option<&Path>,
+    is_library: bool,
+) -> Result<(PathBuf, Option<Toolchain>), String> {
+    let loader = openxr_loader.map(PathBuf::from).or_else(|| env::var_os("OPENXR_LOADER").map(PathBuf::from));
+    let loader = loader.ok_or_else(|| {
+        let source = "openxr_loader_for_android-VERSION.aar from the releases of Khronos's OpenXR-SDK-Source";
+        format!("no OpenXR loader: download {source} and give --openxr-loader FILE, or OPENXR_LOADER")
+    });
+    let toolchain = if is_library { Ok(None) } else { Toolchain::find().map(Some) };
+    match (loader, toolchain) {
+        (Ok(loader), Ok(toolchain)) => Ok((loader, toolchain)),
+        (loader, toolchain) => {
+            let missing: Vec<String> = toolchain.err().into_iter().flatten().chain(loader.err()).collect();
+            Err(missing.join("; "))
+        }
+    }
 }
 
 /// Rust's Android target and the Android NDK.

@@ -28,7 +28,7 @@ const NAMES: [&str; 6] = ["licen", "copying", "notice", "copyright", "ofl", "ufl
 const OTHER_ENDINGS: [&str; 7] = [".rs", ".toml", ".html", ".py", ".sh", ".c", ".h"];
 
 /// Cargo's name of this machine's target.
-const HOST: &str = "host-tuple";
+pub(super) const HOST: &str = "host-tuple";
 
 /// Licence of the text that stands in for packages that ship none; all of these allow it.
 const DEFAULT_LICENCE: &str = "Apache-2.0";
@@ -39,10 +39,12 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
 }
 
 /// A package of a program.
-struct Package {
-    /// Name and version.
-    name: String,
-    licence: String,
+pub(super) struct Package {
+    /// Name and version: `name v1.2.3`.
+    pub(super) name: String,
+    pub(super) licence: String,
+    /// Names of its authors, where the manifest has them.
+    authors: Vec<String>,
     folder: PathBuf,
     /// Whether it is one of this repository.
     is_ours: bool,
@@ -68,9 +70,7 @@ pub(super) fn notices(selection: &[&str], target: &str) -> anyhow::Result<String
         licence_texts(&package.folder, &mut found)
             .with_context(|| format!("cannot read {}", package.folder.display()))?;
         if found.is_empty() {
-            let allows = package.licence.contains(DEFAULT_LICENCE);
-            ensure!(allows, "{} ships no text of its licence {}", package.name, package.licence);
-            found.push(apache.clone());
+            found.push(standard_text(package, &apache)?);
         }
         found.iter().for_each(|text| add(text, package.name.as_str()));
     }
@@ -82,7 +82,7 @@ pub(super) fn notices(selection: &[&str], target: &str) -> anyhow::Result<String
 }
 
 /// The packages that become part of the selected programs, sorted by name.
-fn packages(selection: &[&str], target: &str) -> anyhow::Result<Vec<Package>> {
+pub(super) fn packages(selection: &[&str], target: &str) -> anyhow::Result<Vec<Package>> {
     let tree = output_of(
         workspace::cargo()
             .args(["tree", "--locked", "--edges", "normal,no-proc-macro", "--prefix", "none"])
@@ -94,7 +94,7 @@ fn packages(selection: &[&str], target: &str) -> anyhow::Result<Vec<Package>> {
     let names: BTreeSet<String> = tree.lines().filter(|line| !line.is_empty()).map(name).collect();
     let metadata = output_of(
         workspace::cargo()
-            .args(["metadata", "--locked", "--format-version", "1"])
+            .args(["metadata", "--locked", "--format-version", "1", "--all-features"])
             .args(["--filter-platform", target]),
     )?;
     let metadata: Value = serde_json::from_str(&metadata)?;
@@ -106,6 +106,7 @@ fn packages(selection: &[&str], target: &str) -> anyhow::Result<Vec<Package>> {
         .map(|package| Package {
             name: format!("{} v{}", text(package, "name"), text(package, "version")),
             licence: text(package, "license"),
+            authors: serde_json::from_value(package["authors"].clone()).unwrap_or_default(),
             folder: Path::new(&text(package, "manifest_path"))
                 .parent()
                 .map(Path::to_owned)
@@ -117,6 +118,20 @@ fn packages(selection: &[&str], target: &str) -> anyhow::Result<Vec<Package>> {
     packages.sort_by(|a, b| a.name.cmp(&b.name));
     ensure!(packages.len() == names.len(), "cargo tree and cargo metadata name different packages");
     Ok(packages)
+}
+
+/// The text of the licence of a package that ships none: Apache-2.0 where it allows that, else MIT in the name of its
+/// authors.
+fn standard_text(package: &Package, apache: &str) -> anyhow::Result<String> {
+    if package.licence.contains(DEFAULT_LICENCE) {
+        return Ok(apache.to_owned());
+    }
+    let is_mit = package.licence == "MIT" && !package.authors.is_empty();
+    ensure!(is_mit, "{} ships no text of its licence {}", package.name, package.licence);
+    let ours = fs::read_to_string(workspace::root().join("LICENSE-MIT"))?;
+    let holders = format!("Copyright (c) {}", package.authors.join(", "));
+    let line = |line: &str| if line.starts_with("Copyright") { holders.clone() } else { line.to_owned() };
+    Ok(ours.lines().map(line).collect::<Vec<_>>().join("\n"))
 }
 
 /// Standard output of a command that must succeed.

@@ -69,7 +69,8 @@ fn odd_sound_is_repaired_or_refused_in_one_sentence() {
         (&["--audio", "text.wav"][..], 3, "text.wav: it is no sound that ffmpeg reads"),
         (&["--audio", "silent.mp4"], 3, "silent.mp4: there is no sound in it"),
         (&["--audio", "gone.wav"], 3, "gone.wav: there is no such file"),
-        (&["--audio", "mono.wav", "--audio-start", "2"], 3, "mono.wav: its sound lies outside the clip"),
+        (&["--audio", "mono.wav", "--audio-start", "2"], 2, "--audio-start: 2 s is not within the clip"),
+        (&["--audio", "mono.wav", "--audio-start", "-3"], 3, "mono.wav: its sound lies outside the clip"),
         (&["--audio-position", "0,0,0"], 2, "--audio-position: there is no sound to place"),
         (&["--audio", "mono.wav", "--audio-position", "0,0"], 2, "three numbers"),
     ] {

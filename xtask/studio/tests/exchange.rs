@@ -128,11 +128,14 @@ fn missing_empty_and_broken_frames_are_filled_or_refused() {
 #[test]
 fn a_glb_is_read_as_it_was_written() {
     let original = field(50, 3, None, false);
-    let info = ClipInfo { up: [0.0, -1.0, 0.0], metres_per_unit: 2.0, ..info() };
+    let info = ClipInfo { up: [0.6, 0.0, 0.8], metres_per_unit: 2.0, ..info() };
     let imported = import_bytes("a.glb", &glb(&original, &info).unwrap()).unwrap();
     assert_eq!((imported.hints.up, imported.hints.metres_per_unit), (Some([0.0, 1.0, 0.0]), Some(1.0)));
     assert!(imported.notes.is_empty() && imported.repairs.is_empty(), "{:?}", imported.notes);
     let mut back = imported.field;
+    for (there, [x, _, z]) in back.centers.iter().zip(&original.centers) {
+        assert!((there[1] - 2.0 * (0.6 * x + 0.8 * z)).abs() < 1e-4, "{there:?}: metres above the origin");
+    }
     let turn = ::import::Similarity { scale: 0.5, ..::import::Similarity::turning([0.0, 1.0, 0.0], info.up) };
     turn.apply(&mut back);
     assert_close("centre", back.centers.as_flattened(), original.centers.as_flattened(), |_| 1e-5);

@@ -70,10 +70,11 @@ fn read(
         ));
     }
     let buffers = Buffers::load(&document, binary, folder, budget)?;
-    let form = ScaleForm::of(&parts.iter().map(|(part, _)| part).collect::<Vec<_>>(), &buffers)?;
     let rows = parts.iter().fold(0, |rows: usize, (part, _)| rows.saturating_add(part.rows));
     let sh_degree = parts.iter().map(|(part, _)| part.sh_degree).max().unwrap_or(0);
+    // A mesh may stand in many places: their rows are counted before any is read.
     let mut field = budget.field(rows, sh_degree)?;
+    let form = ScaleForm::of(&parts.iter().map(|(part, _)| part).collect::<Vec<_>>(), &buffers)?;
     let mut repairs = Repairs::default();
     for (part, place) in &parts {
         let mut one = budget.field(part.rows, part.sh_degree)?;

@@ -38,6 +38,8 @@ impl FramesAlone {
         let degree = field.sh_degree.max(frame.sh_degree);
         budget.spend(frame.len() as u64 * 4 * (11 + 3 * sh_coefficients(degree) as u64 + 2))?;
         if degree > field.sh_degree {
+            let added = sh_coefficients(degree) - sh_coefficients(field.sh_degree);
+            budget.spend(field.len() as u64 * 12 * added as u64)?;
             field.sh = padded_sh(&field.sh, field.sh_degree, degree);
             field.sh_degree = degree;
         }

@@ -6,7 +6,10 @@ use std::path::{Path, PathBuf};
 /// Fewest files that are taken for a sequence: two numbered fields are more often two stages of one fit.
 const FRAMES_MIN: usize = 3;
 
-/// The frames of a sequence in a folder: PLY files whose names differ in one number.
+/// Most frames of a sequence, missing ones included.
+const STEPS_MAX: usize = 1_000_000;
+
+/// The frames of a sequence in a folder: PLY files whose names differ in their last number.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SequenceFiles {
     /// The files in the order of their numbers, each with its step in the clip: 0 for the first frame, and more than one
@@ -16,7 +19,7 @@ pub struct SequenceFiles {
 
 impl SequenceFiles {
     /// The sequence that the field files `names` in `folder` are; `None` if they are none: fewer than three, of other
-    /// formats, or named otherwise than by one number.
+    /// formats, named otherwise than by their last number, or numbered beyond a million frames.
     pub fn find(folder: &Path, names: &[&str]) -> Option<SequenceFiles> {
         let mut numbered = BTreeMap::new();
         let mut around = None;
@@ -33,7 +36,10 @@ impl SequenceFiles {
         }
         let first = *numbered.keys().next()?;
         let step = numbered.keys().fold(0, |step, number| greatest_common_divisor(step, number - first));
-        let step_of = |number: u64| usize::try_from((number - first).checked_div(step)?).ok();
+        let step_of = |number: u64| {
+            let step = usize::try_from((number - first).checked_div(step)?).ok();
+            step.filter(|step| *step < STEPS_MAX)
+        };
         let frames: Vec<(usize, PathBuf)> = numbered
             .iter()
             .map(|(&number, name)| Some((step_of(number)?, folder.join(name))))
@@ -102,6 +108,7 @@ mod tests {
             &["a1.ply", "a01.ply", "a2.ply"],
             &["a1.spz", "a2.spz", "a3.spz"],
             &["99999999999999999999999.ply", "1.ply", "2.ply"],
+            &["0.ply", "1.ply", "18446744073709551615.ply"],
         ] {
             assert_eq!(steps(names), None, "{names:?}");
         }

@@ -4,7 +4,7 @@ use codec::{Field, sh_coefficients};
 
 use crate::budget::ImportBudget;
 
-use super::samples::Samples;
+use super::samples::{Filled, Samples};
 use super::track::Track;
 
 /// Tolerance of positions, relative to the size of the field: a pixel where it fills an image of a thousand.
@@ -78,8 +78,9 @@ pub(super) fn fitted(frames: &Frames, budget: &mut ImportBudget) -> Result<(Fiel
     let mut rates = budget.vec(rows)?;
     let coefficients = sh_coefficients(frames.sh_degree);
     let scale = 1.0 / frames.frames.len() as f32;
+    let filled = Filled::of(&frames.times, frames.steps);
     for row in 0..rows {
-        let samples = Samples::of_row(&frames.times, &frames.frames, row);
+        let samples = Samples::of_row(&filled, &frames.frames, row);
         let track = Track::fit(&samples, TOLERANCE * size, frames.steps);
         error.add(&track);
         // The first piece of each row is counted already.

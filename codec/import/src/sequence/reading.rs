@@ -118,7 +118,13 @@ impl Sequence {
     fn difference(&self, before: &Frame, frame: &Frame) -> Option<Apart> {
         let [a, b] = [before, frame].map(|frame| frame.path.file_name().unwrap_or_default().display());
         let (rows_a, rows_b) = (before.field.len(), frame.field.len());
-        let reason = if rows_a != rows_b {
+        let dropped = |frame: &Frame| frame.repairs.dropped.values().sum::<usize>();
+        let reason = if let Some((frame, name)) =
+            [(before, &a), (frame, &b)].into_iter().find(|(f, _)| dropped(f) > 0)
+        {
+            // The rows after one that is left out are not those of other frames.
+            format!("{name} has {} rows that cannot be drawn, left out", dropped(frame))
+        } else if rows_a != rows_b {
             format!("{a} has {rows_a} rows and {b} has {rows_b}")
         } else if correspond(&before.field, &frame.field) {
             return None;

@@ -29,8 +29,8 @@ pub(super) struct AudioOptions {
 }
 
 fn seconds(text: &str) -> Result<f64, String> {
-    let seconds = text.parse().ok().filter(|seconds: &f64| seconds.is_finite());
-    seconds.ok_or_else(|| "a number of seconds".into())
+    let seconds = text.parse().ok().filter(|seconds: &f64| seconds.abs() <= 1e6);
+    seconds.ok_or_else(|| "a number of seconds, at most 1000000".into())
 }
 
 fn position(text: &str) -> Result<[f32; 3], String> {

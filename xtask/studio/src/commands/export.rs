@@ -143,10 +143,10 @@ fn write_sequence(args: &Args) -> anyhow::Result<()> {
     // A frame at the very end counts in spite of rounding.
     let duration = f64::from(info.duration_s);
     let intervals = (duration * f64::from(fps) + 1e-3).floor();
-    if !(1.0..FRAMES_MAX).contains(&intervals) {
+    if !(2.0..FRAMES_MAX).contains(&intervals) {
         let (frames, fps) = (intervals + 1.0, decimal(fps.into(), 3));
         bail!(Fault::Usage(format!(
-            "--fps {fps}: {frames} frames; choose a rate for 2 to {FRAMES_MAX} frames"
+            "--fps {fps}: {frames} frames; choose a rate for 3 to {FRAMES_MAX} frames"
         )));
     }
     let info = ClipInfo { fps, duration_s: (intervals / f64::from(fps)) as f32, ..info };

@@ -40,30 +40,43 @@ impl Soundtrack {
     }
 
     /// The parts of segments, one after another. A segment has the sound until its end, and then the shortest one that
-    /// shows the instant.
+    /// shows the instant. Where another one shows the last packet, the part ends with the packet before; a decoder then
+    /// goes on without decoding anything twice.
     fn parts(&self, take_s: f64, spans: &[Span]) -> Vec<SoundPart> {
         let mut at = u64::from(self.start);
         let end = at + u64::from(self.length);
         let mut parts: Vec<SoundPart> = Vec::new();
         while at < end {
             let is_free = |i: usize| parts.iter().all(|part| part.segment != i);
-            let to = |i: usize| match samples(spans[i].end_s().min(take_s)).max(0) as u64 {
-                to if to >= end => end,
-                to => self.cut_before(to),
+            let end_of = |i: usize| samples(spans[i].end_s().min(take_s)).max(0) as u64;
+            let to = |i: usize| {
+                let (to, cut) = (end_of(i), self.cut_before(end_of(i)));
+                let shows_cut = |k: usize| {
+                    k != i && is_free(k) && samples(spans[k].start_s) <= cut as i64 && end_of(k) > cut
+                };
+                let is_cut = (0..spans.len()).any(shows_cut);
+                if to >= end {
+                    end
+                } else if is_cut {
+                    cut
+                } else {
+                    to
+                }
             };
             let holds = |i: &usize| samples(spans[*i].start_s) <= at as i64 && to(*i) > at && is_free(*i);
             let longest_last = |a: &usize, b: &usize| spans[*a].duration_s.total_cmp(&spans[*b].duration_s);
-            match (0..spans.len()).filter(holds).min_by(longest_last) {
-                Some(segment) => {
-                    parts.push(SoundPart { segment, from: at, to: to(segment) });
-                    at = to(segment);
+            let chosen = (0..spans.len()).filter(holds).min_by(longest_last);
+            match chosen.map(|segment| SoundPart { segment, from: at, to: to(segment) }) {
+                Some(part) => {
+                    at = part.to;
+                    parts.push(part);
                 }
                 None => {
                     // Nothing is shown here.
                     let starts =
                         spans.iter().map(|span| samples(span.start_s)).filter(|start| *start > at as i64);
                     let Some(start) = starts.min() else { break };
-                    at = self.cut_before(start as u64 + PACKET).max(at + 1);
+                    at = start as u64;
                 }
             }
         }
@@ -197,5 +210,20 @@ mod tests {
         assert_eq!(parts.len(), 2);
         assert!(parts[0].to <= 96_000 && (240_000..240_960).contains(&parts[1].from), "{parts:?}");
         assert!(parts[1].to <= 336_000 && parts[1].to > 335_000, "{parts:?}");
+    }
+
+    /// As `join` makes them.
+    #[test]
+    fn segments_that_abut_have_the_sound_without_a_hole() {
+        let track = track(0, 9.0);
+        let spans = [0.0, 3.0, 6.0].map(|start_s| Span { start_s, duration_s: 3.0, level: 0 });
+        let ends: Vec<(u64, u64)> =
+            track.parts(9.0, &spans).iter().map(|part| (part.from, part.to)).collect();
+        assert_eq!(ends, [(0, 144_000), (144_000, 288_000), (288_000, 432_000)]);
+        // Nothing is shown for a second.
+        let apart = [0.0, 4.0].map(|start_s| Span { start_s, duration_s: 3.0, level: 0 });
+        let ends: Vec<(u64, u64)> =
+            track.parts(9.0, &apart).iter().map(|part| (part.from, part.to)).collect();
+        assert_eq!(ends, [(0, 144_000), (192_000, 336_000)]);
     }
 }

@@ -64,13 +64,19 @@ impl Soundtrack {
     /// Encodes the sound of a clip or a take of `duration_s` seconds. What lies outside it is left out.
     ///
     /// # Errors
-    /// [`Fault::Usage`] if ffmpeg is missing; [`Fault::Data`] if the file has no sound that it can decode, or none
+    /// [`Fault::Usage`] if ffmpeg is missing, or the sound begins after the clip; [`Fault::Data`] if the file has no sound that it can decode, or none
     /// within the clip.
     pub fn encode(source: &SoundSource, duration_s: f64) -> Result<Soundtrack, Fault> {
         let bad = |what: String| Fault::Data(format!("{}: {what}", source.path.display()));
         let end = (duration_s * f64::from(SOUND_RATE_HZ)).round();
         if !(1.0..f64::from(u32::MAX)).contains(&end) {
             return Err(bad(format!("a clip of {duration_s} s can have no sound; leave --audio out")));
+        }
+        if source.start_s >= duration_s {
+            let (start_s, duration_s) = (decimal(source.start_s, 3), decimal(duration_s, 3));
+            return Err(Fault::Usage(format!(
+                "--audio-start: {start_s} s is not within the clip of {duration_s} s; correct it"
+            )));
         }
         let samples = Samples::decode(source, duration_s)?;
         let start = (source.start_s.max(0.0) * f64::from(SOUND_RATE_HZ)).round();
