@@ -23,9 +23,6 @@ use tree::Documents;
 /// Packages and features of the programs, for Cargo.
 const SELECTION: [&str; 6] = ["--package", "client", "--package", "studio", "--features", "studio/full"];
 
-/// The programs.
-const PROGRAMS: [&str; 2] = ["aarc", "aarc-studio"];
-
 /// Make the packages that users install: a .deb, a .tar.gz, the APK where its toolchain is there, a list of all that
 /// they contain, and checksums.
 #[derive(clap::Args)]

@@ -70,6 +70,7 @@ fn read(
         ));
     }
     let buffers = Buffers::load(&document, binary, folder, budget)?;
+    parts.iter().try_for_each(|(part, _)| part.check(&buffers))?;
     let rows = parts.iter().fold(0, |rows: usize, (part, _)| rows.saturating_add(part.rows));
     let sh_degree = parts.iter().map(|(part, _)| part.sh_degree).max().unwrap_or(0);
     // A mesh may stand in many places: their rows are counted before any is read.

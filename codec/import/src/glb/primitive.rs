@@ -137,6 +137,18 @@ impl<'d> Gaussians<'d> {
     }
 }
 
+impl Gaussians<'_> {
+    /// Checks that the attributes lie within their buffers.
+    ///
+    /// # Errors
+    /// One sentence, if one does not.
+    pub(super) fn check(&self, buffers: &Buffers) -> Result<(), String> {
+        let Gaussians { positions, rotations, scales, opacities, sh, .. } = self;
+        let columns = [positions, rotations, scales, opacities].into_iter().chain(sh);
+        columns.map(|column| column.numbers(buffers).map(drop)).collect()
+    }
+}
+
 impl ScaleForm {
     /// What the scales of a file are: a standard deviation is not below zero.
     ///

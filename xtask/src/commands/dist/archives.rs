@@ -7,6 +7,8 @@ use std::process::{Command, Stdio};
 
 use program::Fault;
 
+use super::tree::PROGRAMS;
+
 /// How much time to spend on small archives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Compression {
@@ -78,7 +80,7 @@ pub(super) fn checksums(out: &Path) -> Result<(), Fault> {
 /// The description of the package for dpkg.
 fn control(staging: &Path, architecture: &str) -> Result<String, Fault> {
     let mut glibc = (0, 0);
-    for name in super::PROGRAMS {
+    for name in PROGRAMS {
         let path = staging.join("usr/bin").join(name);
         let bytes = fs::read(&path).map_err(|error| Fault::Data(format!("{}: {error}", path.display())))?;
         glibc = glibc.max(glibc_of(&bytes));

@@ -8,7 +8,8 @@ use anyhow::{Context, ensure};
 use program::Fault;
 use xtask::workspace;
 
-use super::PROGRAMS;
+/// The programs.
+pub(super) const PROGRAMS: [&str; 2] = ["aarc", "aarc-studio"];
 
 /// Documents that are made for the packages.
 pub(super) struct Documents {
