@@ -144,8 +144,8 @@ impl Gaussians<'_> {
     /// One sentence, if one does not.
     pub(super) fn check(&self, buffers: &Buffers) -> Result<(), String> {
         let Gaussians { positions, rotations, scales, opacities, sh, .. } = self;
-        let columns = [positions, rotations, scales, opacities].into_iter().chain(sh);
-        columns.map(|column| column.numbers(buffers).map(drop)).collect()
+        let mut columns = [positions, rotations, scales, opacities].into_iter().chain(sh);
+        columns.try_for_each(|column| column.numbers(buffers).map(drop))
     }
 }
 
