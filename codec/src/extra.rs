@@ -34,17 +34,11 @@ pub(crate) fn with_extra(
             crc: crc32fast::hash(payload),
         };
         // Sound is the first section.
-        let is_sound = |(other, _): &(Section, _)| other.kind == SectionKind::Sound;
-        let place = if kind == SectionKind::Sound {
-            0
-        } else {
-            parts.iter().take_while(|part| is_sound(part)).count()
-        };
-        parts.insert(place, (section, payload));
+        let is_behind_sound = parts.first().is_some_and(|(first, _)| first.kind == SectionKind::Sound);
+        parts.insert(usize::from(is_behind_sound), (section, payload));
     }
     // Other sections of later minor versions may be there.
-    let has_extra =
-        parts.iter().any(|(section, _)| matches!(section.kind, SectionKind::Sound | SectionKind::Poster));
+    let has_extra = parts.iter().any(|(section, _)| section.kind.is_extra());
     contents.version_minor = match contents.version_minor {
         ..=VERSION_MINOR if has_extra => VERSION_MINOR,
         ..=VERSION_MINOR => 0,

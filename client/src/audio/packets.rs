@@ -34,9 +34,9 @@ struct Run {
     /// Samples of the latest packet, of which the first `used` were taken.
     decoded: Vec<Frame>,
     used: usize,
-    /// Whether it goes on where another sound ended.
+    /// Whether its first sample follows the last one of another sound.
     is_continued: bool,
-    /// Whether another sound goes on where it ends, as far as is known.
+    /// Whether another sound is known whose first sample follows its last one.
     goes_on: bool,
 }
 
@@ -170,7 +170,7 @@ impl Run {
     }
 }
 
-/// Whether `next` goes on where `placed` ends.
+/// Whether `next` begins at the sample where `placed` ends, in the same stream.
 fn continues(placed: &PlacedSound, next: &PlacedSound) -> bool {
     let (a, b) = (placed.sound.info(), next.sound.info());
     placed.end() == next.start

@@ -404,7 +404,7 @@ fn a_device_that_stops_or_is_lost_holds_the_picture_for_half_a_second_at_most() 
     let (track, player) = looping(clapping(2.0, &[0.7]), 2.0);
     let mut simulation = Simulation::new(track, player, 48_000);
     simulation.run(1.0, 60.0);
-    // It is never called again, and nobody says so.
+    // The device asks for no more samples, without an error.
     simulation.next_call_s = f64::INFINITY;
     simulation.run(1.0, 60.0);
     let before = simulation.player.position_s();

@@ -5,7 +5,7 @@
 use codec::{MOTION_ORDER_MAX, PixelFilter, Viewpoint};
 
 use crate::budget::ImportBudget;
-use crate::imported::{Hints, Imported, Repairs, TRUNCATED};
+use crate::imported::{Hints, Imported, Repairs};
 use crate::inria;
 use crate::ply::{Ply, Table};
 
@@ -26,8 +26,7 @@ pub(crate) fn is_marked(ply: &Ply) -> bool {
 /// Reads the rows of a field.
 pub(crate) fn read(vertex: &Table, budget: &mut ImportBudget) -> Result<Imported, String> {
     let mut field = inria::static_columns(vertex, budget)?;
-    let mut repairs = Repairs::default();
-    repairs.drop_rows(TRUNCATED, vertex.missing_rows());
+    let repairs = Repairs::of_truncated(vertex.missing_rows());
 
     let rows = 0..vertex.rows;
     if vertex.has("aarc_opacity") {

@@ -6,7 +6,7 @@
 //! of the duration where the network's parameters are written as they are.
 
 use crate::budget::ImportBudget;
-use crate::imported::{Hints, Imported, Repairs, TRUNCATED};
+use crate::imported::{Hints, Imported, Repairs};
 use crate::inria;
 use crate::ply::Table;
 
@@ -46,8 +46,7 @@ pub(crate) fn read(vertex: &Table, budget: &mut ImportBudget) -> Result<Imported
         temporal.motion.push(vertex.row(row, velocity));
     }
     field.temporal = Some(temporal);
-    let mut repairs = Repairs::default();
-    repairs.drop_rows(TRUNCATED, vertex.missing_rows());
+    let repairs = Repairs::of_truncated(vertex.missing_rows());
     let mut notes = vec![ASSUMED.to_owned()];
     notes.extend(are_logarithms.then(|| ASSUMED_LOGARITHMS.to_owned()));
     Ok(Imported { field, hints: Hints::default(), repairs, format: "FreeTimeGS PLY", notes })

@@ -85,6 +85,13 @@ impl Repairs {
         self.repaired.is_empty() && self.dropped.is_empty()
     }
 
+    /// Those of a table that ends `rows` rows early.
+    pub(crate) fn of_truncated(rows: usize) -> Repairs {
+        let mut repairs = Repairs::default();
+        repairs.drop_rows(TRUNCATED, rows);
+        repairs
+    }
+
     /// Adds the counts of another file.
     pub(crate) fn add(&mut self, other: &Repairs) {
         other.repaired.iter().for_each(|(reason, &rows)| self.repair_rows(reason, rows));

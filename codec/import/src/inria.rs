@@ -7,14 +7,13 @@
 use codec::{Field, SH_DEGREE_MAX, sh_coefficients};
 
 use crate::budget::ImportBudget;
-use crate::imported::{Hints, Imported, Repairs, TRUNCATED};
+use crate::imported::{Hints, Imported, Repairs};
 use crate::ply::Table;
 
 /// Reads the rows of a static field.
 pub(crate) fn read(vertex: &Table, budget: &mut ImportBudget) -> Result<Imported, String> {
     let field = static_columns(vertex, budget)?;
-    let mut repairs = Repairs::default();
-    repairs.drop_rows(TRUNCATED, vertex.missing_rows());
+    let repairs = Repairs::of_truncated(vertex.missing_rows());
     Ok(Imported {
         field,
         hints: Hints::default(),

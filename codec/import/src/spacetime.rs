@@ -9,7 +9,7 @@
 use std::f64::consts::FRAC_1_SQRT_2;
 
 use crate::budget::ImportBudget;
-use crate::imported::{Hints, Imported, Repairs, TRUNCATED, sh_of_rgb};
+use crate::imported::{Hints, Imported, Repairs, sh_of_rgb};
 use crate::inria;
 use crate::ply::Table;
 
@@ -38,8 +38,7 @@ pub(crate) fn read(vertex: &Table, budget: &mut ImportBudget) -> Result<Imported
     }
     temporal.rotation_rates = Some(rates);
     field.temporal = Some(temporal);
-    let mut repairs = Repairs::default();
-    repairs.drop_rows(TRUNCATED, vertex.missing_rows());
+    let repairs = Repairs::of_truncated(vertex.missing_rows());
     Ok(Imported {
         field,
         hints: Hints::default(),

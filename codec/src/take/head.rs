@@ -109,7 +109,7 @@ fn entry_bytes(segment: &Segment) -> usize {
 mod encode {
     use super::*;
     use crate::{
-        ClipInfo, Contents, EncodeError, PixelFilter, SectionKind,
+        ClipInfo, Contents, EncodeError, PixelFilter,
         bytes::Writer,
         columns::PackageColumns,
         format::{TAKES_SINCE, VERSION_MINOR},
@@ -214,7 +214,7 @@ mod encode {
 
     /// Whether a segment has sound or a poster.
     fn has_extra(head: &Contents) -> bool {
-        head.sections.iter().any(|section| matches!(section.kind, SectionKind::Sound | SectionKind::Poster))
+        head.sections.iter().any(|section| section.kind.is_extra())
     }
 
     /// The take of these segments, without the lengths that its head gives it.

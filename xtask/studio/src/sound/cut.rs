@@ -1,7 +1,8 @@
 //! Cuts a [`Soundtrack`] into the sounds of segments.
 //!
-//! The stream is cut at ends of packets, so that a decoder that comes from the segment before goes on without a seam. Each
-//! part begins with the packets that prime a decoder which begins there.
+//! Where segments overlap, the stream is cut at an end of a packet, so that a decoder that comes from the segment before
+//! goes on without a seam. Where they abut, it is cut at the exact sample. Each part begins with the packets that prime a
+//! decoder which begins there.
 
 use codec::{SOUND_RATE_HZ, Sound, SoundInfo};
 
