@@ -18,7 +18,7 @@ mod token;
 mod training;
 mod uniform;
 
-#[cfg(test)]
+#[cfg(all(test, feature = "encode"))]
 pub(crate) use math::Math;
 
 use crate::{
