@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use codec::Clip;
 
+use super::folder::Neighbours;
 use super::progress::Progress;
 use super::queue::{Entry, Queue};
 use crate::audio::SoundTrack;
@@ -35,8 +36,8 @@ pub enum LoadEvent<C = ClipVersion> {
     Take(Arc<OpenTake>),
     /// The request names this playlist.
     Playlist(Queue),
-    /// The request names a clip, and this one follows it in its folder; reported before the clip is read.
-    NextInFolder(Option<String>),
+    /// The request names a clip, and these are beside it in its folder; reported before the clip is read.
+    Neighbours(Neighbours),
     /// An entry cannot be loaded; the loader tries the next one.
     Skipped(Fault),
     /// The request failed. No event follows.

@@ -3,7 +3,7 @@
 use std::fs::File;
 use std::io::Read;
 use std::num::NonZero;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::thread;
 
 use codec::{Clip, Error, FormatError, Limits, decode_parallel};
@@ -97,17 +97,6 @@ pub(crate) fn decode_layers(
 /// Number of threads that decode.
 fn cores() -> NonZero<usize> {
     thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN)
-}
-
-/// The paths of the clips in a folder, sorted by name.
-pub(crate) fn clips_in(folder: &Path) -> Vec<PathBuf> {
-    let entries = folder.read_dir().into_iter().flatten().flatten();
-    let mut clips: Vec<_> = entries
-        .map(|entry| entry.path())
-        .filter(|path| path.extension().is_some_and(|extension| extension == "aarc"))
-        .collect();
-    clips.sort();
-    clips
 }
 
 #[cfg(test)]
