@@ -201,7 +201,7 @@ impl<T: ClipTarget> ClipController<T> {
 
     /// The clip on display, a path or a URL; `None` for the demo.
     #[cfg(feature = "window")]
-    pub(crate) fn shown(&self) -> Option<&str> {
+    pub(crate) fn current_name(&self) -> Option<&str> {
         self.state.current()?.name.as_deref()
     }
 

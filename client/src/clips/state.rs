@@ -80,7 +80,7 @@ pub(super) struct QueueState<C> {
     /// What was opened last, a clip or a playlist.
     named: Option<String>,
     /// What the clip on display was opened as: itself, or its playlist.
-    shown: Option<String>,
+    opened_as: Option<String>,
     /// The playlist on display.
     queue: Option<Queue>,
     /// The playlist that is being opened, until one of its clips is shown.
@@ -102,7 +102,7 @@ impl<C> QueueState<C> {
             cyclic,
             next_wanted: false,
             named: None,
-            shown: None,
+            opened_as: None,
             queue: None,
             opened: None,
             neighbours: Neighbours::default(),
@@ -136,7 +136,7 @@ impl<C> QueueState<C> {
             self.neighbours = Neighbours::of(named.as_deref());
         }
         self.named.clone_from(&named);
-        self.shown = named;
+        self.opened_as = named;
         self.current = Some(entry.clone());
         self.queue = queue;
         self.load(Loading::Current, Selection::Rest(entry, rest));
@@ -188,7 +188,7 @@ impl<C> QueueState<C> {
         self.forget_next();
         if self.current.is_some() {
             // Something else may have failed to open since.
-            self.named.clone_from(&self.shown);
+            self.named.clone_from(&self.opened_as);
         }
         self.opened = self.queue.clone();
         self.load(Loading::Opening, Selection::FirstOf(entries));
@@ -235,7 +235,7 @@ impl<C> QueueState<C> {
                 if let Some(queue) = &mut self.queue {
                     queue.go_to(entry.number);
                 }
-                self.shown.clone_from(&self.named);
+                self.opened_as.clone_from(&self.named);
                 self.forget_next();
                 self.current = Some(entry.clone());
                 self.loading = Some(Loading::Current);

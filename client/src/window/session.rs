@@ -355,7 +355,7 @@ impl Session {
 
     /// The file of the clip on display; `None` of one from a URL and of the demo.
     fn shown_file(&self) -> Option<&Path> {
-        self.clips.shown().filter(|name| !is_url(name)).map(Path::new)
+        self.clips.current_name().filter(|name| !is_url(name)).map(Path::new)
     }
 
     /// Makes this frame the poster of the clip, in the background.
@@ -541,7 +541,7 @@ impl Session {
             self.set_poster();
         }
         if requests.show_gallery {
-            self.library.show(&mut self.viewer.gallery, self.clips.shown());
+            self.library.show(&mut self.viewer.gallery, self.clips.current_name());
             self.window.request_redraw();
         }
         if let Some(opening) = requests.open {

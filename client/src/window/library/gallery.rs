@@ -8,8 +8,8 @@ use egui::{
     vec2,
 };
 
+use super::choice::{Opening, Section, short_title};
 use super::thumbnails::{self, Picture};
-use super::{Opening, Section, short_title};
 use crate::clips::redacted;
 use crate::window::icons::{Symbol, symbol_button};
 use crate::window::style;
@@ -36,7 +36,7 @@ pub(crate) struct Gallery {
     /// Clips in sight without a picture; `None` if they were asked for.
     wanted: Option<Vec<String>>,
     /// Clips in sight, whose pictures are there or were asked for.
-    in_sight: Vec<String>,
+    visible: Vec<String>,
 }
 
 /// The picture of a clip.
@@ -57,7 +57,7 @@ impl Gallery {
         self.current = current;
         // A clip may have another picture by now.
         self.pictures.clear();
-        self.in_sight.clear();
+        self.visible.clear();
         self.is_open = true;
     }
 
@@ -73,8 +73,8 @@ impl Gallery {
             Err(why) => Thumbnail::Missing(why),
         };
         if self.pictures.len() > PICTURES {
-            let Gallery { pictures, in_sight, .. } = self;
-            pictures.retain(|name, _| in_sight.contains(name));
+            let Gallery { pictures, visible, .. } = self;
+            pictures.retain(|name, _| visible.contains(name));
         }
         self.pictures.insert(name, thumbnail);
         ctx.request_repaint();
@@ -136,7 +136,7 @@ impl Gallery {
                     .color(style::QUIET),
             );
         }
-        let (mut choice, mut in_sight) = (None, Vec::new());
+        let (mut choice, mut visible) = (None, Vec::new());
         for section in self.sections.iter().filter(|section| !section.names.is_empty()) {
             ui.add_space(4.0);
             ui.label(RichText::new(&section.title).color(style::QUIET));
@@ -144,8 +144,8 @@ impl Gallery {
                 ui.spacing_mut().item_spacing = Vec2::splat(SPACE);
                 for name in &section.names {
                     let response = self.tile(ui, name);
-                    if ui.is_rect_visible(response.rect) && !in_sight.contains(name) {
-                        in_sight.push(name.clone());
+                    if ui.is_rect_visible(response.rect) && !visible.contains(name) {
+                        visible.push(name.clone());
                     }
                     if response.clicked() {
                         choice = Some(Opening::Clip(name.clone()));
@@ -153,10 +153,10 @@ impl Gallery {
                 }
             });
         }
-        if in_sight != self.in_sight {
-            let wanted = in_sight.iter().filter(|name| !self.pictures.contains_key(*name));
+        if visible != self.visible {
+            let wanted = visible.iter().filter(|name| !self.pictures.contains_key(*name));
             self.wanted = Some(wanted.cloned().collect());
-            self.in_sight = in_sight;
+            self.visible = visible;
         }
         choice
     }
@@ -267,7 +267,7 @@ mod tests {
     }
 
     #[test]
-    fn only_pictures_in_sight_are_asked_for_and_once() {
+    fn only_pictures_visible_are_asked_for_and_once() {
         let names: Vec<String> = (0..400).map(|i| format!("/{i:03}.aarc")).collect();
         let mut bench = Bench::with(&names.iter().map(String::as_str).collect::<Vec<_>>());
         let wanted = bench.gallery.take_wanted().unwrap();

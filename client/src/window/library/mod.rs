@@ -7,47 +7,32 @@
 //!                             thumbnails <----+
 //! ```
 
+mod choice;
 mod gallery;
 mod recent;
 mod thumbnails;
 
 use std::io;
-use std::path::{Path, PathBuf, absolute};
+use std::path::{Path, PathBuf};
 
 use egui::Context;
 
+use choice::Section;
+pub(super) use choice::{Opening, short_title};
 pub(super) use gallery::Gallery;
-use recent::RecentClips;
+use recent::{RecentClips, absolute_name};
 use thumbnails::Thumbnails;
 
-use crate::clips::{Direction, clips_in, folder_of, is_url, title};
+use crate::clips::{clips_in, folder_of, is_url};
 use crate::folders;
 
 /// Most clips opened last that menus list.
 const LISTED: usize = 8;
 
-/// What the viewer wants to see.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) enum Opening {
-    /// The clip or playlist of this name.
-    Clip(String),
-    /// The next clip of the playlist or the folder, or the one before.
-    Beside(Direction),
-    /// A file that is still to be chosen.
-    Picker,
-}
-
 /// The clips to choose from.
 pub(super) struct Library {
     recent: RecentClips,
     thumbnails: Thumbnails,
-}
-
-/// Clips of the gallery under a title.
-#[derive(Clone, Debug, PartialEq)]
-struct Section {
-    title: String,
-    names: Vec<String>,
 }
 
 impl Library {
@@ -102,21 +87,5 @@ impl Library {
         if let Some(wanted) = gallery.take_wanted() {
             self.thumbnails.request(wanted);
         }
-    }
-}
-
-/// A path as it is from any working directory, or a URL.
-fn absolute_name(name: &str) -> String {
-    let path = if is_url(name) { None } else { absolute(name).ok() };
-    path.and_then(|path| path.to_str().map(String::from)).unwrap_or_else(|| name.into())
-}
-
-/// The name of a clip in menus and under its picture.
-pub(super) fn short_title(name: &str) -> String {
-    const CHARS: usize = 30;
-    let title = title(Some(name));
-    match title.char_indices().nth(CHARS) {
-        Some((end, _)) => format!("{}...", &title[..end]),
-        None => title,
     }
 }

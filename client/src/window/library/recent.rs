@@ -1,11 +1,10 @@
 //! [`RecentClips`]: the clips and playlists that were opened last, remembered in a small file.
 
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::{Path, PathBuf, absolute};
 
 use serde::{Deserialize, Serialize};
 
-use super::absolute_name;
 use crate::clips::{is_url, redacted};
 use crate::state_file;
 
@@ -64,6 +63,12 @@ impl RecentClips {
             log::warn!("cannot remember what was opened: {}: {error}", folder.join(FILE).display());
         }
     }
+}
+
+/// A path as it is from any working directory, or a URL.
+pub(super) fn absolute_name(name: &str) -> String {
+    let path = if is_url(name) { None } else { absolute(name).ok() };
+    path.and_then(|path| path.to_str().map(String::from)).unwrap_or_else(|| name.into())
 }
 
 /// The names in the file.

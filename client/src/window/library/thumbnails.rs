@@ -23,7 +23,7 @@ use crate::clips::{Report, Worker, is_url};
 pub(super) const SIZE: [u32; 2] = [320, 180];
 
 /// Most pictures in the folder; the ones made longest ago are removed first.
-const KEPT: usize = 1000;
+const MAX_CACHED: usize = 1000;
 
 /// Most bytes of an error of the other process that are read.
 const ERROR_BYTES: u64 = 4096;
@@ -103,7 +103,7 @@ impl Maker {
         }
         fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
         self.render(name, &path)?;
-        remove_oldest(folder, KEPT);
+        remove_oldest(folder, MAX_CACHED);
         read(&path)
     }
 
@@ -175,15 +175,15 @@ fn read(path: &Path) -> Picture {
     Ok(ColorImage::from_rgb([image.width() as usize, image.height() as usize], &image))
 }
 
-/// Removes all but `kept` pictures of the folder, the ones made longest ago.
-fn remove_oldest(folder: &Path, kept: usize) {
+/// Removes all but `max` pictures of the folder, the ones made longest ago.
+fn remove_oldest(folder: &Path, max: usize) {
     let entries = folder.read_dir().into_iter().flatten().flatten();
     let mut pictures: Vec<(SystemTime, PathBuf)> = entries
         .filter(|entry| entry.path().extension().is_some_and(|extension| extension == "png"))
         .filter_map(|entry| Some((entry.metadata().ok()?.modified().ok()?, entry.path())))
         .collect();
     pictures.sort();
-    let excess = pictures.len().saturating_sub(kept);
+    let excess = pictures.len().saturating_sub(max);
     for (_, path) in &pictures[..excess] {
         let _ = fs::remove_file(path);
     }
