@@ -115,7 +115,7 @@ impl Simulation {
             self.filler.fill();
             let count = (self.period_s * f64::from(self.rate_hz)).round() as usize;
             let mut samples = vec![0.0; 2 * count];
-            self.output.render(&mut samples, 2, self.next_call_s, self.latency_s);
+            self.output.render(&mut samples, |x| x, 2, self.next_call_s, self.latency_s);
             let frames = samples.chunks(2).map(|frame| [frame[0], frame[1]]).collect();
             self.calls.push((self.next_call_s + self.latency_s, frames));
             self.next_call_s += self.period_s / self.device_speed;
