@@ -284,6 +284,9 @@ fn temporary(path: &Path) -> Result<(NamedTempFile, PathBuf), Fault> {
 /// An empty file in the folder, for an output at `path`, with the permissions of the file that it replaces.
 fn temporary_in(folder: &Path, path: &Path, replaced: Option<Metadata>) -> Result<NamedTempFile, Fault> {
     let mut builder = Builder::new();
+    // Other systems have no modes.
+    #[cfg(not(unix))]
+    let _ = replaced;
     #[cfg(unix)]
     let replaced = replaced.map(|replaced| permissions(replaced.mode() & 0o777));
     #[cfg(unix)]
