@@ -174,7 +174,7 @@ impl<T: ClipTarget> Loading<'_, T> {
         for event in arrival {
             let mut flow = ControlFlow::Continue(());
             match event? {
-                LoadEvent::Clip(ClipVersion { clip, sound, is_continued }) => {
+                LoadEvent::Clip(ClipVersion { clip, sound, is_continued, .. }) => {
                     if !is_continued {
                         self.uploaded = None;
                     }

@@ -30,7 +30,6 @@ mod folder;
 mod loader;
 pub mod playlist;
 #[cfg(not(target_os = "android"))]
-mod poster;
 mod progress;
 mod queue;
 mod source;
@@ -61,7 +60,6 @@ pub(crate) use folder::folder_of;
 pub(crate) use loader::too_few_layers;
 pub(crate) use loader::{Beginning, ClipTarget, LoadOptions};
 #[cfg(not(target_os = "android"))]
-pub(crate) use poster::poster_of;
 pub use progress::Progress;
 pub use queue::{Entry, Queue};
 #[cfg(not(target_os = "android"))]

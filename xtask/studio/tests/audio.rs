@@ -71,6 +71,12 @@ fn odd_sound_is_repaired_or_refused_in_one_sentence() {
         (&["--audio", "gone.wav"], 3, "gone.wav: there is no such file"),
         (&["--audio", "mono.wav", "--audio-start", "2"], 2, "--audio-start: 2 s is not within the clip"),
         (&["--audio", "mono.wav", "--audio-start", "-3"], 3, "mono.wav: its sound lies outside the clip"),
+        // Before the scene is read, which may take a fit.
+        (
+            &["--audio", "gone.wav", "--capture", "nowhere", "--refine", "9"],
+            3,
+            "gone.wav: there is no such file",
+        ),
         (&["--audio-position", "0,0,0"], 2, "--audio-position: there is no sound to place"),
         (&["--audio", "mono.wav", "--audio-position", "0,0"], 2, "three numbers"),
     ] {
@@ -81,4 +87,28 @@ fn odd_sound_is_repaired_or_refused_in_one_sentence() {
         assert!(outcome.stderr.contains(sentence), "{outcome:?}");
         assert!(!at.join("other.aarc").exists());
     }
+}
+
+#[test]
+fn takes_of_a_list_have_their_own_sound_or_none() {
+    if !has_ffmpeg() {
+        return;
+    }
+    let folder = tempdir().unwrap();
+    let at = folder.path();
+    packaged(at, &[]);
+    ffmpeg(at, "-f lavfi -i sine=f=300:r=8000:d=1 -ac 1 mono.wav");
+    fs::write(at.join("list.txt"), "scene\n").unwrap();
+    let listed = |audio: &str| {
+        aarc_studio(
+            at,
+            &["package", "--list", "list.txt", "--joint-rounds", "0", "-o", "out", "--audio", audio],
+        )
+    };
+    let outcome = listed("mono.wav");
+    assert_eq!(outcome.code, Some(2), "{outcome:?}");
+    assert!(outcome.stderr.contains("--audio: one file cannot be the sound of every take"), "{outcome:?}");
+    assert!(!at.join("out").exists());
+    listed("none").success();
+    assert!(at.join("out/scene.aarc").exists());
 }

@@ -82,6 +82,36 @@ fn frames_that_do_not_correspond_keep_their_own_gaussians() {
     assert_eq!([alive(0.0), alive(0.5), alive(1.0)], [5, 6, 7]);
 }
 
+/// Writes a number that is none over the first coordinate of a row.
+fn spoil(path: &Path, rows: &[usize]) {
+    let mut bytes = std::fs::read(path).unwrap();
+    let at = bytes.windows(11).position(|window| window == b"end_header\n").unwrap() + 11;
+    let count = on_cubics(60).len();
+    let stride = (bytes.len() - at) / count;
+    rows.iter().for_each(|row| {
+        bytes[at + row * stride..at + row * stride + 4].copy_from_slice(&f32::NAN.to_le_bytes());
+    });
+    std::fs::write(path, bytes).unwrap();
+}
+
+#[test]
+fn rows_that_one_frame_spoils_are_filled_from_the_frames_beside() {
+    let folder = tempfile::tempdir().unwrap();
+    write_frames(folder.path(), &on_cubics(60), &info(), 21);
+    let whole = Scene::load(folder.path()).unwrap().subject.field;
+    let path = |k: usize| folder.path().join(format!("frame_{k:04}.ply"));
+    spoil(&path(8), &[3, 17]);
+    spoil(&path(9), &[17]);
+    spoil(&path(20), &[5]);
+    let scene = Scene::load(folder.path()).unwrap();
+    let (note, repairs) = (scene.subject.notes.join("; "), scene.subject.repairs.to_string());
+    assert!(note.contains("21 frames with 60 corresponding rows"), "{note}");
+    assert_eq!(repairs, "repaired 4 (not usable in a frame, filled from those beside: 4)");
+    let found = &scene.subject.field;
+    assert!(found.len() >= 60 && found.len() < 90, "{} Gaussians", found.len());
+    assert_eq!(found.sh.len() / found.len(), whole.sh.len() / whole.len());
+}
+
 #[test]
 fn rows_in_another_order_are_found_out() {
     let folder = tempfile::tempdir().unwrap();
@@ -272,6 +302,9 @@ fn ksplat_agrees_with_splat() {
         |_| 1e-5,
     );
     assert_eq!(ksplat.field.sh, splat.field.sh);
+    assert_eq!(ksplat.field.opacities, splat.field.opacities);
+    // A .splat has them in bytes.
+    assert_same_rotations(&ksplat.field.rotations, &splat.field.rotations, 0.02);
     assert!(ksplat.repairs.is_empty(), "{}", ksplat.repairs);
 }
 
