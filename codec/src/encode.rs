@@ -17,7 +17,7 @@ use crate::{
     decode::decode_regions,
     fixed,
     format::{CHUNK_ROWS, LAYERS_MAX},
-    gaussian,
+    gaussian::{self, ChunkForm, Steps},
     header::PlannedSection,
     order::{Layer, along_curve, split},
     parallel::try_for_each,
@@ -85,11 +85,14 @@ pub fn encode_parallel(
     encode_sections(source, options, &ChunkForms::default(), threads).map(|encoded| encoded.package)
 }
 
-/// The form of each chunk of a package: whether neighbours predict. Only the coder `rans` takes it over.
+/// Choices of the encoder for each chunk of a package: whether neighbours predict, and the steps of the Gaussians. The
+/// coder `fixed` makes none.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ChunkForms {
-    /// By section; `None` where neighbours never predict.
+    /// By section; `None` where neighbours never predict. Only the coder `rans` takes it over.
     has_neighbors: Vec<Option<bool>>,
+    /// By row of the field; none for the coder `fixed`.
+    steps: Vec<Steps>,
 }
 
 /// A package with the Gaussians that it holds.
@@ -104,8 +107,8 @@ pub struct Rounded {
 }
 
 /// Encodes as [`encode_parallel`] does, and also returns the Gaussians as the package holds them. Chunks take over
-/// `forms`, those of a package with as many Gaussians in each chunk; without, each is coded in both forms, which takes
-/// twice as long, and has the smaller one.
+/// `forms`, those of a package with as many Gaussians in each chunk; without, steps are chosen, and each chunk is coded
+/// with and without neighbours, which takes twice as long, and has the smaller form.
 ///
 /// # Errors
 /// See [`encode`].
@@ -176,6 +179,9 @@ fn encode_sections(
 
     let plan: Vec<PlannedSection> = contents.plan().collect();
     let payload = |planned: &PlannedSection, has_neighbors: Option<bool>| {
+        let steps =
+            Some(&forms.steps[..]).filter(|steps| !steps.is_empty() && planned.region != Region::Plate);
+        let form = ChunkForm { has_neighbors, steps };
         let layer = &layers[usize::from(planned.layer)];
         let (chunks, rows) = match planned.region {
             Region::Static => (&chunks, &layer.static_rows),
@@ -187,7 +193,7 @@ fn encode_sections(
             _ => {
                 let start = planned.chunk as usize * CHUNK_ROWS;
                 let columns = contents.columns().of(planned.region);
-                chunks.encode(&rows[start..start + planned.rows], columns, has_neighbors)
+                chunks.encode(&rows[start..start + planned.rows], columns, form)
             }
         }
     };
@@ -213,8 +219,10 @@ fn encode_sections(
             Region::Plate => (),
         }
     }
-    let has_neighbors =
-        payloads.iter().map(|payload| payload.has_neighbors(contents.version_major)).collect();
+    let forms = ChunkForms {
+        has_neighbors: payloads.iter().map(|payload| payload.has_neighbors(contents.version_major)).collect(),
+        steps: steps_of(field, &plan, &payloads),
+    };
     let payloads: Vec<(Vec<u8>, usize)> =
         payloads.into_iter().map(|payload| payload.finish(contents.version_major)).collect();
 
@@ -233,7 +241,22 @@ fn encode_sections(
     contents.sections = plan.iter().zip(&payloads).map(section).collect();
     let mut package = contents.write()?;
     payloads.iter().for_each(|(payload, _)| package.extend_from_slice(payload));
-    Ok(Encoded { package, forms: ChunkForms { has_neighbors }, static_rows, dynamic_rows })
+    Ok(Encoded { package, forms, static_rows, dynamic_rows })
+}
+
+/// Steps of the rows of a field, except its plate; none if no chunk has steps.
+fn steps_of(field: &Field, plan: &[PlannedSection], payloads: &[Payload]) -> Vec<Steps> {
+    let mut steps = Vec::new();
+    for (planned, payload) in plan.iter().zip(payloads) {
+        match payload {
+            Payload::Gaussian(chunk) if planned.region != Region::Plate => {
+                steps.resize(field.len(), Steps::default());
+                chunk.rows().iter().zip(chunk.steps()).for_each(|(&row, chosen)| steps[row] = *chosen);
+            }
+            _ => {}
+        }
+    }
+    steps
 }
 
 /// Encodes chunks of a field.
@@ -252,16 +275,18 @@ impl<'a> ChunkEncoder<'a> {
         }
     }
 
-    fn encode(&self, rows: &[usize], columns: Columns, has_neighbors: Option<bool>) -> Payload {
+    fn encode(&self, rows: &[usize], columns: Columns, form: ChunkForm) -> Payload {
         match self {
             ChunkEncoder::Fixed(field) => {
                 let chunk = select(field, rows, columns.temporal.is_some());
                 Payload::of_any_version(fixed::encode(&chunk, columns), rows)
             }
-            ChunkEncoder::Context(prepared) => Payload::Gaussian(context::encode(prepared, rows, columns)),
-            ChunkEncoder::Rans(prepared) => {
-                Payload::Gaussian(rans::encode(prepared, rows, columns, has_neighbors))
+            ChunkEncoder::Context(prepared) => {
+                // Whether the package needs version 2 follows from the bytes of both forms.
+                let form = ChunkForm { has_neighbors: None, ..form };
+                Payload::Gaussian(context::encode(prepared, rows, columns, form))
             }
+            ChunkEncoder::Rans(prepared) => Payload::Gaussian(rans::encode(prepared, rows, columns, form)),
         }
     }
 

@@ -18,7 +18,7 @@ use crate::{
 };
 #[cfg(feature = "encode")]
 use crate::{
-    gaussian::{EncodedChunk, encode_with},
+    gaussian::{ChunkForm, EncodedChunk, encode_with},
     precision::Prepared,
 };
 
@@ -51,8 +51,8 @@ pub(crate) fn decode_observed(
     decode_with(payload, version_major, columns, offset, out, |bytes| range::Decoder::new(bytes, observer))
 }
 
-/// Encodes `rows` of a field as a chunk.
+/// Encodes `rows` of a field as a chunk, as [`encode_with`] does.
 #[cfg(feature = "encode")]
-pub(crate) fn encode(source: &Prepared, rows: &[usize], columns: Columns) -> EncodedChunk {
-    encode_with::<range::Encoder>(source, rows, columns, None, decode)
+pub(crate) fn encode(source: &Prepared, rows: &[usize], columns: Columns, form: ChunkForm) -> EncodedChunk {
+    encode_with::<range::Encoder>(source, rows, columns, form, decode)
 }

@@ -5,7 +5,9 @@ use super::{
     arithmetic::{Arithmetic, half_octaves},
     chunk::{Chunk, FOOTPRINT, STEP},
     decode::DecodeChunk,
-    grid, rotation,
+    grid,
+    indices::{self, Indices},
+    rotation,
     row::{self, GEOMETRY_BITS, LOG_EXTENT_MAX, RowCoder, Target, VISIBILITY_BITS},
     symbols::Writing,
     trajectory::{self, Span},
@@ -18,6 +20,7 @@ use crate::{
     morton::{deinterleave, interleave},
     precision::Prepared,
     rows::Rows,
+    sh_coefficients,
 };
 
 /// Cells per position step of a median Gaussian, along an edge.
@@ -26,51 +29,131 @@ const CELLS_PER_STEP: f64 = 0.25;
 /// Largest distance from the clip of the centre of an infinite window.
 const TAU_MAX: f64 = 1e5;
 
-/// Encodes `rows` of a field as a chunk, which `decode` decodes. The chunk orders the rows by grid cell. It is coded with
-/// and without neighbours, or in one form only, which `has_neighbors` names.
+/// The choices for a chunk of an earlier package.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct ChunkForm<'a> {
+    /// Whether neighbours predict; `None` to code both ways.
+    pub(crate) has_neighbors: Option<bool>,
+    /// Steps of the Gaussians; `None` to choose them.
+    pub(crate) steps: Option<&'a [Steps]>,
+}
+
+/// Colour step and geometry step of a Gaussian, in half octaves.
+pub(crate) type Steps = [i32; 2];
+
+/// Encodes `rows` of a field as a chunk, which `decode` decodes. The chunk orders the rows by grid cell. The steps of
+/// `form`, if given, are by row of the field.
 pub(crate) fn encode_with<S: Writing>(
     source: &Prepared,
     rows: &[usize],
     columns: Columns,
-    has_neighbors: Option<bool>,
+    form: ChunkForm,
     decode: DecodeChunk,
 ) -> EncodedChunk {
     let footprint = source.footprint.clamp(*FOOTPRINT.start(), *FOOTPRINT.end());
-    let finest = rows
-        .iter()
-        .map(|&i| half_octaves_below_1::<S::Arithmetic>(source.sensitivities[i].color))
-        .min()
-        .unwrap_or(0);
+    let finest_color = |&i: &usize| half_octaves_below_1::<S::Arithmetic>(source.sensitivities[i].color);
+    let finest = rows.iter().map(finest_color).map(S::Arithmetic::round).fold(f64::INFINITY, f64::min);
+    let finest = if rows.is_empty() { 0 } else { finest as i32 };
     let step =
         (source.step * half_octaves_signed(finest)).clamp(f64::from(*STEP.start()), f64::from(*STEP.end()));
-    let step = step as f32;
-
-    let prepare = |&i: &usize| {
-        let Sensitivity { color, geometry } = source.sensitivities[i];
-        let [color, geometry] = [color, geometry].map(half_octaves_below_1::<S::Arithmetic>);
-        let visibility_index = (color - finest).clamp(0, (1 << VISIBILITY_BITS) - 1) as u32;
-        let geometry_index = (geometry - color).clamp(0, (1 << GEOMETRY_BITS) - 1) as u32;
-        let step = f64::from(step) * half_octaves(visibility_index) * half_octaves(geometry_index);
-        Target { visibility_index, geometry_index, ..target::<S::Arithmetic>(source.field, i, step, columns) }
+    let mut chunk = Chunk {
+        step: step as f32,
+        footprint,
+        origin: [0.0; 3],
+        cell_size: 0.0,
+        axis_bits: 0,
+        has_neighbors: true,
     };
-    let targets: Vec<Target> = rows.iter().map(prepare).collect();
-    let mut chunk =
-        Chunk { step, footprint, origin: [0.0; 3], cell_size: 0.0, axis_bits: 0, has_neighbors: true };
-    choose_grid::<S::Arithmetic>(&mut chunk, &targets);
 
-    let cells = targets.iter().map(|target| cell_of(&chunk, target.trajectory[0]));
-    let mut ordered: Vec<(u64, &Target, usize)> =
-        cells.zip(&targets).zip(rows).map(|((cell, target), row)| (cell, target, *row)).collect();
-    // A stable sort: the order within a cell is defined.
-    ordered.sort_by_key(|(cell, ..)| *cell);
-    let rows = ordered.iter().map(|(.., row)| *row).collect();
-    let order: Vec<(u64, &Target)> = ordered.iter().map(|&(cell, target, _)| (cell, target)).collect();
-    let [with_neighbors, without] = [true, false].map(|form| {
-        let chunk = Chunk { has_neighbors: form, ..chunk.clone() };
-        let is_coded = has_neighbors.is_none_or(|only| only == form);
-        is_coded.then(|| encode_ordered::<S>(&chunk, &order, columns, decode))
+    let indices = match form.steps {
+        Some(steps) => rows.iter().map(|&i| indices_of(steps[i], finest)).collect(),
+        None => choose_indices::<S::Arithmetic>(source, rows, columns, &mut chunk, finest),
+    };
+    let targets = targets::<S::Arithmetic>(source, rows, columns, &chunk, &indices);
+    let order = in_order::<S::Arithmetic>(&mut chunk, &targets);
+    let targets_in_order: Vec<(u64, &Target)> =
+        order.iter().map(|&(cell, at)| (cell, &targets[at])).collect();
+    let [with_neighbors, without] = [true, false].map(|has_neighbors| {
+        let chunk = Chunk { has_neighbors, ..chunk.clone() };
+        let is_coded = form.has_neighbors.is_none_or(|only| only == has_neighbors);
+        is_coded.then(|| encode_ordered::<S>(&chunk, &targets_in_order, columns, decode))
     });
-    EncodedChunk { chunk, rows, with_neighbors, without }
+    let steps = order.iter().map(|&(_, at)| steps_of(indices[at], finest)).collect();
+    let rows = order.iter().map(|&(_, at)| rows[at]).collect();
+    EncodedChunk { chunk, rows, steps, with_neighbors, without }
+}
+
+/// Chooses the quantiser indices of rows, along the order that they have with the nearest ones.
+fn choose_indices<A: Arithmetic>(
+    source: &Prepared,
+    rows: &[usize],
+    columns: Columns,
+    chunk: &mut Chunk,
+    finest: i32,
+) -> Vec<Indices> {
+    let wanted: Vec<[f64; 2]> = rows
+        .iter()
+        .map(|&i| {
+            let Sensitivity { color, geometry } = source.sensitivities[i];
+            [color, geometry].map(|number| half_octaves_below_1::<A>(number) - f64::from(finest))
+        })
+        .collect();
+    let nearest: Vec<Indices> = wanted.iter().map(|&wanted| indices::nearest::<A>(wanted)).collect();
+    let order = in_order::<A>(chunk, &targets::<A>(source, rows, columns, chunk, &nearest));
+    let wanted: Vec<[f64; 2]> = order.iter().map(|&(_, at)| wanted[at]).collect();
+    let mut chosen = nearest;
+    for (&(_, at), indices) in order.iter().zip(indices::choose::<A>(&wanted, numbers_of(columns))) {
+        chosen[at] = indices;
+    }
+    chosen
+}
+
+/// How many numbers of a Gaussian are coded with its colour step and with its geometry step. Half of the motion and of
+/// the spherical harmonics are smaller than a step, and do not count.
+fn numbers_of(columns: Columns) -> [f64; 2] {
+    let harmonics = 3 * (sh_coefficients(columns.sh_degree) - 1);
+    let temporal = columns.temporal.map_or(0, |temporal| {
+        2 + 3 * usize::from(temporal.motion_order) + if temporal.rotation_rates { 4 } else { 0 }
+    });
+    [3.0 + 0.5 * harmonics as f64, 10.0 + 0.5 * temporal as f64]
+}
+
+/// The steps of indices in a chunk whose finest colour step is `finest`.
+fn steps_of([visibility, geometry]: Indices, finest: i32) -> Steps {
+    let color = finest + visibility as i32;
+    [color, color + geometry as i32]
+}
+
+/// The indices of steps in a chunk whose finest colour step is `finest`, cut to their range.
+fn indices_of([color, geometry]: Steps, finest: i32) -> Indices {
+    let visibility = (color - finest).clamp(0, (1 << VISIBILITY_BITS) - 1);
+    let geometry = (geometry - finest - visibility).clamp(0, (1 << GEOMETRY_BITS) - 1);
+    [visibility as u32, geometry as u32]
+}
+
+/// Converts rows to the coordinates that are coded.
+fn targets<'a, A: Arithmetic>(
+    source: &Prepared<'a>,
+    rows: &[usize],
+    columns: Columns,
+    chunk: &Chunk,
+    indices: &[Indices],
+) -> Vec<Target<'a>> {
+    let target = |(&i, &[visibility_index, geometry_index]): (&usize, &Indices)| {
+        let step = f64::from(chunk.step) * half_octaves(visibility_index) * half_octaves(geometry_index);
+        Target { visibility_index, geometry_index, ..target::<A>(source.field, i, step, columns) }
+    };
+    rows.iter().zip(indices).map(target).collect()
+}
+
+/// Chooses the grid of a chunk; returns the cell and the place of each target, in the order of the cells.
+fn in_order<A: Arithmetic>(chunk: &mut Chunk, targets: &[Target]) -> Vec<(u64, usize)> {
+    choose_grid::<A>(chunk, targets);
+    let cells = targets.iter().map(|target| cell_of(chunk, target.trajectory[0]));
+    let mut order: Vec<(u64, usize)> = cells.zip(0..).collect();
+    // Within a cell, the order is that of the targets.
+    order.sort_unstable();
+    order
 }
 
 /// A chunk in the forms of version 2 that were coded, at least one; version 1 has only that with neighbours.
@@ -79,6 +162,8 @@ pub(crate) struct EncodedChunk {
     chunk: Chunk,
     /// Source rows of the Gaussians, in coded order.
     rows: Vec<usize>,
+    /// Of each of these rows.
+    steps: Vec<Steps>,
     /// Symbols where neighbours predict, and where they do not.
     with_neighbors: Option<Vec<u8>>,
     without: Option<Vec<u8>>,
@@ -88,6 +173,11 @@ impl EncodedChunk {
     /// Source rows of the Gaussians, in coded order.
     pub(crate) fn rows(&self) -> &[usize] {
         &self.rows
+    }
+
+    /// Steps of the Gaussians, in coded order.
+    pub(crate) fn steps(&self) -> &[Steps] {
+        &self.steps
     }
 
     /// Bytes that the chunk has fewer in version 2 than in version 1, not counting its flags; 0 in one form only.
@@ -149,9 +239,9 @@ fn encode_ordered<S: Writing>(
 }
 
 /// Half octaves from a sensitivity up to 1.
-fn half_octaves_below_1<A: Arithmetic>(sensitivity: f32) -> i32 {
+fn half_octaves_below_1<A: Arithmetic>(sensitivity: f32) -> f64 {
     let x = f64::from(sensitivity).clamp(1e-12, 1e12);
-    A::round(-2.0 * A::ln(x) / std::f64::consts::LN_2) as i32
+    -2.0 * A::ln(x) / std::f64::consts::LN_2
 }
 
 /// `2^(halves / 2)`.

@@ -52,6 +52,14 @@ const LAMBDA: f64 = 0.05;
 pub(super) const VISIBILITY_BITS: u32 = 5;
 pub(super) const GEOMETRY_BITS: u32 = 4;
 
+/// Number of contexts of the geometry index.
+pub(super) const GEOMETRY_CONTEXTS: usize = 1 << (VISIBILITY_BITS - 2 + GEOMETRY_BITS - 2);
+
+/// Context of the geometry index: a quarter of the visibility index and of the last geometry index. Format.
+pub(super) fn geometry_context(visibility: u32, last_geometry: u32) -> usize {
+    (4 * (visibility / 4) + last_geometry / 4) as usize
+}
+
 /// A Gaussian for the encoder, in the coordinates that are coded.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Target<'a> {
@@ -82,7 +90,7 @@ pub(super) struct RowCoder<'a, S: Symbols> {
     models: Vec<S::Integer>,
     /// By the last visibility index.
     visibility_indices: Vec<S::Tree>,
-    /// By visibility index and last geometry index, a quarter of each.
+    /// By [`geometry_context`].
     geometry_indices: Vec<S::Tree>,
     opacity: Quantity,
     scales: [Quantity; 3],
@@ -129,10 +137,7 @@ impl<'a, S: Symbols> RowCoder<'a, S> {
             visibility_indices: (0..1 << VISIBILITY_BITS)
                 .map(|last| S::Tree::new(VISIBILITY_BITS, Prior::Near(last)))
                 .collect(),
-            geometry_indices: vec![
-                S::Tree::new(GEOMETRY_BITS, Prior::Nothing);
-                1 << (VISIBILITY_BITS - 2 + GEOMETRY_BITS - 2)
-            ],
+            geometry_indices: vec![S::Tree::new(GEOMETRY_BITS, Prior::Nothing); GEOMETRY_CONTEXTS],
             opacity,
             scales,
             directions: (0..2 * (DIRECTION_LEVELS + 1))
@@ -188,8 +193,7 @@ impl<'a, S: Symbols> RowCoder<'a, S> {
         let visibility = symbols.tree(tree, target.map_or(0, |t| t.visibility_index));
         symbols.number(visibility as i32, visibility as i32);
         symbols.begin(Attribute::QuantiserIndices, 1);
-        let context = 4 * (visibility / 4) + self.last_geometry / 4;
-        let tree = &mut self.geometry_indices[context as usize];
+        let tree = &mut self.geometry_indices[geometry_context(visibility, self.last_geometry)];
         let geometry = symbols.tree(tree, target.map_or(0, |t| t.geometry_index));
         symbols.number(geometry as i32, geometry as i32);
         (self.last_visibility, self.last_geometry) = (visibility, geometry);

@@ -5,7 +5,7 @@
 use crate::gaussian::{Arithmetic, Unit};
 
 /// The arithmetic of the coder `rans`. Format.
-pub(super) struct Math;
+pub(crate) struct Math;
 
 /// Adding it and subtracting it again rounds a number below 2^51 to an integer, halves to even ones. The lower bits
 /// of the sum are the integer.

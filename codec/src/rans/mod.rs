@@ -18,6 +18,9 @@ mod token;
 mod training;
 mod uniform;
 
+#[cfg(all(test, feature = "encode"))]
+pub(crate) use math::Math;
+
 use crate::{
     Error,
     columns::Columns,
@@ -26,7 +29,7 @@ use crate::{
 };
 #[cfg(feature = "encode")]
 use crate::{
-    gaussian::{EncodedChunk, encode_with},
+    gaussian::{ChunkForm, EncodedChunk, encode_with},
     precision::Prepared,
 };
 
@@ -61,11 +64,6 @@ pub(crate) fn decode_observed(
 
 /// Encodes `rows` of a field as a chunk, as [`encode_with`] does.
 #[cfg(feature = "encode")]
-pub(crate) fn encode(
-    source: &Prepared,
-    rows: &[usize],
-    columns: Columns,
-    has_neighbors: Option<bool>,
-) -> EncodedChunk {
-    encode_with::<encoder::Encoder>(source, rows, columns, has_neighbors, decode)
+pub(crate) fn encode(source: &Prepared, rows: &[usize], columns: Columns, form: ChunkForm) -> EncodedChunk {
+    encode_with::<encoder::Encoder>(source, rows, columns, form, decode)
 }

@@ -88,12 +88,14 @@ pub(super) struct RoundingState {
     curvature: Numbers,
     /// Number of rounds so far. Each looks at the next part of the views; the first ones of each part are in the sum.
     rounds: usize,
+    /// Choices of the first package, which do not depend on the precision; others would round all numbers anew.
+    forms: Option<ChunkForms>,
 }
 
 impl RoundingState {
     /// The state before the first round.
     pub(super) fn new(field: &Field) -> RoundingState {
-        RoundingState { targets: field.clone(), curvature: Numbers::zeros(field), rounds: 0 }
+        RoundingState { targets: field.clone(), curvature: Numbers::zeros(field), rounds: 0, forms: None }
     }
 }
 
@@ -136,7 +138,7 @@ impl<'a> JointRounding<'a> {
             let source = Source { field: targets, ..*source };
             encode_rounded(&source, options, forms, threads).map_err(CodeError::Encode)
         };
-        let mut rounded = encode(&state.targets, None)?;
+        let mut rounded = encode(&state.targets, state.forms.as_ref())?;
         let errors = Numbers::errors(source.field, &rounded.field);
         let rounds = self.rounds();
         for round in 0..rounds {
@@ -155,6 +157,7 @@ impl<'a> JointRounding<'a> {
             rounded = encode(&state.targets, Some(&rounded.forms))?;
             on_round();
         }
+        state.forms.get_or_insert(rounded.forms);
         Ok(rounded.package)
     }
 }
