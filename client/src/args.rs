@@ -34,10 +34,11 @@ Exit codes:
 
 Environment:
   XDG_CACHE_HOME        folder of aarc/clips, the cache of downloads, 512 MiB at most
-                        [default: ~/.cache]
+                        [default: ~/.cache; macOS: ~/Library/Caches; Windows: %LOCALAPPDATA%]
   XDG_STATE_HOME        folder of aarc/placements.json, the places of clips in the room,
                         and aarc/sound.json, the volume
-                        [default: ~/.local/state]
+                        [default: ~/.local/state; macOS: ~/Library/Application Support;
+                        Windows: %APPDATA%]
   SSL_CERT_FILE         certificates to trust [default: Mozilla's]
   HTTPS_PROXY, HTTP_PROXY, NO_PROXY
                         the proxy for URLs [default: none]
