@@ -35,11 +35,12 @@ Exit codes:
 Environment:
   XDG_CACHE_HOME        folder of aarc/clips, the cache of downloads, 512 MiB at most,
                         and aarc/thumbnails, pictures of clips, 1000 at most
-                        [default: ~/.cache]
+                        [default: ~/.cache; macOS: ~/Library/Caches; Windows: %LOCALAPPDATA%]
   XDG_STATE_HOME        folder of aarc/placements.json, the places of clips in the room,
                         aarc/sound.json, the volume, and aarc/recent.json, the clips
                         opened last
-                        [default: ~/.local/state]
+                        [default: ~/.local/state; macOS: ~/Library/Application Support;
+                        Windows: %APPDATA%]
   SSL_CERT_FILE         certificates to trust [default: Mozilla's]
   HTTPS_PROXY, HTTP_PROXY, NO_PROXY
                         the proxy for URLs [default: none]

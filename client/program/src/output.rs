@@ -238,6 +238,7 @@ fn write_synced(path: &Path, bytes: &[u8], sync: impl Fn(&File) -> io::Result<()
         return write(path, bytes);
     }
     let (mut file, target) = temporary(path)?;
+    #[cfg(unix)]
     let folder = file.path().parent().unwrap_or(Path::new(".")).to_owned();
     file.as_file_mut()
         .write_all(bytes)

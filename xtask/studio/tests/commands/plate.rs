@@ -1,16 +1,14 @@
 //! Captures without masks: a field of what moves, in front of a plate of what does not.
 
-mod tool;
-
 use std::fs;
 use std::path::Path;
 
+use crate::tool::{Outcome, aarc_studio, ffmpeg, has_ffmpeg};
 use refine::capture::Holdout;
 use serde_json::Value;
 use studio::capture::CaptureFiles;
 use studio::synth::rig::{Perturbations, Rig, RigSettings, write};
 use tempfile::{TempDir, tempdir};
-use tool::{Outcome, aarc_studio, ffmpeg, has_ffmpeg};
 
 const FIT: &str = "--steps 300 --gaussians 600 --sh-degree 0";
 

@@ -1,8 +1,8 @@
 //! Takes of segments: `join`, `package` of field folders and with `--split`, `trim`, `inspect`, pictures, faults.
 
-mod support;
-mod tool;
-
+use crate::support::{Noise, field, info};
+use crate::tool;
+use crate::tool::{Outcome, aarc_studio, aarc_studio_with};
 #[cfg(target_os = "linux")]
 use codec::{
     ClipInfo, Coder, EncodeOptions, Field, Limits, Package, SegmentPackage, Source, Take, encode_take_head,
@@ -12,9 +12,7 @@ use std::fs;
 use std::path::Path;
 use studio::export::field_file;
 use studio::import::import;
-use support::{Noise, field, info};
 use tempfile::{TempDir, tempdir};
-use tool::{Outcome, aarc_studio, aarc_studio_with};
 
 /// A dynamic field of small Gaussians that is quick to draw.
 fn small(len: usize) -> Field {

@@ -1,19 +1,16 @@
 //! `--list` and `--shard`: takes that are done, changed, or fail.
 
-mod small_stage;
-mod support;
-mod tool;
-
 use std::fs;
 use std::path::Path;
 use std::time::SystemTime;
 
+use crate::small_stage;
+use crate::support::{field, info};
+use crate::tool::{Outcome, aarc_studio};
 use codec::{Field, Limits};
 use serde_json::Value;
 use studio::export::field_file;
-use support::{field, info};
 use tempfile::{TempDir, tempdir};
-use tool::{Outcome, aarc_studio};
 
 const NAMES: [&str; 3] = ["walk", "run", "jump"];
 

@@ -1,8 +1,5 @@
 //! `cargo xtask fit` into a field folder: the fit slides along a take.
 
-mod small_stage;
-mod tool;
-
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
@@ -10,11 +7,11 @@ use std::process::{Child, Command, Stdio};
 use std::thread;
 use std::time::{Duration, Instant};
 
+use crate::small_stage::{kill_when, psnr_of, stage_of};
+use crate::tool::aarc_studio;
 use image::{GrayImage, RgbImage};
 use serde_json::Value;
-use small_stage::{kill_when, psnr_of, stage_of};
 use tempfile::TempDir;
-use tool::aarc_studio;
 
 /// 1.3 seconds: three parts of about 0.4 s.
 const FRAMES: &str = "40";

@@ -1,10 +1,8 @@
 //! Importers on truncated and changed bytes and false counts: no panic, no large allocation, and every accepted
 //! field is valid.
 
-mod support;
-
+use crate::support::{Noise, data, field, import_bytes, import_error, info};
 use studio::export::{field_file, glb, splatv, spz, static_ply};
-use support::{Noise, data, field, import_bytes, import_error, info};
 
 /// An up axis.
 const UP: [f32; 3] = [0.0, 1.0, 0.0];

@@ -1,12 +1,11 @@
 //! Exporters: exported files import as the same field.
 
-mod support;
-
+use crate::support;
+use crate::support::{assert_close, assert_same_rotations, field, import_bytes, import_error, info};
 use codec::{ALPHA_MIN, ClipInfo, Field, PixelFilter};
 use refine::capture::Holdout;
 use studio::export::{field_file, fitted_field_file, frozen, splatv, spz, static_ply};
 use studio::import::{FitRecord, Hints, import};
-use support::{assert_close, assert_same_rotations, field, import_bytes, import_error, info};
 
 #[test]
 fn field_file_is_lossless() {

@@ -1,16 +1,13 @@
 //! `poster`: a clip and a take get one in place, everything else of the file stays, and bad requests change nothing.
 
-mod support;
-mod tool;
-
 use std::fs;
 use std::path::Path;
 
+use crate::support::{field, info};
+use crate::tool::{Outcome, aarc_studio};
 use codec::{Coder, EncodeOptions, Field, Limits, Package, SegmentPackage, Source, encode_take_head};
 use serde_json::Value;
-use support::{field, info};
 use tempfile::tempdir;
-use tool::{Outcome, aarc_studio};
 
 fn clip() -> Vec<u8> {
     let field = Field { log_scales: vec![[-3.0; 3]; 50], ..field(50, 0, Some(1), false) };

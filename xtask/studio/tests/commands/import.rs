@@ -1,12 +1,11 @@
 //! Importers on real, synthetic, dirty and broken files.
 
-mod support;
-
 use std::io::{Cursor, Write};
 
+use crate::support;
+use crate::support::{assert_close, assert_same_rotations, data, import_bytes, import_error};
 use image::{ImageFormat, Rgba, RgbaImage};
 use studio::import::import;
-use support::{assert_close, assert_same_rotations, data, import_bytes, import_error};
 
 /// Rotates a field by half a turn about x, which maps y down, z forward to y up, z back.
 fn half_turn(mut field: codec::Field) -> codec::Field {

@@ -1,8 +1,5 @@
 //! `cargo xtask fit --segments`: several processes share the parts of a take.
 
-mod small_stage;
-mod tool;
-
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -10,10 +7,11 @@ use std::process::{Child, Command, Stdio};
 use std::thread;
 use std::time::Duration;
 
+use crate::small_stage::{kill_when, psnr_of, stage_of};
+use crate::tool;
+use crate::tool::{aarc_studio, outcome};
 use serde_json::Value;
-use small_stage::{kill_when, psnr_of, stage_of};
 use tempfile::TempDir;
-use tool::{aarc_studio, outcome};
 
 /// 1.6 seconds: four parts of about 0.4 s.
 const FRAMES: &str = "49";

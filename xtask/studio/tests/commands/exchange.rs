@@ -1,14 +1,13 @@
 //! Sequences, glTF, `.ksplat` and FreeTimeGS: files that were written are read again, and bad ones have a sentence.
 
-mod support;
-
 use std::path::Path;
 
+use crate::support;
+use crate::support::{assert_close, assert_same_rotations, data, field, import_bytes, import_error};
 use codec::{ClipInfo, Field, Temporal};
 use studio::export::{frame_of_sequence, glb, rows_of_sequence, static_ply};
 use studio::import::import;
 use studio::scene::Scene;
-use support::{assert_close, assert_same_rotations, data, field, import_bytes, import_error};
 
 /// Gaussians on cubics, some in windows.
 fn on_cubics(rows: usize) -> Field {

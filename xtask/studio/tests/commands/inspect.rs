@@ -1,16 +1,13 @@
 //! `cargo xtask inspect`: its numbers match the package, and bad packages are refused.
 
-mod support;
-mod tool;
-
 use std::fs;
 use std::path::Path;
 
+use crate::support::{field, info};
+use crate::tool::aarc_studio;
 use codec::{Coder, EncodeOptions, Field, Limits, Precision, SectionKind, Source};
 use serde_json::Value;
-use support::{field, info};
 use tempfile::{TempDir, tempdir};
-use tool::aarc_studio;
 
 /// A folder with `clip.aarc`, a package of the field in layers of 1000.
 fn packaged(field: &Field, plate: Option<&Field>) -> (TempDir, Vec<u8>) {

@@ -1,10 +1,9 @@
 //! Captures with faults: each gives a sensible result or a one-line error that names the problem.
 
-mod tool;
-
 use std::fs;
 use std::path::Path;
 
+use crate::tool::{Outcome, aarc_studio};
 use image::{DynamicImage, GrayImage, ImageBuffer, Luma, RgbImage};
 use refine::capture::{Holdout, PhotoId};
 use serde_json::{Value, json};
@@ -12,7 +11,6 @@ use studio::capture::CaptureFiles;
 use studio::fit::TrainingViews;
 use studio::synth::stage::{StageSettings, write};
 use tempfile::{TempDir, tempdir};
-use tool::{Outcome, aarc_studio};
 
 const SIDE: u32 = 24;
 

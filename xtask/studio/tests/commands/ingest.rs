@@ -1,19 +1,16 @@
 //! `cargo xtask ingest`: starts of videos by sound to a fraction of a millisecond, and what is wrong in one sentence. Without
 //! ffmpeg most tests are skipped.
 
-mod support;
-mod tool;
-
 use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 use std::time::SystemTime;
 
+use crate::support::{Noise, data};
+use crate::tool::{aarc_studio, aarc_studio_with, ffmpeg, has_ffmpeg, ingest, refused};
 use serde_json::Value;
 use studio::capture::CaptureFiles;
-use support::{Noise, data};
 use tempfile::{TempDir, tempdir};
-use tool::{aarc_studio, aarc_studio_with, ffmpeg, has_ffmpeg, ingest, refused};
 
 /// Samples a second of the sound.
 const RATE: usize = 48_000;

@@ -1,22 +1,19 @@
 //! `cargo xtask fit` and its output, on a capture by a ray tracer.
 
-mod small_stage;
-mod tool;
-
 use std::fs;
 use std::path::Path;
 use std::process::Command;
 use std::thread;
 use std::time::Duration;
 
+use crate::small_stage::{fit, kill_when, measured, stage, stage_of};
+use crate::tool::aarc_studio;
 use codec::PixelFilter;
 use refine::capture::Holdout;
 use serde_json::Value;
-use small_stage::{fit, kill_when, measured, stage, stage_of};
 use studio::fit::crc;
 use studio::import::{FitRecord, import};
 use tempfile::tempdir;
-use tool::aarc_studio;
 
 #[test]
 fn a_fit_generalizes_to_held_out_photographs() {

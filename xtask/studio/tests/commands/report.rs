@@ -1,18 +1,14 @@
 //! `cargo xtask report`: measurements, files, and refused requests.
 
-mod small_stage;
-mod support;
-mod tool;
-
 use std::fs;
 
+use crate::small_stage::stage;
+use crate::support::{field, info};
+use crate::tool::aarc_studio;
 use codec::Field;
 use serde_json::{Value, json};
-use small_stage::stage;
 use studio::export::field_file;
-use support::{field, info};
 use tempfile::tempdir;
-use tool::aarc_studio;
 
 /// The number `key` of the point whose selector is `row`.
 fn number(points: &[Value], row: &str, key: &str) -> f64 {

@@ -1,13 +1,12 @@
 //! `cargo xtask eval`: the same photographs in every layout of a capture, and what is wrong with
 //! one.
 
-mod support;
-mod tool;
-
 use std::fmt::Write;
 use std::fs;
 use std::path::Path;
 
+use crate::support::{data, info};
+use crate::tool::aarc_studio;
 use codec::{Camera, ClipInfo, Field, Temporal};
 use image::{GenericImageView, RgbImage};
 use refine::capture::Holdout;
@@ -16,9 +15,7 @@ use refine::reference::{Order, RenderScene, render};
 use serde_json::{Value, json};
 use studio::capture::CaptureFiles;
 use studio::export::{field_file, fitted_field_file};
-use support::{data, info};
 use tempfile::{TempDir, tempdir};
-use tool::aarc_studio;
 
 const SIZE: (u32, u32) = (48, 36);
 const FRAMES: usize = 3;

@@ -1,17 +1,15 @@
 //! Fits of captures with little to fit to: each gives a field of finite numbers that shows the photographs, or one
 //! sentence.
 
-mod small_stage;
-mod tool;
-
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use crate::small_stage;
+use crate::small_stage::{stage, stage_of};
+use crate::tool::aarc_studio;
 use image::{GrayImage, RgbImage};
 use serde_json::{Value, json};
-use small_stage::{stage, stage_of};
 use studio::import::import;
-use tool::aarc_studio;
 
 /// Frames of [`stage`].
 const FRAMES: usize = 5;

@@ -1,17 +1,14 @@
 //! `report CAPTURE --fit`: its rows, its files, and that a second run makes only what is missing.
 
-mod small_stage;
-mod tool;
-
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
+use crate::small_stage::stage;
+use crate::tool::aarc_studio;
 use image::Rgb;
 use serde_json::Value;
-use small_stage::stage;
-use tool::aarc_studio;
 
 /// The report with few steps on five cameras of the stage, of which 03 is held.
 fn report(folder: &Path) -> Value {

@@ -1,24 +1,21 @@
 //! What the tool answers where it cannot do as asked: one sentence on standard error that says what, where and what to
 //! do next, the documented exit code, and no new file.
 
-mod small_stage;
-mod support;
-mod tool;
-
 use std::fs;
 use std::ops::Range;
 use std::path::PathBuf;
 
+use crate::small_stage;
+use crate::support::{field, info};
+#[cfg(any(feature = "gpu", feature = "onnx"))]
+use crate::tool::outcome::DEVICE;
+use crate::tool::outcome::{CHECK, DATA, Failure, USAGE, check_failures};
+use crate::tool::{NO_DEVICE, aarc_studio, aarc_studio_with};
 use codec::{Field, PixelFilter};
 use refine::capture::Holdout;
 use studio::export::{field_file, fitted_field_file, splatv, static_ply};
 use studio::import::{FitRecord, import};
-use support::{field, info};
 use tempfile::TempDir;
-#[cfg(any(feature = "gpu", feature = "onnx"))]
-use tool::outcome::DEVICE;
-use tool::outcome::{CHECK, DATA, Failure, USAGE, check_failures};
-use tool::{NO_DEVICE, aarc_studio, aarc_studio_with};
 
 const FAILURES: &[Failure] = &[
     // Fitting.

@@ -1,19 +1,18 @@
 //! `cargo xtask synth rig`: the videos show and sound what the truth says. Without ffmpeg most tests are skipped.
 
-mod tool;
-
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use crate::tool;
+use crate::tool::{aarc_studio, aarc_studio_with, has_ffmpeg};
 use refine::capture::PhotoId;
 use refine::image::Image;
 use serde_json::{Value, json};
 use studio::capture::CaptureFiles;
 use studio::synth::rig::{Perturbations, Rig, RigSettings, write};
 use tempfile::{TempDir, tempdir};
-use tool::{aarc_studio, aarc_studio_with, has_ffmpeg};
 
 /// Samples a second of the sound.
 const RATE: f64 = 48_000.0;

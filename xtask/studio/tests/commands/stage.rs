@@ -1,11 +1,10 @@
 //! `cargo xtask synth stage`: the views are consistent with one surface, and errors leave no partial capture.
 
-mod tool;
-
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use crate::tool::aarc_studio;
 use codec::Camera;
 use refine::anchor::DepthMap;
 use refine::capture::{Holdout, PhotoId, Split};
@@ -13,7 +12,6 @@ use refine::image::Image;
 use studio::capture::CaptureFiles;
 use studio::synth::stage::{StageSettings, write};
 use tempfile::tempdir;
-use tool::aarc_studio;
 
 /// Relative paths and contents of all files below a folder.
 fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {

@@ -1,17 +1,14 @@
 //! `aarc-studio package`: contents of packages, dropped Gaussians and reasons, refusals.
 
-mod support;
-mod tool;
-
 use std::fs;
 use std::path::Path;
 
+use crate::support::{data, field, info};
+use crate::tool::aarc_studio;
 use codec::{ALPHA_MIN, Clip, Field, Limits};
 use serde_json::{Value, json};
 use studio::export::field_file;
-use support::{data, field, info};
 use tempfile::tempdir;
-use tool::aarc_studio;
 
 fn write_field(path: &Path, field: &Field) {
     fs::write(path, field_file(field, &info())).expect("a temporary file");

@@ -1,17 +1,14 @@
 //! Captures whose photographs are in videos. Without ffmpeg these tests are skipped.
 
-mod small_stage;
-mod tool;
-
 use std::fs;
 use std::path::Path;
 
+use crate::small_stage::stage_of;
+use crate::tool::{aarc_studio, aarc_studio_with, ffmpeg, has_ffmpeg};
 use refine::capture::PhotoId;
 use serde_json::{Value, json};
-use small_stage::stage_of;
 use studio::capture::CaptureFiles;
 use tempfile::TempDir;
-use tool::{aarc_studio, aarc_studio_with, ffmpeg, has_ffmpeg};
 
 /// Frames of the stage, which has 25 a second.
 const FRAMES: usize = 12;

@@ -1,13 +1,11 @@
 //! `cargo xtask package --ladder`: the first layers of a package beside packages of their size.
 
-mod tool;
-
 use std::fs;
 use std::path::Path;
 
+use crate::tool::{Outcome, aarc_studio};
 use codec::Limits;
 use tempfile::tempdir;
-use tool::{Outcome, aarc_studio};
 
 /// Packages the figure with thin limbs in two layers, ranked by one ranking and coded quickly.
 fn package(folder: &Path, rank: &str, more: &[&str]) -> Outcome {

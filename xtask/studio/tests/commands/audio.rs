@@ -1,13 +1,11 @@
 //! `package --audio`: what sound files become, as one line each. Without ffmpeg these tests are skipped.
 
-mod tool;
-
 use std::fs;
 
+use crate::tool::{aarc_studio, ffmpeg, has_ffmpeg};
 use codec::{Limits, Sound};
 use serde_json::Value;
 use tempfile::tempdir;
-use tool::{aarc_studio, ffmpeg, has_ffmpeg};
 
 /// Packages a small field of 2 s with the options, and returns the report and the sound of the package.
 fn packaged(folder: &std::path::Path, options: &[&str]) -> (Value, Option<Sound>) {

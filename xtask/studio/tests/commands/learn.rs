@@ -1,17 +1,14 @@
 //! What a fit learns of its cameras: `--learn`, the file that it writes, and the commands that read it.
 
-mod small_stage;
-mod tool;
-
 use std::fs;
 use std::path::Path;
 use std::thread;
 use std::time::Duration;
 
+use crate::small_stage::{kill_when, stage_of};
+use crate::tool::aarc_studio;
 use serde_json::{Value, json};
-use small_stage::{kill_when, stage_of};
 use tempfile::TempDir;
-use tool::aarc_studio;
 
 /// Seconds by which the manifest says that camera 2 is late, which it is not: 0.6 frames.
 const WRONG_S: f64 = 0.024;

@@ -1,18 +1,16 @@
 //! `cargo xtask ingest` makes masks: compared with those of a rig whose truth is known, resumed, and with plates of their own.
 //! Without ffmpeg all tests are skipped.
 
-mod tool;
-
 use std::fs;
 use std::path::Path;
 use std::time::SystemTime;
 
+use crate::tool::{ffmpeg, has_ffmpeg, ingest, refused};
 use image::{GrayImage, RgbImage};
 use serde_json::Value;
 use studio::capture::CaptureFiles;
 use studio::synth::rig::{Perturbations, Rig, RigSettings, write};
 use tempfile::{TempDir, tempdir};
-use tool::{ffmpeg, has_ffmpeg, ingest, refused};
 
 const CAMERAS: usize = 3;
 
