@@ -33,11 +33,14 @@ Exit codes:
   completely or not at all. Shells report 130 after Ctrl-C.
 
 Environment:
-  XDG_CACHE_HOME        folder of aarc/clips, the cache of downloads, 512 MiB at most
-                        [default: ~/.cache]
+  XDG_CACHE_HOME        folder of aarc/clips, the cache of downloads, 512 MiB at most,
+                        and aarc/thumbnails, pictures of clips, 1000 at most
+                        [default: ~/.cache; macOS: ~/Library/Caches; Windows: %LOCALAPPDATA%]
   XDG_STATE_HOME        folder of aarc/placements.json, the places of clips in the room,
-                        and aarc/sound.json, the volume
-                        [default: ~/.local/state]
+                        aarc/sound.json, the volume, and aarc/recent.json, the clips
+                        opened last
+                        [default: ~/.local/state; macOS: ~/Library/Application Support;
+                        Windows: %APPDATA%]
   SSL_CERT_FILE         certificates to trust [default: Mozilla's]
   HTTPS_PROXY, HTTP_PROXY, NO_PROXY
                         the proxy for URLs [default: none]

@@ -1,47 +1,59 @@
-//! The user's folders for files of this program, after the XDG Base Directory Specification.
+//! The user's folders for files of this program, by the custom of the system: the XDG Base Directory Specification on
+//! Linux, `~/Library` on macOS, `AppData` on Windows.
 
-use std::ffi::OsString;
 use std::path::PathBuf;
 
-/// The folder for state that outlives a run; `None` if neither variable nor home is set.
+use etcetera::base_strategy::{BaseStrategy, choose_native_strategy};
+
+/// The folder for state that outlives a run; `None` if the user has no home folder.
 #[cfg(any(feature = "window", feature = "xr"))]
 pub(crate) fn state() -> Option<PathBuf> {
-    folder(|name| std::env::var_os(name), "XDG_STATE_HOME", ".local/state")
+    choose_native_strategy().ok().map(|system| state_in(&system))
 }
 
-/// The folder for files that can be made again; `None` if neither variable nor home is set.
+/// The folder for files that can be made again; `None` as for [`state()`].
 pub(crate) fn cache() -> Option<PathBuf> {
-    folder(|name| std::env::var_os(name), "XDG_CACHE_HOME", ".cache")
+    choose_native_strategy().ok().map(|system| cache_in(&system))
 }
 
-/// The folder for compiled pipelines; `None` as for [`cache`].
+/// The folder for compiled pipelines; `None` as for [`state()`].
 #[cfg(any(feature = "window", feature = "xr"))]
 pub(crate) fn pipelines() -> Option<PathBuf> {
     cache().map(|folder| folder.join("pipelines"))
 }
 
-/// `aarc` in the folder that the variable `name` holds, or else in `default` in the home folder.
-fn folder(variable: impl Fn(&str) -> Option<OsString>, name: &str, default: &str) -> Option<PathBuf> {
-    let path = |name: &str| variable(name).map(PathBuf::from).filter(|path| path.is_absolute());
-    Some(path(name).or_else(|| Some(path("HOME")?.join(default)))?.join("aarc"))
+/// The folder for state; for data, on systems without one for state.
+#[cfg(any(feature = "window", feature = "xr"))]
+fn state_in(system: &impl BaseStrategy) -> PathBuf {
+    system.state_dir().unwrap_or_else(|| system.data_dir()).join("aarc")
 }
 
-#[cfg(test)]
+fn cache_in(system: &impl BaseStrategy) -> PathBuf {
+    system.cache_dir().join("aarc")
+}
+
+#[cfg(all(test, any(feature = "window", feature = "xr")))]
 mod tests {
+    use etcetera::base_strategy::{Apple, Windows, Xdg};
+
     use super::*;
 
     #[test]
-    fn the_folder_follows_the_specification() {
-        let with = |variables: &[(&str, &str)]| {
-            let value =
-                |name: &str| variables.iter().find(|(key, _)| *key == name).map(|(_, value)| value.into());
-            folder(value, "XDG_STATE_HOME", ".local/state")
+    fn every_system_has_folders_of_its_own() {
+        let home = etcetera::home_dir().expect("a home folder");
+        // The folders of a user who has set none of the variables.
+        let is = |path: PathBuf, variable: &str, default: &str| {
+            let set = std::env::var_os(variable).map(PathBuf::from).filter(|path| path.is_absolute());
+            assert_eq!(path, set.unwrap_or_else(|| home.join(default)).join("aarc"));
         };
-        assert_eq!(with(&[("HOME", "/home/ann")]), Some("/home/ann/.local/state/aarc".into()));
-        let both = [("HOME", "/home/ann"), ("XDG_STATE_HOME", "/state")];
-        assert_eq!(with(&both), Some("/state/aarc".into()));
-        let relative = [("HOME", "/home/ann"), ("XDG_STATE_HOME", "state")];
-        assert_eq!(with(&relative), Some("/home/ann/.local/state/aarc".into()));
-        assert_eq!(with(&[]), None);
+        let linux = Xdg::new().expect("a home folder");
+        is(cache_in(&linux), "XDG_CACHE_HOME", ".cache");
+        is(state_in(&linux), "XDG_STATE_HOME", ".local/state");
+        let mac = Apple::new().expect("a home folder");
+        is(cache_in(&mac), "", "Library/Caches");
+        is(state_in(&mac), "", "Library/Application Support");
+        let windows = Windows::new().expect("a home folder");
+        is(cache_in(&windows), "LOCALAPPDATA", "AppData/Local");
+        is(state_in(&windows), "APPDATA", "AppData/Roaming");
     }
 }

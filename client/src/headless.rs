@@ -3,7 +3,6 @@
 //!
 //! A device that is lost after it has rendered enough images is replaced, and the image rendered again.
 
-use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -15,8 +14,8 @@ use program::{Fault, output, read_camera};
 
 use crate::args::Args;
 use crate::clips::{
-    Beginning, Change, ClipController, ClipTarget, Content, Entry, LoadEvent, LoadOptions, SourceOptions,
-    cache_dir, playlist, redacted, too_few_layers,
+    Beginning, Change, ClipController, ClipTarget, Content, Entry, LoadEvent, LoadOptions, cache_dir,
+    playlist, redacted, too_few_layers,
 };
 use crate::gpu::{
     ChannelDepth, DEVICE_REPLACED, FrameCounts, FrameLayout, Gpu, GpuClip, Offscreen, Pixels, RenderSettings,
@@ -144,8 +143,13 @@ impl DeviceState {
 }
 
 impl<'a> ClipRenderer<'a> {
-    fn new(device: &'a mut Device, clip: Content, args: &'a Args) -> Result<ClipRenderer<'a>, Fault> {
-        let (views, settings) = (views(args, &clip)?, settings(args, &clip)?);
+    fn new(
+        device: &'a mut Device,
+        clip: Content,
+        poster: Option<Poster>,
+        args: &'a Args,
+    ) -> Result<ClipRenderer<'a>, Fault> {
+        let (views, settings) = (views(args, &clip, poster)?, settings(args, &clip)?);
         let state = match DeviceState::new(&device.gpu, &clip, &views, args) {
             Err(fault) => {
                 device.replace(fault)?;
@@ -244,14 +248,15 @@ impl<'a> ClipRenderer<'a> {
 }
 
 fn run_clip(args: &Args, output: &ImageOutput) -> Result<(), Fault> {
-    let (clip, loading) = load(args)?;
+    let Loaded { clip, poster, stats: loading } = load(args)?;
+    let poster = poster.filter(|_| args.poster);
     let fps = clip.info().fps.into();
-    let times = times(args, fps);
+    let times = times(args, poster, fps);
     check_times(&times, clip.duration_s(), fps)?;
-    views(args, &clip)?;
+    views(args, &clip, poster)?;
     settings(args, &clip)?;
     let mut device = Device::open(args.target)?;
-    let mut renderer = ClipRenderer::new(&mut device, clip, args)?;
+    let mut renderer = ClipRenderer::new(&mut device, clip, poster, args)?;
     let mut frames = Vec::new();
     for (i, &time_s) in times.iter().enumerate() {
         if args.stats.is_some() {
@@ -287,7 +292,7 @@ impl ClipTarget for HeadlessTarget {
         _: Beginning,
         _: &mut Option<()>,
     ) -> Result<Content, Fault> {
-        views(&self.args, &clip)
+        views(&self.args, &clip, None)
             .and_then(|_| settings(&self.args, &clip))
             .map_err(|fault| named(fault, entry))?;
         Ok(clip)
@@ -364,7 +369,7 @@ impl PlaylistRun<'_> {
     /// [`Fault::Usage`] if a time is before the start.
     fn take_times(&mut self, clip: &Content) -> Result<Vec<(usize, f64)>, Fault> {
         if self.last.is_none() {
-            let times = times(self.args, clip.info().fps.into());
+            let times = times(self.args, None, clip.info().fps.into());
             if let Some(time) = times.iter().find(|time| **time < 0.0) {
                 return Err(Fault::Usage(format!("time {time} s is before the start: give 0 or later")));
             }
@@ -381,7 +386,7 @@ impl PlaylistRun<'_> {
     fn render(&mut self, entry: &Entry, clip: Content, times: Vec<(usize, f64)>) -> Result<Rendered, Fault> {
         if !times.is_empty() {
             let device = opened(&mut self.device, self.args.target)?;
-            match ClipRenderer::new(device, clip.clone(), self.args) {
+            match ClipRenderer::new(device, clip.clone(), None, self.args) {
                 Ok(mut renderer) => {
                     for (i, time_s) in times {
                         write_image(self.output, i, &renderer.pixels((time_s - self.start_s).max(0.0))?)?;
@@ -409,7 +414,8 @@ impl PlaylistRun<'_> {
         let (fps, duration_s) = (clip.info().fps, clip.duration_s());
         let times: Vec<f64> = self.pending.iter().map(|&(_, time_s)| time_s).collect();
         check_times(&times, self.start_s, fps.into())?;
-        let mut renderer = ClipRenderer::new(opened(&mut self.device, self.args.target)?, clip, self.args)?;
+        let device = opened(&mut self.device, self.args.target)?;
+        let mut renderer = ClipRenderer::new(device, clip, None, self.args)?;
         for &(i, _) in &self.pending {
             write_image(self.output, i, &renderer.pixels(duration_s)?)?;
         }
@@ -445,30 +451,43 @@ fn next_clip(
     }
 }
 
+/// A clip that was loaded, and the time and view that it states to stand for it.
+struct Loaded {
+    clip: Content,
+    poster: Option<Poster>,
+    stats: LoadingStats,
+}
+
 /// Loads the complete clip, and prints progress.
-fn load(args: &Args) -> Result<(Content, LoadingStats), Fault> {
+fn load(args: &Args) -> Result<Loaded, Fault> {
     let start = Instant::now();
     let elapsed_ms = || start.elapsed().as_secs_f64() * 1e3;
-    let (mut reporter, mut playable_ms) = (Reporter::new(), None);
+    let (mut reporter, mut playable_ms, mut poster) = (Reporter::new(), None, None);
     let clip = clips::open(args.clip.as_deref(), &args.source(cache_dir()))?.wait(None, |event| {
         if let LoadEvent::Clip(_) | LoadEvent::Take(_) = event {
             playable_ms.get_or_insert_with(elapsed_ms);
         }
+        match event {
+            LoadEvent::Clip(version) => poster = version.poster,
+            LoadEvent::Take(take) if args.poster => poster = take.poster(),
+            _ => {}
+        }
         reporter.print(event);
     })?;
     let whole_ms = elapsed_ms();
-    Ok((clip, LoadingStats { playable_ms: playable_ms.unwrap_or(whole_ms), whole_ms }))
+    let stats = LoadingStats { playable_ms: playable_ms.unwrap_or(whole_ms), whole_ms };
+    Ok(Loaded { clip, poster, stats })
 }
 
-/// Times of the images in seconds from the start. `captured_fps` is the default of `--fps`.
-fn times(args: &Args, captured_fps: f64) -> Vec<f64> {
+/// Times of the images in seconds from the start: that of `poster` if there is one. `captured_fps` is the default of
+/// `--fps`.
+fn times(args: &Args, poster: Option<Poster>, captured_fps: f64) -> Vec<f64> {
     match &args.frames {
         Some(frames) => {
             let fps = args.fps.unwrap_or(captured_fps);
             frames.clone().map(|frame| f64::from(frame) / fps).collect()
         }
-        None if args.poster => vec![poster(args).map_or(0.0, |poster| poster.time_s)],
-        None if args.time.is_empty() => vec![0.0],
+        None if args.time.is_empty() => vec![poster.map_or(0.0, |poster| poster.time_s)],
         None => args.time.clone(),
     }
 }
@@ -492,14 +511,14 @@ fn clip_time(clip: &Content, time: f64) -> f64 {
     if duration > 0.0 { (time / duration).min(1.0) } else { 0.0 }
 }
 
-/// The views of the eyes.
-fn views(args: &Args, clip: &Content) -> Result<Vec<View>, Fault> {
+/// The views of the eyes: those of `poster` if there is one.
+fn views(args: &Args, clip: &Content, poster: Option<Poster>) -> Result<Vec<View>, Fault> {
     if let Some(path) = &args.camera {
         let camera = read_camera(path)?;
         let camera = args.size.map_or(camera.clone(), |size| camera.resized(size.x, size.y));
         return Ok(eyes(args, clip, camera));
     }
-    if let Some(poster) = poster(args) {
+    if let Some(poster) = poster {
         let size = args.size.unwrap_or(DEFAULT_SIZE);
         return Ok(eyes(args, clip, poster.viewpoint().camera(clip.info().up, size.x, size.y)));
     }
@@ -518,12 +537,6 @@ fn views(args: &Args, clip: &Content) -> Result<Vec<View>, Fault> {
             eyes(args, clip, viewpoint.camera(clip.info().up, size.x, size.y))
         }
     })
-}
-
-/// The poster that `args` ask for, if their clip is a file that has one.
-fn poster(args: &Args) -> Option<Poster> {
-    let path = args.clip.as_deref().filter(|_| args.poster)?;
-    clips::poster_of(Path::new(path), &SourceOptions::default().limits)
 }
 
 /// The view of `camera`, or with --stereo those of two eyes.

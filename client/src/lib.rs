@@ -17,6 +17,8 @@ pub mod headless;
 pub mod net;
 pub mod pipeline_folder;
 pub mod player;
+#[cfg(any(feature = "window", feature = "xr"))]
+mod state_file;
 pub mod stats;
 pub mod takes;
 #[cfg(not(target_os = "android"))]

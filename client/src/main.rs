@@ -10,8 +10,11 @@ use program::{Fault, generate};
 
 fn main() -> ExitCode {
     let quiet = env_logger::Env::default().default_filter_or(client::gpu::LOG_FILTER);
-    // Below that level the HTTP library logs URLs with their secrets.
-    env_logger::Builder::from_env(quiet).filter_module("ureq", LevelFilter::Info).init();
+    // Below that level the HTTP library logs URLs with their secrets. Where there is no file dialog, the window says so.
+    env_logger::Builder::from_env(quiet)
+        .filter_module("ureq", LevelFilter::Info)
+        .filter_module("rfd", LevelFilter::Off)
+        .init();
     let args: Args = match program::parse(Args::command()) {
         Ok(args) => args,
         Err(code) => return code,

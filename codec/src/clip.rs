@@ -186,6 +186,28 @@ impl LayerEnd {
 }
 
 impl Clip {
+    /// A clip of one layer that came without a package. Its time index excludes no row. `bounds` are the corners of the box
+    /// around all centres while alive; `dynamic_field` has temporal columns, the others have none.
+    pub fn of_one_layer(
+        info: ClipInfo,
+        bounds: [[f32; 3]; 2],
+        static_field: Field,
+        dynamic_field: Field,
+        plate: Option<Field>,
+    ) -> Clip {
+        let end = LayerEnd { static_count: static_field.len(), dynamic_count: dynamic_field.len() };
+        Clip {
+            info,
+            bounds,
+            time_index: TimeIndex::of_candidates(dynamic_field.len()),
+            static_field,
+            dynamic_field,
+            layers: vec![end],
+            layers_announced: vec![end],
+            plate,
+        }
+    }
+
     /// The viewpoints, or one that frames the bounds if there are none. Never empty.
     pub fn viewpoints(&self) -> Vec<Viewpoint> {
         match self.info.viewpoints.as_slice() {

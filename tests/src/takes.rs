@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 
 use client::gpu::{Span, TakeLayout};
-use codec::{ALPHA_MIN, Clip, ClipInfo, Field, LayerEnd, Temporal, TimeIndex};
+use codec::{ALPHA_MIN, Clip, ClipInfo, Field, Temporal};
 use measure::resident::layout_of;
 
 use crate::scene::{Motion, Recipe};
@@ -136,15 +136,5 @@ pub fn clip_of(field: &Field) -> Clip {
     let (fixed, dynamic): (Vec<usize>, Vec<usize>) =
         (0..field.len()).partition(|&row| temporal.s[row].is_infinite() && temporal.is_motionless(row));
     let static_field = Field { temporal: None, ..field.select(&fixed) };
-    let end = LayerEnd { static_count: fixed.len(), dynamic_count: dynamic.len() };
-    Clip {
-        info: ClipInfo::default(),
-        bounds: field.bounds(),
-        static_field,
-        dynamic_field: field.select(&dynamic),
-        layers: vec![end],
-        layers_announced: vec![end],
-        time_index: TimeIndex::of_candidates(dynamic.len()),
-        plate: None,
-    }
+    Clip::of_one_layer(ClipInfo::default(), field.bounds(), static_field, field.select(&dynamic), None)
 }

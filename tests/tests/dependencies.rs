@@ -197,9 +197,10 @@ fn the_player_does_not_compile_the_encoder() {
 }
 
 fn on_android_the_player_compiles_what_it_runs() {
-    let features = ["--no-default-features", "--features", "net,xr", "--target", "aarch64-linux-android"];
+    let features =
+        ["--no-default-features", "--features", "audio,net,xr", "--target", "aarch64-linux-android"];
     let tree = tree(&[&["--edges", "normal"][..], &features].concat());
-    for package in ["android-activity", "android_logger", "egui", "ureq"] {
+    for package in ["android-activity", "android_logger", "cpal", "egui", "ureq"] {
         assert!(depends_on(&tree, package), "the player for Android depends on {package}");
     }
     for package in ["winit", "egui-winit", "env_logger", "import"] {

@@ -32,8 +32,8 @@ pub(crate) enum Need {
     CppCompiler,
     /// An OpenXR runtime with a simulated headset, for the headset tests.
     Headset,
-    /// A compiler for Android's target, to check with.
-    AndroidCompiler,
+    /// A Rust that compiles for other systems and processors, to check with.
+    DebianRust,
     /// Android's programs that check an APK.
     ApkTools,
     /// A cluster scheduler, for the test of job arrays.
@@ -73,7 +73,7 @@ impl Need {
             Need::VirtualDisplay => "Xvfb, an X server without a screen",
             Need::CppCompiler => "c++, a C++ compiler",
             Need::Headset => "Monado, an OpenXR runtime",
-            Need::AndroidCompiler => "a Rust compiler with the source of its library",
+            Need::DebianRust => "a Rust compiler with the source of its library",
             Need::ApkTools => "aapt, apksigner and zipalign",
             Need::Slurm => "Slurm, a cluster scheduler",
             Need::Ffmpeg => "ffmpeg and ffprobe",
@@ -95,7 +95,7 @@ impl Need {
             Need::ApkTools => &["aapt", "apksigner", "zipalign"],
             Need::Ffmpeg => &["ffmpeg"],
             Need::Headset => return Source::Unpacked(folders::headset()),
-            Need::AndroidCompiler => return Source::Unpacked(folders::android_compiler()),
+            Need::DebianRust => return Source::Unpacked(folders::debian_rust()),
             Need::Slurm => return Source::Unpacked(folders::slurm()),
             Need::OnnxRuntime => return Source::Unpacked(folders::onnx()),
             Need::SecondDriver => return Source::Unpacked(folders::swiftshader()),
@@ -126,7 +126,7 @@ impl Need {
             Need::VirtualDisplay => program_exists("Xvfb"),
             Need::CppCompiler => program_exists("c++"),
             Need::Headset
-            | Need::AndroidCompiler
+            | Need::DebianRust
             | Need::Slurm
             | Need::OnnxRuntime
             | Need::SecondDriver

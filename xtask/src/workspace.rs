@@ -29,9 +29,9 @@ pub fn openxr_folder() -> PathBuf {
     target_folder().join("openxr")
 }
 
-/// Folder of the compiler that checks Android code.
-pub fn android_compiler_folder() -> PathBuf {
-    target_folder().join("android-compiler")
+/// Folder of the compiler that checks code for other systems.
+pub fn debian_rust_folder() -> PathBuf {
+    target_folder().join("debian-rust")
 }
 
 /// Folder of the cluster scheduler for a test.

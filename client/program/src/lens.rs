@@ -113,7 +113,7 @@ impl Standpoint {
 mod tests {
     use std::f64::consts::FRAC_PI_2;
 
-    use codec::{ClipInfo, Field, LayerEnd, TimeIndex};
+    use codec::{ClipInfo, Field};
     use glam::{DMat4, DVec2};
 
     use super::*;
@@ -133,17 +133,7 @@ mod tests {
             ..Field::default()
         };
         let info = ClipInfo { up: [0.0, 1.0, 0.0], metres_per_unit: 1.0, ..ClipInfo::default() };
-        let end = LayerEnd { static_count: count, dynamic_count: 0 };
-        Clip {
-            bounds: static_field.bounds(),
-            static_field,
-            info,
-            dynamic_field: Field::default(),
-            layers: vec![end],
-            layers_announced: vec![end],
-            time_index: TimeIndex::of_candidates(0),
-            plate: None,
-        }
+        Clip::of_one_layer(info, static_field.bounds(), static_field, Field::default(), None)
     }
 
     fn cameras(clip: &Clip, standpoint: Option<Standpoint>) -> [Camera; 2] {

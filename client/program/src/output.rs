@@ -1,11 +1,13 @@
 //! Output files, written completely or not at all.
 //!
 //! A file is written under a temporary name in its folder and then renamed. Its path never holds an
-//! incomplete file, and a file that was there before stays until the new one is complete. Links are
-//! followed. What is no regular file, such as a device or a pipe, is opened and written to instead.
+//! incomplete file, and a file that was there before stays until the new one is complete, which gets its permissions.
+//! Links are followed. What is no regular file, such as a device or a pipe, is opened and written to instead.
 
-use std::fs::{File, OpenOptions};
+use std::fs::{File, Metadata, OpenOptions};
 use std::io::{self, Read, Seek, SeekFrom, Write};
+#[cfg(unix)]
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
@@ -32,13 +34,13 @@ pub fn check(path: &Path) -> Result<(), Fault> {
 /// [`Fault::Usage`] with the path and the reason.
 pub fn check_folder(path: &Path) -> Result<(), Fault> {
     match path.ancestors().find(|folder| folder.exists()) {
-        Some(folder) if folder.is_dir() => temporary_in(folder, path).map(drop),
+        Some(folder) if folder.is_dir() => temporary_in(folder, path, None).map(drop),
         Some(file) => Err(Fault::Usage(format!(
             "cannot write to the folder {}: {} is a file, name another folder",
             path.display(),
             file.display()
         ))),
-        None => temporary_in(Path::new("."), path).map(drop),
+        None => temporary_in(Path::new("."), path, None).map(drop),
     }
 }
 
@@ -236,6 +238,7 @@ fn write_synced(path: &Path, bytes: &[u8], sync: impl Fn(&File) -> io::Result<()
         return write(path, bytes);
     }
     let (mut file, target) = temporary(path)?;
+    #[cfg(unix)]
     let folder = file.path().parent().unwrap_or(Path::new(".")).to_owned();
     file.as_file_mut()
         .write_all(bytes)
@@ -276,19 +279,33 @@ fn temporary(path: &Path) -> Result<(NamedTempFile, PathBuf), Fault> {
     if !folder.is_dir() {
         return Err(cannot_write(path, format!("there is no folder {}, make it first", folder.display())));
     }
-    Ok((temporary_in(folder, path)?, target))
+    Ok((temporary_in(folder, path, target.metadata().ok())?, target))
 }
 
-/// An empty file in the folder, for an output at `path`.
-fn temporary_in(folder: &Path, path: &Path) -> Result<NamedTempFile, Fault> {
+/// An empty file in the folder, for an output at `path`, with the permissions of the file that it replaces.
+fn temporary_in(folder: &Path, path: &Path, replaced: Option<Metadata>) -> Result<NamedTempFile, Fault> {
     let mut builder = Builder::new();
+    // Other systems have no modes.
+    #[cfg(not(unix))]
+    let _ = replaced;
     #[cfg(unix)]
-    {
-        // The mode that other programs give to a new file; the user's umask still applies.
-        use std::os::unix::fs::PermissionsExt;
-        builder.permissions(std::fs::Permissions::from_mode(0o666));
+    let replaced = replaced.map(|replaced| permissions(replaced.mode() & 0o777));
+    #[cfg(unix)]
+    // The mode that other programs give to a new file; the user's umask still applies.
+    builder.permissions(replaced.clone().unwrap_or(permissions(0o666)));
+    let file =
+        builder.prefix(TEMPORARY).tempfile_in(folder).map_err(|error| failed(path, without_name(&error)))?;
+    #[cfg(unix)]
+    if let Some(replaced) = replaced {
+        // Also those that the umask takes away.
+        file.as_file().set_permissions(replaced).map_err(|error| failed(path, error))?;
     }
-    builder.prefix(TEMPORARY).tempfile_in(folder).map_err(|error| failed(path, without_name(&error)))
+    Ok(file)
+}
+
+#[cfg(unix)]
+fn permissions(mode: u32) -> std::fs::Permissions {
+    std::os::unix::fs::PermissionsExt::from_mode(mode)
 }
 
 /// The reason of an error of `tempfile`, which adds the name of its file to the text; no user knows that file.
@@ -333,6 +350,24 @@ mod tests {
         write(&path, b"new").unwrap();
         assert_eq!(std::fs::read(&path).unwrap(), b"new");
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_new_file_has_the_permissions_of_the_one_that_it_replaces() {
+        let folder = tempfile::tempdir().unwrap();
+        let [path, link] = ["a", "link"].map(|name| folder.path().join(name));
+        let mode = || path.metadata().unwrap().mode() & 0o777;
+        write(&path, b"old").unwrap();
+        assert_ne!(mode() & 0o600, 0);
+        std::os::unix::fs::symlink("a", &link).unwrap();
+        for kept in [0o600, 0o640, 0o666, 0o440] {
+            std::fs::set_permissions(&path, permissions(kept)).unwrap();
+            write(&path, b"new").unwrap();
+            assert_eq!(mode(), kept, "{kept:o}");
+            write_durable(&link, b"newer").unwrap();
+            assert_eq!((mode(), std::fs::read(&path).unwrap()), (kept, b"newer".to_vec()), "{kept:o}");
+        }
     }
 
     #[cfg(unix)]

@@ -5,11 +5,30 @@ use std::time::Instant;
 
 use codec::SOUND_RATE_HZ;
 use cpal::traits::{DeviceTrait, HostTrait, StreamTrait};
-use cpal::{BufferSize, ErrorKind, SampleFormat, StreamConfig, SupportedStreamConfigRange};
+use cpal::{
+    BufferSize, ErrorKind, FromSample, I24, SampleFormat, SizedSample, StreamConfig,
+    SupportedStreamConfigRange, U24,
+};
 
 use super::filler::{RING_S, RingFiller};
 use super::link::Link;
 use super::output::RingOutput;
+
+/// Formats of samples that are played, the best first: those that lose nothing, then those of fewer bits.
+const FORMATS: [SampleFormat; 12] = [
+    SampleFormat::F32,
+    SampleFormat::F64,
+    SampleFormat::I32,
+    SampleFormat::I64,
+    SampleFormat::U32,
+    SampleFormat::U64,
+    SampleFormat::I24,
+    SampleFormat::U24,
+    SampleFormat::I16,
+    SampleFormat::U16,
+    SampleFormat::I8,
+    SampleFormat::U8,
+];
 
 /// A device that plays.
 pub(super) struct OpenDevice {
@@ -25,18 +44,58 @@ impl OpenDevice {
     /// Why there is none.
     pub(super) fn open(link: &Arc<Link>, epoch: Instant) -> Result<OpenDevice, String> {
         let device = cpal::default_host().default_output_device().ok_or("there is no audio device")?;
-        let config = config(&device)?;
-        let StreamConfig { channels, sample_rate, .. } = config;
-        let (producer, consumer) = rtrb::RingBuffer::new((RING_S * f64::from(sample_rate)) as usize);
+        let (config, format) = config(&device)?;
+        let (producer, consumer) = rtrb::RingBuffer::new((RING_S * f64::from(config.sample_rate)) as usize);
         link.begin_device();
-        let mut output = RingOutput::new(consumer, link.clone(), sample_rate);
-        let render = move |samples: &mut [f32], info: &cpal::OutputCallbackInfo| {
+        let output = RingOutput::new(consumer, link.clone(), config.sample_rate);
+        let filler = RingFiller::new(producer, link.clone(), config.sample_rate);
+        let player = DevicePlayer { device, config, output, lost: link.clone(), epoch };
+        let stream = player.play(format)?;
+        Ok(OpenDevice { filler, _stream: stream })
+    }
+}
+
+/// What plays on a device.
+struct DevicePlayer {
+    device: cpal::Device,
+    config: StreamConfig,
+    output: RingOutput,
+    lost: Arc<Link>,
+    epoch: Instant,
+}
+
+impl DevicePlayer {
+    /// Plays samples of `format`, one of [`FORMATS`].
+    ///
+    /// # Errors
+    /// Why the device does not.
+    fn play(self, format: SampleFormat) -> Result<cpal::Stream, String> {
+        match format {
+            SampleFormat::F32 => self.play_as::<f32>(),
+            SampleFormat::F64 => self.play_as::<f64>(),
+            SampleFormat::I32 => self.play_as::<i32>(),
+            SampleFormat::I64 => self.play_as::<i64>(),
+            SampleFormat::U32 => self.play_as::<u32>(),
+            SampleFormat::U64 => self.play_as::<u64>(),
+            SampleFormat::I24 => self.play_as::<I24>(),
+            SampleFormat::U24 => self.play_as::<U24>(),
+            SampleFormat::I16 => self.play_as::<i16>(),
+            SampleFormat::U16 => self.play_as::<u16>(),
+            SampleFormat::I8 => self.play_as::<i8>(),
+            SampleFormat::U8 => self.play_as::<u8>(),
+            other => Err(format!("the audio device takes samples of {other} alone")),
+        }
+    }
+
+    fn play_as<S: SizedSample + FromSample<f32>>(self) -> Result<cpal::Stream, String> {
+        let DevicePlayer { device, config, mut output, lost, epoch } = self;
+        let render = move |samples: &mut [S], info: &cpal::OutputCallbackInfo| {
             let times = info.timestamp();
             let latency = times.playback.saturating_duration_since(times.callback);
             let now_s = epoch.elapsed().as_secs_f64();
-            output.render(samples, channels.into(), now_s, latency.as_secs_f64());
+            let channels = config.channels.into();
+            output.render(samples, S::from_sample, channels, now_s, latency.as_secs_f64());
         };
-        let lost = link.clone();
         let on_error = move |error: cpal::Error| match error.kind() {
             // It goes on, on another device or after a gap.
             ErrorKind::DeviceChanged | ErrorKind::Xrun | ErrorKind::RealtimeDenied => {}
@@ -48,7 +107,7 @@ impl OpenDevice {
         let stream =
             device.build_output_stream(config, render, on_error, None).map_err(|error| why(&error))?;
         stream.play().map_err(|error| why(&error))?;
-        Ok(OpenDevice { filler: RingFiller::new(producer, link.clone(), sample_rate), _stream: stream })
+        Ok(stream)
     }
 }
 
@@ -60,17 +119,77 @@ fn why(error: &cpal::Error) -> String {
     }
 }
 
-/// The configuration to open a device with: stereo at the rate of tracks if it has that.
-fn config(device: &cpal::Device) -> Result<StreamConfig, String> {
-    let is_wanted = |range: &SupportedStreamConfigRange| {
-        range.channels() == 2
-            && range.sample_format() == SampleFormat::F32
-            && (range.min_sample_rate()..=range.max_sample_rate()).contains(&SOUND_RATE_HZ)
-    };
-    let mut ranges = device.supported_output_configs().map_err(|error| why(&error))?;
-    if ranges.any(|range| is_wanted(&range)) {
-        let buffer_size = BufferSize::Default;
-        return Ok(StreamConfig { channels: 2, sample_rate: SOUND_RATE_HZ, buffer_size });
+/// The configuration to open a device with, and the format of its samples.
+fn config(device: &cpal::Device) -> Result<(StreamConfig, SampleFormat), String> {
+    let ranges = device.supported_output_configs().map_err(|error| why(&error))?;
+    match best(ranges) {
+        Some(format) => {
+            let buffer_size = BufferSize::Default;
+            Ok((StreamConfig { channels: 2, sample_rate: SOUND_RATE_HZ, buffer_size }, format))
+        }
+        None => {
+            let found = device.default_output_config().map_err(|error| why(&error))?;
+            Ok((found.config(), found.sample_format()))
+        }
     }
-    device.default_output_config().map(|config| config.config()).map_err(|error| why(&error))
+}
+
+/// The best format that a device takes in stereo at the rate of tracks; `None` if it takes none.
+fn best(ranges: impl Iterator<Item = SupportedStreamConfigRange>) -> Option<SampleFormat> {
+    let rank = |format: &SampleFormat| FORMATS.iter().position(|other| other == format);
+    let stereo = ranges.filter(|range| range.channels() == 2 && range.contains_rate(SOUND_RATE_HZ));
+    let formats = stereo.map(|range| range.sample_format());
+    formats.filter(|format| rank(format).is_some()).min_by_key(rank)
+}
+
+#[cfg(test)]
+mod tests {
+    use cpal::SupportedBufferSize;
+
+    use super::*;
+    use crate::audio::panner::Pan;
+
+    fn range(channels: u16, rates_hz: [u32; 2], format: SampleFormat) -> SupportedStreamConfigRange {
+        let [least, most] = rates_hz;
+        SupportedStreamConfigRange::new(channels, least, most, SupportedBufferSize::Unknown, format)
+    }
+
+    #[test]
+    fn stereo_at_the_rate_of_tracks_is_taken_in_the_best_format_that_there_is() {
+        let wide = [8_000, 192_000];
+        let one = |format| best([range(2, wide, format)].into_iter());
+        for format in FORMATS {
+            assert_eq!(one(format), Some(format), "a device of this format alone plays");
+        }
+        assert_eq!(one(SampleFormat::DsdU8), None);
+        let several = [SampleFormat::U8, SampleFormat::I16, SampleFormat::I32, SampleFormat::DsdU32];
+        assert_eq!(best(several.into_iter().map(|format| range(2, wide, format))), Some(SampleFormat::I32));
+        let others = [range(6, wide, SampleFormat::F32), range(2, [44_100, 44_100], SampleFormat::F32)];
+        assert_eq!(best(others.into_iter()), None);
+    }
+
+    /// What a device of samples `S` is given for full scale on the left and half of it below zero on the right, and for
+    /// silence on a third channel.
+    fn played<S: SizedSample + FromSample<f32> + PartialEq>() -> [S; 3] {
+        let link = Arc::new(Link::default());
+        link.set_gain(1.0);
+        link.set_pan(&Pan::default());
+        let (mut producer, consumer) = rtrb::RingBuffer::new(2_000);
+        (0..2_000).for_each(|_| producer.push([1.0, -0.5]).unwrap());
+        let mut out = vec![S::EQUILIBRIUM; 3 * 2_000];
+        let mut output = RingOutput::new(consumer, link, SOUND_RATE_HZ);
+        output.render(&mut out, S::from_sample, 3, 0.0, 0.0);
+        *out.last_chunk().unwrap()
+    }
+
+    #[test]
+    fn samples_are_converted_to_the_format_of_the_device() {
+        assert_eq!(played::<f32>(), [1.0 - f32::EPSILON / 2.0, -0.5, 0.0]);
+        assert_eq!(played::<i16>(), [i16::MAX, i16::MIN / 2, 0]);
+        assert_eq!(played::<u16>(), [u16::MAX, 1 << 14, 1 << 15]);
+        assert_eq!(played::<I24>().map(I24::inner), [(1 << 23) - 1, -(1 << 22), 0]);
+        // A binary32 number has 24 bits.
+        assert_eq!(played::<i32>(), [i32::MAX - 127, i32::MIN / 2, 0]);
+        assert_eq!(played::<u8>(), [u8::MAX, 64, 128]);
+    }
 }

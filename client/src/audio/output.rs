@@ -13,6 +13,9 @@ use super::panner::{Pan, Placing};
 /// Seconds of a fade.
 const FADE_S: f32 = 0.005;
 
+/// Largest sample: as 1 itself would overflow in formats of 24 bits.
+const SAMPLE_MAX: f32 = 1.0 - f32::EPSILON / 2.0;
+
 /// The end of the ring at the device.
 pub(super) struct RingOutput {
     ring: Consumer<Frame>,
@@ -46,12 +49,20 @@ impl RingOutput {
         }
     }
 
-    /// Fills `out`, frames of `channels` samples, which is asked for at `now_s` seconds and heard `latency_s` later.
-    pub(super) fn render(&mut self, out: &mut [f32], channels: usize, now_s: f64, latency_s: f64) {
+    /// Fills `out`, frames of `channels` samples of the type that `convert` makes of [-1, 1). It is asked for at `now_s`
+    /// seconds and heard `latency_s` later.
+    pub(super) fn render<S: Copy>(
+        &mut self,
+        out: &mut [S],
+        convert: impl Fn(f32) -> S,
+        channels: usize,
+        now_s: f64,
+        latency_s: f64,
+    ) {
         let channels = channels.max(1);
         let count = out.len() / channels;
         let (target, pan) = (self.link.gain(), self.link.pan());
-        let skipped = self.skip(out, channels, target, &pan);
+        let skipped = self.skip(out, &convert, channels, target, &pan);
         let first = self.index;
         for samples in out.chunks_exact_mut(channels).skip(skipped) {
             let frame = match self.ring.pop() {
@@ -61,7 +72,7 @@ impl RingOutput {
                 }
                 Err(_) => self.fall_silent(),
             };
-            self.emit(frame, samples, target, &pan);
+            spread(self.placed(frame, target, &pan), samples, &convert);
         }
         let at_s = now_s + latency_s + skipped as f64 / f64::from(self.rate_hz);
         debug_assert!(skipped <= count);
@@ -69,7 +80,14 @@ impl RingOutput {
     }
 
     /// Fades out what is to be dropped, and drops it. Returns the number of frames of `out` that this took.
-    fn skip(&mut self, out: &mut [f32], channels: usize, target: f32, pan: &Pan) -> usize {
+    fn skip<S: Copy>(
+        &mut self,
+        out: &mut [S],
+        convert: impl Fn(f32) -> S,
+        channels: usize,
+        target: f32,
+        pan: &Pan,
+    ) -> usize {
         // Read once: a further start between would leave frames of the ring that no skip drops.
         let skip_to = self.link.skip_to();
         let dropped = skip_to.saturating_sub(self.index);
@@ -83,7 +101,7 @@ impl RingOutput {
             let left = 1.0 - (i + 1) as f32 / faded as f32;
             self.index += 1;
             let frame = self.fade_in(frame).map(|x| x * left);
-            self.emit(frame, samples, target, pan);
+            spread(self.placed(frame, target, pan), samples, &convert);
         }
         if let Ok(chunk) = self.ring.read_chunk(there - faded) {
             chunk.commit_all();
@@ -111,15 +129,19 @@ impl RingOutput {
         self.last
     }
 
-    /// Writes a frame to all channels of the device.
-    fn emit(&mut self, frame: Frame, samples: &mut [f32], target: f32, pan: &Pan) {
+    /// A frame as it is heard: placed, at the gain, within [-1, 1).
+    fn placed(&mut self, frame: Frame, target: f32, pan: &Pan) -> Frame {
         self.gain += (target - self.gain) / self.fade as f32;
-        let placed = self.placing.place(frame, pan).map(|x| (x * self.gain).clamp(-1.0, 1.0));
-        samples.fill(0.0);
-        match samples {
-            [both] => *both = 0.5 * (placed[0] + placed[1]),
-            [left, right, ..] => (*left, *right) = (placed[0], placed[1]),
-            [] => {}
-        }
+        self.placing.place(frame, pan).map(|x| (x * self.gain).clamp(-1.0, SAMPLE_MAX))
+    }
+}
+
+/// Writes a frame to all channels of the device: left and right, or their mean to the only one.
+fn spread<S: Copy>(frame: Frame, samples: &mut [S], convert: impl Fn(f32) -> S) {
+    samples.fill(convert(0.0));
+    match samples {
+        [both] => *both = convert(0.5 * (frame[0] + frame[1])),
+        [left, right, ..] => (*left, *right) = (convert(frame[0]), convert(frame[1])),
+        [] => {}
     }
 }

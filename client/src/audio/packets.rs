@@ -3,7 +3,7 @@
 use codec::SOUND_RATE_HZ;
 use rusty_opus::OpusDecoder;
 
-use super::track::{PlacedSound, SoundTrack};
+use super::track::{Course, PlacedSound, SoundTrack};
 
 /// A sample of both ears, left then right.
 pub(super) type Frame = [f32; 2];
@@ -34,10 +34,10 @@ struct Run {
     /// Samples of the latest packet, of which the first `used` were taken.
     decoded: Vec<Frame>,
     used: usize,
-    /// Whether its first sample follows the last one of another sound.
+    /// Sample at which it fades in; `None` if it continues the stream of the sound before.
+    fades_from: Option<i64>,
+    /// Whether another sound was known, when it was read last, that continues its stream.
     is_continued: bool,
-    /// Whether another sound is known whose first sample follows its last one.
-    goes_on: bool,
 }
 
 impl PacketReader {
@@ -63,48 +63,62 @@ impl PacketReader {
 
     /// Fills the beginning of `out` with samples of one sound, or with silence; returns how many.
     fn read_part(&mut self, out: &mut [Frame]) -> usize {
-        if self.run.as_ref().is_none_or(|run| self.at >= run.placed.end()) {
+        let mut course = self.course();
+        if course.is_none_or(|course| self.at >= course.until) {
             self.begin();
+            course = self.course();
         }
-        let Some(run) = &mut self.run else {
+        let (Some(run), Some(Course { until, is_continued })) = (&mut self.run, course) else {
             let until = self.track.next_after(self.at).unwrap_or(i64::MAX);
             let count = out.len().min(usize::try_from(until - self.at).unwrap_or(usize::MAX)).max(1);
             out[..count].fill([0.0; 2]);
             return count;
         };
-        let left = usize::try_from(run.placed.end() - self.at).unwrap_or(0).max(1);
+        let left = usize::try_from(until - self.at).unwrap_or(0).max(1);
         let wanted = out.len().min(left);
         let count = run.take(&mut out[..wanted]);
-        let (start, end) = (run.placed.start, run.placed.end());
         for (sample, frame) in (self.at..).zip(&mut out[..count]) {
             let mut gain = 1.0f32;
-            if !run.is_continued {
+            if let Some(start) = run.fades_from {
                 gain = gain.min((sample - start + 1) as f32 / EDGE as f32);
             }
-            if !run.goes_on {
-                gain = gain.min((end - sample) as f32 / EDGE as f32);
+            if !is_continued {
+                gain = gain.min((until - sample) as f32 / EDGE as f32);
             }
             frame.iter_mut().for_each(|x| *x *= gain.max(0.0));
         }
+        run.is_continued = is_continued;
         count
+    }
+
+    /// How the sound that is decoded goes on from the present sample.
+    fn course(&self) -> Option<Course> {
+        self.run.as_ref().map(|run| self.track.course(&run.placed, self.at))
     }
 
     /// Begins to decode the sound at the present sample, if there is one. The decoder goes on if the sound before and
     /// this one are parts of one stream.
     fn begin(&mut self) {
         let before = self.run.take();
-        let Some(placed) = self.track.at(self.at) else { return };
-        let next = self.track.at(placed.end());
-        let goes_on = next.is_some_and(|next| continues(&placed, &next));
+        // One that has faded out is over.
+        let is_over = |run: &&Run| run.is_continued && run.placed.end() == self.at;
+        let follower = before.as_ref().filter(is_over).and_then(|run| self.track.follower(&run.placed));
+        let joins = follower.is_some();
+        let Some(placed) = follower.or_else(|| self.track.at(self.at)) else { return };
         let offset = self.at - placed.origin();
         let packet_samples = i64::from(placed.sound.info().packet_samples);
-        let is_continued = before.as_ref().is_some_and(|run| continues(&run.placed, &placed));
-        if let Some(run) = before.filter(|run| is_continued && run.used == run.decoded.len())
+        let fades_from = match &before {
+            _ if joins => None,
+            Some(_) => Some(self.at),
+            None => Some(placed.start),
+        };
+        if let Some(run) = before.filter(|run| joins && run.used == run.decoded.len())
             && offset % packet_samples == 0
         {
             let next_packet = (offset / packet_samples) as usize;
             let (decoder, decoded) = (run.decoder, Vec::new());
-            self.run = Some(Run { placed, decoder, next_packet, decoded, used: 0, is_continued, goes_on });
+            self.run =
+                Some(Run { placed, decoder, next_packet, decoded, used: 0, fades_from, is_continued: false });
             return;
         }
         let first = (offset - PRIMING).max(0) / packet_samples;
@@ -115,8 +129,8 @@ impl PacketReader {
             next_packet: first as usize,
             decoded: Vec::new(),
             used: 0,
-            is_continued,
-            goes_on,
+            fades_from,
+            is_continued: false,
         };
         run.skip((offset - first * packet_samples) as usize);
         self.run = Some(run);
@@ -168,11 +182,4 @@ impl Run {
         }
         (self.used, self.next_packet) = (0, self.next_packet + 1);
     }
-}
-
-/// Whether `next` begins at the sample where `placed` ends, in the same stream.
-fn continues(placed: &PlacedSound, next: &PlacedSound) -> bool {
-    let (a, b) = (placed.sound.info(), next.sound.info());
-    placed.end() == next.start
-        && (a.stream, a.channels, a.packet_samples) == (b.stream, b.channels, b.packet_samples)
 }

@@ -10,8 +10,9 @@ use super::filler::SoundCommand;
 use super::link::Link;
 use super::timing::SoundTiming;
 
-/// Interval at which the sound thread fills the ring.
+/// Interval at which the sound thread fills the ring, and at which it looks for frames while no device is open.
 const FILL_EVERY: Duration = Duration::from_millis(10);
+const LOOK_EVERY: Duration = Duration::from_millis(100);
 
 /// Wait before a device that was lost is looked for again, and where there was none so far.
 const LOST_RETRY: Duration = Duration::from_secs(3);
@@ -19,6 +20,9 @@ const ABSENT_RETRY: Duration = Duration::from_secs(60);
 
 /// Seconds without a frame after which sound stops: the window is hidden, or the headset sleeps.
 const FRAMELESS_S: f64 = 0.25;
+
+/// Seconds without a frame after which the device is closed: open, it costs power even in silence.
+const UNUSED_S: f64 = 10.0;
 
 /// The clock, and the way to the sound thread.
 pub(super) struct Parts {
@@ -87,8 +91,14 @@ impl DeviceKeeper {
     /// Keeps a device open and its ring filled, until no more commands can come. What is missing is said once.
     fn run(mut self, commands: &Receiver<SoundCommand>) {
         loop {
-            self.keep_open();
-            match commands.recv_timeout(FILL_EVERY) {
+            if self.frameless_s() < UNUSED_S {
+                self.keep_open();
+            } else if self.device.take().is_some() {
+                self.link.set_open(false);
+                log::debug!("the audio device is closed until the next frame");
+            }
+            let every = if self.device.is_some() { FILL_EVERY } else { LOOK_EVERY };
+            match commands.recv_timeout(every) {
                 Ok(command) => {
                     if let Some(device) = &mut self.device {
                         device.filler.take(command);
@@ -97,13 +107,18 @@ impl DeviceKeeper {
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => return,
             }
+            let frameless_s = self.frameless_s();
             let Some(device) = &mut self.device else { continue };
-            let frameless_s = self.epoch.elapsed().as_secs_f64() - self.link.frame_at_s();
             if frameless_s > FRAMELESS_S && device.filler.is_playing() {
                 device.filler.take(SoundCommand::Stop);
             }
             device.filler.fill();
         }
+    }
+
+    /// Seconds since the latest frame.
+    fn frameless_s(&self) -> f64 {
+        self.epoch.elapsed().as_secs_f64() - self.link.frame_at_s()
     }
 
     /// Opens a device where there is none, and lets go of one that was lost.

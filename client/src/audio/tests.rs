@@ -115,7 +115,7 @@ impl Simulation {
             self.filler.fill();
             let count = (self.period_s * f64::from(self.rate_hz)).round() as usize;
             let mut samples = vec![0.0; 2 * count];
-            self.output.render(&mut samples, 2, self.next_call_s, self.latency_s);
+            self.output.render(&mut samples, |x| x, 2, self.next_call_s, self.latency_s);
             let frames = samples.chunks(2).map(|frame| [frame[0], frame[1]]).collect();
             self.calls.push((self.next_call_s + self.latency_s, frames));
             self.next_call_s += self.period_s / self.device_speed;
@@ -202,7 +202,7 @@ fn largest(offsets: &[f64]) -> f64 {
 /// A track of one sound, and a player of its clip in a loop.
 fn looping(sound: Sound, duration_s: f64) -> (SoundTrack, Player) {
     let track = SoundTrack::default();
-    track.insert(sound, 0.0);
+    track.insert(sound, 0, 0.0);
     (track, Player::new(duration_s, 30.0))
 }
 
@@ -252,11 +252,11 @@ fn a_take_of_many_segments_is_one_sound_in_time() {
         // Written in the clip time of its segment, which begins up to a second earlier.
         let begin_s = (start as f64 / 48_000.0 - 0.5).max(0.0);
         let at = (start as i64 - samples(begin_s)) as u32;
-        track.insert(part(&all, first, start, end - start, at), begin_s);
+        track.insert(part(&all, first, start, end - start, at), segment, begin_s);
     }
     // Read through, it is what one decoder makes of the whole stream.
     let whole = SoundTrack::default();
-    whole.insert(part(&all, 0, 0, 60 * 48_000, 0), 0.0);
+    whole.insert(part(&all, 0, 0, 60 * 48_000, 0), 0, 0.0);
     let read = |track: &SoundTrack, from: usize, count: usize| {
         let mut frames = vec![[0.0; 2]; count];
         PacketReader::new(track.clone(), from as i64).read(&mut frames);
@@ -280,6 +280,41 @@ fn a_take_of_many_segments_is_one_sound_in_time() {
     let offsets = simulation.offsets_s(&claps);
     assert_eq!(offsets.len(), 30);
     assert!(largest(&offsets) < OFFSET_MAX_S, "{offsets:?}");
+}
+
+#[test]
+fn a_stream_goes_on_over_a_gap_of_less_than_a_sample_and_in_the_later_of_two_segments() {
+    let tone = |i: usize| 0.3 * (i as f64 * 440.0 * TAU / 48_000.0).sin() as f32;
+    let all = packets(3.0, tone);
+    let cut = 960 * 50 - usize::from(LEAD);
+    let read = |track: &SoundTrack, count: usize| {
+        let mut frames = vec![[0.0; 2]; count];
+        PacketReader::new(track.clone(), 0).read(&mut frames);
+        frames
+    };
+    let whole = SoundTrack::default();
+    whole.insert(part(&all, 0, 0, 96_000, 0), 0, 0.0);
+    let expected = read(&whole, 90_000);
+    for offset in [-0.9, -0.4, 0.4, 0.9] {
+        let track = SoundTrack::default();
+        track.insert(part(&all, 0, 0, cut, 0), 0, 0.0);
+        let start_s = (cut as f64 + offset) / 48_000.0;
+        track.insert(part(&all, 46, cut, 96_000 - cut, 0), 1, start_s);
+        assert!(read(&track, 90_000) == expected, "no seam is heard at {offset}");
+    }
+    // Another stream, of silence, in a later segment: it is heard while it lasts, and the tone fades around it.
+    let silence = packets(1.0, |_| 0.0);
+    let track = SoundTrack::default();
+    track.insert(part(&all, 0, 0, 96_000, 0), 0, 0.0);
+    track.insert(part(&silence, 0, 0, 12_000, 0), 1, 0.5);
+    let frames = read(&track, 90_000);
+    assert!(frames[24_000..36_000].iter().all(|frame| frame[0].abs() < 1e-3), "the later segment is heard");
+    let loudest =
+        |from: usize| frames[from..from + 4_000].iter().fold(0.0f32, |a, frame| a.max(frame[0].abs()));
+    assert!(loudest(19_000) > 0.25 && loudest(37_000) > 0.25);
+    let steps = frames.windows(2).map(|pair| (pair[1][0] - pair[0][0]).abs());
+    let largest = steps.fold(0.0f32, f32::max);
+    assert!(largest < 0.03, "{largest}: 0.3 * 440 Hz * 2 pi / 48 kHz = 0.017, and a fade");
 }
 
 /// Samples behind a seek that may differ: those of the fade.
@@ -351,7 +386,7 @@ fn after_a_thousand_seeks_it_is_in_time_and_none_of_them_clicks() {
         if seek % 4 == 3 {
             // Another clip follows, and another is opened.
             let track = SoundTrack::default();
-            track.insert(tone.clone(), 0.0);
+            track.insert(tone.clone(), 0, 0.0);
             simulation.track = track;
             simulation.timing.change_track(seek % 8 == 3);
         }
@@ -434,7 +469,7 @@ fn the_next_clip_begins_without_a_break_of_the_picture() {
     }
     simulation.player.continue_with(2.0, 30.0);
     let next = SoundTrack::default();
-    next.insert(clapping(2.0, &[0.3, 1.3]), 0.0);
+    next.insert(clapping(2.0, &[0.3, 1.3]), 0, 0.0);
     simulation.track = next;
     simulation.timing.change_track(true);
     simulation.seen.clear();
@@ -461,7 +496,7 @@ fn damaged_packets_are_silence_and_keep_the_time() {
         }
     }
     let track = SoundTrack::default();
-    track.insert(part(&all, 0, 0, 96_000, 0), 0.0);
+    track.insert(part(&all, 0, 0, 96_000, 0), 0, 0.0);
     let mut frames = vec![[f32::NAN; 2]; 100_000];
     PacketReader::new(track, 0).read(&mut frames);
     assert!(frames.iter().flatten().all(|x| x.is_finite()));

@@ -1,7 +1,6 @@
 //! [`SoundTrack`]: the sounds of a clip, or of the segments of a take that were loaded, on one time line.
 //!
-//! The loader of segments adds to it while the sound thread reads. It is shared, and holds a bounded number of sounds:
-//! those nearest to the one that was added last.
+//! The loader of segments adds to it, the player drops what it no longer needs, and the sound thread reads. They share it.
 
 use codec::{Contents, Limits};
 #[cfg(feature = "audio")]
@@ -9,9 +8,15 @@ use codec::{SOUND_RATE_HZ, Sound};
 #[cfg(feature = "audio")]
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Most sounds of a take in memory: twice as many as can be heard at one instant.
+/// Most bytes of sounds of a take in memory: an hour of stereo. The latest one stays whatever it has; limits of the
+/// decoder bound it.
 #[cfg(feature = "audio")]
-const SOUNDS_MAX: usize = 64;
+const BYTES_MAX: usize = 64 << 20;
+
+/// Most samples between the end of a sound and the beginning of the one that continues its stream: each lies at most
+/// half a sample beside its place in the stream. The thousandth is for sums of seconds.
+#[cfg(all(feature = "audio", any(feature = "window", feature = "xr")))]
+const JOINS_WITHIN: f64 = 1.001;
 
 /// The sounds of what is on display. Clones share them.
 #[derive(Clone, Debug, Default)]
@@ -24,6 +29,7 @@ pub struct SoundTrack {
 #[cfg(feature = "audio")]
 #[derive(Debug, Default)]
 struct TrackParts {
+    /// At most one of each segment, the latest one last.
     sounds: Vec<PlacedSound>,
     /// What there is to say of a sound that cannot be heard.
     note: Option<String>,
@@ -34,9 +40,22 @@ struct TrackParts {
 #[derive(Clone, Debug)]
 #[cfg_attr(not(any(feature = "window", feature = "xr")), allow(dead_code, reason = "only displays play it"))]
 pub(super) struct PlacedSound {
-    /// Time of its first sample that is heard, in samples.
+    /// Number of its segment in the file; 0 in a clip.
+    segment: usize,
+    /// Time of its first sample that is heard, in samples: exact, and where it is played.
+    exact_start: f64,
     pub(super) start: i64,
     pub(super) sound: Arc<Sound>,
+}
+
+/// Until when a sound is heard, and what follows.
+#[cfg(all(feature = "audio", any(feature = "window", feature = "xr")))]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Course {
+    /// Sample up to which it is heard.
+    pub(super) until: i64,
+    /// Whether another sound continues its stream there.
+    pub(super) is_continued: bool,
 }
 
 #[cfg(feature = "audio")]
@@ -51,6 +70,39 @@ impl PlacedSound {
     pub(super) fn origin(&self) -> i64 {
         self.start - i64::from(self.sound.info().lead)
     }
+
+    /// Whether it is heard at a sample, where it is the only one.
+    fn holds(&self, sample: i64) -> bool {
+        (self.start..self.end()).contains(&sample)
+    }
+
+    /// Bytes of memory that it takes: of its packets, and of a number for each.
+    fn bytes(&self) -> usize {
+        self.sound.packet_bytes() + size_of::<u32>() * self.sound.info().packet_count()
+    }
+}
+
+#[cfg(all(feature = "audio", any(feature = "window", feature = "xr")))]
+impl PlacedSound {
+    /// Whether `next` continues the stream of this one, where this one ends.
+    pub(super) fn is_followed_by(&self, next: &PlacedSound) -> bool {
+        let (a, b) = (self.sound.info(), next.sound.info());
+        let end = self.exact_start + f64::from(a.length);
+        (end - next.exact_start).abs() <= JOINS_WITHIN
+            && (a.stream, a.channels, a.packet_samples) == (b.stream, b.channels, b.packet_samples)
+    }
+}
+
+#[cfg(all(feature = "audio", any(feature = "window", feature = "xr")))]
+impl TrackParts {
+    /// The sound that is heard behind `placed`, if it continues its stream, at the end of that one.
+    fn follower(&self, placed: &PlacedSound) -> Option<PlacedSound> {
+        let end = placed.end();
+        let others = self.sounds.iter().filter(|other| other.segment != placed.segment);
+        let heard = others.filter(|other| placed.is_followed_by(other) || other.holds(end));
+        let last = heard.max_by_key(|other| other.segment).filter(|other| placed.is_followed_by(other))?;
+        Some(PlacedSound { start: end, ..last.clone() })
+    }
 }
 
 impl SoundTrack {
@@ -58,7 +110,7 @@ impl SoundTrack {
     pub(crate) fn of_clip(package: &[u8], limits: &Limits) -> SoundTrack {
         let track = SoundTrack::default();
         if let Ok(head) = codec::contents(package, limits) {
-            track.add(&head, package, limits, 0.0);
+            track.add(&head, package, limits, 0, 0.0);
         }
         track
     }
@@ -67,7 +119,15 @@ impl SoundTrack {
 #[cfg(not(feature = "audio"))]
 impl SoundTrack {
     /// Does nothing: there is no sound without the feature `audio`.
-    pub(crate) fn add(&self, _: &Contents, _: &[u8], _: &Limits, _: f64) {}
+    pub(crate) fn add(&self, _: &Contents, _: &[u8], _: &Limits, _: usize, _: f64) {}
+
+    /// Does nothing: there is nothing to drop.
+    pub(crate) fn retain(&self, _: impl Fn(usize) -> bool) {}
+
+    /// Number of sounds: none.
+    pub(crate) fn len(&self) -> usize {
+        0
+    }
 
     /// Whether there is no sound: always.
     pub(crate) fn is_empty(&self) -> bool {
@@ -77,14 +137,19 @@ impl SoundTrack {
 
 #[cfg(feature = "audio")]
 impl SoundTrack {
-    /// Adds the sound of a package, or of a prefix of one, whose clip time 0 lies at `start_s` seconds. If it is damaged,
-    /// [`SoundTrack::take_note`] says so.
-    pub(crate) fn add(&self, head: &Contents, package: &[u8], limits: &Limits, start_s: f64) {
+    /// Adds the sound of a package, or of a prefix of one: that of segment `segment`, whose clip time 0 lies at `start_s`
+    /// seconds. If it is damaged, [`SoundTrack::take_note`] says so.
+    pub(crate) fn add(&self, head: &Contents, package: &[u8], limits: &Limits, segment: usize, start_s: f64) {
         match head.sound(package, limits) {
-            Ok(Some(sound)) => self.insert(sound, start_s),
+            Ok(Some(sound)) => self.insert(sound, segment, start_s),
             Ok(None) => {}
             Err(error) => self.lock().note = Some(format!("no sound: {error}: copy the file again")),
         }
+    }
+
+    /// Drops the sounds of segments that are not `needed`.
+    pub(crate) fn retain(&self, needed: impl Fn(usize) -> bool) {
+        self.lock().sounds.retain(|placed| needed(placed.segment));
     }
 
     /// What there is to say, once.
@@ -99,30 +164,61 @@ impl SoundTrack {
         Arc::ptr_eq(&self.parts, &other.parts)
     }
 
-    /// Adds a sound whose time 0 lies at `start_s` seconds, in place of the one that was there.
-    pub(super) fn insert(&self, sound: Sound, start_s: f64) {
+    /// Adds the sound of a segment whose time 0 lies at `start_s` seconds, in place of the one that it had. Where all
+    /// sounds then have more than [`BYTES_MAX`], the oldest are dropped.
+    pub(super) fn insert(&self, sound: Sound, segment: usize, start_s: f64) {
+        let exact_start = start_s * f64::from(SOUND_RATE_HZ) + f64::from(sound.info().start);
         let start = samples(start_s) + i64::from(sound.info().start);
-        let placed = PlacedSound { start, sound: Arc::new(sound) };
         let sounds = &mut self.lock().sounds;
-        sounds.retain(|other| other.start != start);
-        sounds.push(placed);
-        if sounds.len() > SOUNDS_MAX {
-            sounds.sort_by_key(|other| (other.start - start).abs());
-            sounds.truncate(SOUNDS_MAX);
+        sounds.retain(|other| other.segment != segment);
+        sounds.push(PlacedSound { segment, exact_start, start, sound: Arc::new(sound) });
+        let mut bytes: usize = sounds.iter().map(PlacedSound::bytes).sum();
+        while bytes > BYTES_MAX && sounds.len() > 1 {
+            bytes -= sounds.remove(0).bytes();
         }
+    }
+
+    /// Number of sounds in memory.
+    pub(crate) fn len(&self) -> usize {
+        self.lock().sounds.len()
     }
 
     /// Whether there is no sound so far.
     pub(crate) fn is_empty(&self) -> bool {
-        self.lock().sounds.is_empty()
+        self.len() == 0
     }
 
-    /// The sound that is heard at a time in samples: the one that begins last.
+    /// The sound that is heard at a time in samples: of several, that of the segment that comes last in the file.
     #[cfg(any(feature = "window", feature = "xr"))]
     pub(super) fn at(&self, sample: i64) -> Option<PlacedSound> {
         let parts = self.lock();
-        let held = parts.sounds.iter().filter(|placed| (placed.start..placed.end()).contains(&sample));
-        held.max_by_key(|placed| placed.start).cloned()
+        let held = parts.sounds.iter().filter(|placed| placed.holds(sample));
+        held.max_by_key(|placed| placed.segment).cloned()
+    }
+
+    /// The sound that continues the stream of `placed`, at its end.
+    #[cfg(any(feature = "window", feature = "xr"))]
+    pub(super) fn follower(&self, placed: &PlacedSound) -> Option<PlacedSound> {
+        self.lock().follower(placed)
+    }
+
+    /// How long `placed` is heard from a sample on that it holds: up to its end, or up to the sound of a later segment.
+    #[cfg(any(feature = "window", feature = "xr"))]
+    pub(super) fn course(&self, placed: &PlacedSound, sample: i64) -> Course {
+        let parts = self.lock();
+        let follower = parts.follower(placed);
+        let is_neighbour = |other: &PlacedSound| {
+            // Rounding may put a sample of both into the other.
+            other.is_followed_by(placed)
+                || follower.as_ref().is_some_and(|next| next.segment == other.segment)
+        };
+        let later =
+            parts.sounds.iter().filter(|other| other.segment > placed.segment && !is_neighbour(other));
+        let starts = later.filter(|other| other.end() > sample).map(|other| other.start.max(sample));
+        match starts.min().filter(|start| *start < placed.end()) {
+            Some(until) => Course { until, is_continued: false },
+            None => Course { until: placed.end(), is_continued: follower.is_some() },
+        }
     }
 
     /// Beginning of the first sound behind a time in samples.
@@ -159,29 +255,69 @@ mod track_tests {
         Sound::new(info, vec![&[1u8][..]; info.packet_count()].into_iter()).unwrap()
     }
 
-    #[test]
-    fn the_sound_that_begins_last_is_heard() {
-        let track = SoundTrack::default();
-        track.insert(sound(0, 48_000), 0.0);
-        track.insert(sound(4_800, 48_000), 0.5);
-        let start = |sample| track.at(sample).map(|placed| placed.start);
-        assert_eq!(
-            [0, 28_799, 28_800, 76_799, 76_800].map(start),
-            [Some(0), Some(0), Some(28_800), Some(28_800), None]
-        );
-        assert_eq!((track.next_after(0), track.next_after(28_800)), (Some(28_800), None));
+    fn packets_of(bytes: usize) -> Sound {
+        let packet = vec![1u8; 50_000];
+        let count = bytes.div_ceil(packet.len());
+        let length = 960 * count as u32;
+        let info = SoundInfo { length, ..*sound(0, length).info() };
+        Sound::new(info, vec![&packet[..]; count].into_iter()).unwrap()
+    }
+
+    fn starts(track: &SoundTrack, samples: [i64; 5]) -> [Option<i64>; 5] {
+        samples.map(|sample| track.at(sample).map(|placed| placed.start))
     }
 
     #[test]
-    fn a_bounded_number_is_in_memory() {
+    fn of_two_sounds_that_of_the_later_segment_in_the_file_is_heard() {
         let track = SoundTrack::default();
-        for second in 0..1000 {
-            track.insert(sound(0, 48_000), f64::from(second));
+        track.insert(sound(0, 48_000), 1, 0.0);
+        track.insert(sound(4_800, 12_000), 2, 0.5);
+        // One that begins later, in a segment that comes before both.
+        track.insert(sound(0, 96_000), 0, 0.7);
+        let expected = [Some(0), Some(28_800), Some(28_800), Some(0), Some(33_600)];
+        assert_eq!(starts(&track, [0, 28_800, 40_799, 40_800, 48_000]), expected);
+        assert_eq!((track.next_after(0), track.next_after(28_800)), (Some(28_800), Some(33_600)));
+        let course = |sample: i64| {
+            let Course { until, is_continued } = track.course(&track.at(sample).unwrap(), sample);
+            (until, is_continued)
+        };
+        let expected = [(28_800, false), (40_800, false), (48_000, false), (129_600, false)];
+        assert_eq!([0, 30_000, 40_800, 48_000].map(course), expected);
+    }
+
+    #[test]
+    fn parts_of_a_stream_join_within_a_sample() {
+        // The third of a sample that a cut of a take leaves, and more than rounding explains.
+        let track = |offset: f64| {
+            let track = SoundTrack::default();
+            track.insert(sound(0, 9_600), 0, 0.4 / 48_000.0);
+            track.insert(sound(0, 9_600), 1, (9_600.4 + offset) / 48_000.0);
+            track
+        };
+        for offset in [-1.0, -0.7, 0.0, 0.3, 1.0] {
+            let track = track(offset);
+            let first = track.at(100).unwrap();
+            assert_eq!(track.course(&first, 100), Course { until: 9_600, is_continued: true }, "{offset}");
+            assert_eq!(track.follower(&first).map(|next| next.start), Some(9_600), "{offset}");
         }
-        assert_eq!(track.lock().sounds.len(), SOUNDS_MAX);
-        assert!(track.at(samples(999.5)).is_some() && track.at(samples(940.5)).is_some());
-        assert!(track.at(samples(900.5)).is_none());
-        track.insert(sound(0, 24_000), 999.0);
-        assert!(track.at(samples(999.7)).is_none(), "a sound takes the place of the one before");
+        for offset in [-2.0, -1.2, 1.2, 2.0] {
+            let track = track(offset);
+            assert!(track.follower(&track.at(100).unwrap()).is_none(), "{offset}");
+        }
+    }
+
+    #[test]
+    fn bytes_are_bounded_and_the_latest_sound_stays() {
+        let track = SoundTrack::default();
+        let numbers = || track.lock().sounds.iter().map(|placed| placed.segment).collect::<Vec<_>>();
+        (0..5).for_each(|segment| track.insert(packets_of(BYTES_MAX / 4), segment, segment as f64));
+        assert_eq!(numbers(), [2, 3, 4]);
+        track.insert(packets_of(2 * BYTES_MAX), 9, 9.0);
+        assert_eq!(numbers(), [9]);
+        track.insert(sound(0, 960), 9, 9.0);
+        track.insert(sound(0, 960), 3, 3.0);
+        assert_eq!(numbers(), [9, 3], "a sound takes the place of the one before");
+        track.retain(|segment| segment == 3);
+        assert_eq!(numbers(), [3]);
     }
 }

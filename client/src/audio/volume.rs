@@ -2,12 +2,12 @@
 //!
 //! The file is a convenience: if it is missing or damaged, sound is as loud as it was recorded.
 
-use std::fs::File;
-use std::io::{self, Read, Write};
+use std::io;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
-use tempfile::NamedTempFile;
+
+use crate::state_file;
 
 /// Name of the file in its folder, its version and its largest size.
 const FILE: &str = "sound.json";
@@ -82,7 +82,7 @@ impl Volume {
     pub(crate) fn save(&mut self) {
         let Some(folder) = self.folder.as_deref().filter(|_| self.remembered != self.written) else { return };
         self.written = self.remembered;
-        if let Err(error) = write(folder, &self.remembered) {
+        if let Err(error) = state_file::write(folder, FILE, &state_file::encode(&self.remembered)) {
             log::warn!("cannot remember how loud sound is: {}: {error}", folder.join(FILE).display());
         }
     }
@@ -95,21 +95,11 @@ impl Drop for Volume {
 }
 
 fn read(path: &Path) -> io::Result<Loudness> {
-    let mut text = String::new();
-    File::open(path)?.take(FILE_BYTES).read_to_string(&mut text)?;
-    let loudness: Loudness = serde_json::from_str(&text)?;
+    let loudness: Loudness = state_file::read(path, FILE_BYTES)?;
     if loudness.version != VERSION || !(0.0..=1.0).contains(&loudness.level) {
         return Err(io::Error::other(format!("version {}, level {}", loudness.version, loudness.level)));
     }
     Ok(loudness)
-}
-
-fn write(folder: &Path, loudness: &Loudness) -> io::Result<()> {
-    std::fs::create_dir_all(folder)?;
-    let mut file = NamedTempFile::new_in(folder)?;
-    file.write_all(&serde_json::to_vec_pretty(loudness)?)?;
-    file.persist(folder.join(FILE))?;
-    Ok(())
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@
 use std::time::{Duration, Instant};
 
 use super::event::LoadEvent;
+use super::folder::Direction;
 use super::loader::{ClipTarget, LoadOptions, LoadRequest, TargetEvent, load};
 use super::queue::Queue;
 use super::state::{Change, QueueState};
@@ -94,17 +95,19 @@ impl<T: ClipTarget> ClipController<T> {
     }
 
     /// Takes over a clip that is on display already, with what it left for its better versions, its playlist, and these.
+    /// `named` is the clip or the playlist that was opened.
     #[cfg(feature = "window")]
     pub(crate) fn adopt(
         &mut self,
         target: T,
         uploaded: Option<T::Uploaded>,
+        named: Option<String>,
         entry: super::queue::Entry,
         queue: Option<Queue>,
         rest: super::source::Arrival,
     ) {
         (self.target, self.uploaded) = (Some(target), uploaded);
-        self.state.adopt(entry, queue, rest);
+        self.state.adopt(named, entry, queue, rest);
         self.send_request();
     }
 
@@ -174,16 +177,16 @@ impl<T: ClipTarget> ClipController<T> {
         self.state.is_followed(looping)
     }
 
-    /// Goes to the next clip: of the playlist, as soon as it is ready; else of the folder.
-    pub(crate) fn skip(&mut self) -> Option<Change<T::Ready>> {
-        let change = self.state.skip();
+    /// Goes to the next clip or the one before: of the playlist, the next one as soon as it is ready; else of the folder.
+    pub(crate) fn skip(&mut self, direction: Direction) -> Option<Change<T::Ready>> {
+        let change = self.state.skip(direction);
         self.send_request();
         change
     }
 
-    /// Whether there is a next clip to go to, as far as is known.
-    pub(crate) fn has_next(&self) -> bool {
-        self.state.has_next()
+    /// Whether there is a clip to go to in a direction, as far as is known.
+    pub(crate) fn has_neighbour(&self, direction: Direction) -> bool {
+        self.state.has_neighbour(direction)
     }
 
     /// Whether a clip is being loaded.
@@ -194,6 +197,12 @@ impl<T: ClipTarget> ClipController<T> {
     /// What was opened last, a clip or a playlist.
     pub(crate) fn named(&self) -> Option<&str> {
         self.state.named()
+    }
+
+    /// The clip on display, a path or a URL; `None` for the demo.
+    #[cfg(feature = "window")]
+    pub(crate) fn current_name(&self) -> Option<&str> {
+        self.state.current()?.name.as_deref()
     }
 
     /// The playlist on display, at the clip on display.
@@ -314,7 +323,7 @@ mod tests {
         player.continue_with(1.0, 10.0);
         while clips.wait().is_some() {}
         assert_eq!(followed(clips.advance(&mut player)), None, "in the middle of the second clip");
-        assert!(clips.skip().is_none(), "the next clip is shown with the next frame");
+        assert!(clips.skip(Direction::Forward).is_none(), "the next clip is shown with the next frame");
         assert_eq!(followed(clips.advance(&mut player)), Some(0));
     }
 }

@@ -2,8 +2,9 @@
 
 use std::sync::Arc;
 
-use codec::Clip;
+use codec::{Clip, Limits, Poster};
 
+use super::folder::Neighbours;
 use super::progress::Progress;
 use super::queue::{Entry, Queue};
 use crate::audio::SoundTrack;
@@ -17,8 +18,26 @@ pub struct ClipVersion {
     pub clip: Arc<Clip>,
     /// Its sound, which versions that continue each other share.
     pub sound: SoundTrack,
+    /// The time and view that stand for it, if it states them.
+    pub poster: Option<Poster>,
     /// Whether it continues the version before: that has the same first layers.
     pub is_continued: bool,
+}
+
+impl ClipVersion {
+    /// The first version of a clip, with what else its package holds: all of it, or a prefix that has its first layer.
+    /// Sound or a poster that is damaged is left out.
+    pub(crate) fn new(clip: Arc<Clip>, package: &[u8], limits: &Limits) -> ClipVersion {
+        let sound = SoundTrack::of_clip(package, limits);
+        let poster = codec::poster(package, limits).ok().flatten();
+        ClipVersion { clip, sound, poster, is_continued: false }
+    }
+
+    /// A clip that came without a package: silent, without a poster.
+    pub(crate) fn bare(clip: Clip) -> ClipVersion {
+        let (clip, sound) = (Arc::new(clip), SoundTrack::default());
+        ClipVersion { clip, sound, poster: None, is_continued: false }
+    }
 }
 
 /// A report about a clip that is being loaded. A source produces the first four; the loader adds the
@@ -35,8 +54,8 @@ pub enum LoadEvent<C = ClipVersion> {
     Take(Arc<OpenTake>),
     /// The request names this playlist.
     Playlist(Queue),
-    /// The request names a clip, and this one follows it in its folder; reported before the clip is read.
-    NextInFolder(Option<String>),
+    /// The request names a clip, and these are beside it in its folder; reported before the clip is read.
+    Neighbours(Neighbours),
     /// An entry cannot be loaded; the loader tries the next one.
     Skipped(Fault),
     /// The request failed. No event follows.

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use codec::{Clip, Field, LayerEnd, Limits, TimeIndex};
+use codec::{Clip, Field, Limits};
 use import::{ImportLimits, ImportedScene, SceneFiles, is_field_file, is_field_name, list_folder};
 use program::{Fault, counted};
 
@@ -51,18 +51,8 @@ pub(super) fn load_field(path: &Path, limits: &Limits) -> Result<(Clip, Option<S
     let note = (!notes.is_empty()).then(|| format!("{}: {}", path.display(), notes.join("; ")));
     let bounds = subject.field.bounds();
     let [static_field, dynamic_field] = regions(subject.field);
-    let end = LayerEnd { static_count: static_field.len(), dynamic_count: dynamic_field.len() };
-    let clip = Clip {
-        info,
-        bounds,
-        time_index: TimeIndex::of_candidates(dynamic_field.len()),
-        static_field,
-        dynamic_field,
-        layers: vec![end],
-        layers_announced: vec![end],
-        plate: plate.map(|plate| plate.field),
-    };
-    Ok((clip, note))
+    let plate = plate.map(|plate| plate.field);
+    Ok((Clip::of_one_layer(info, bounds, static_field, dynamic_field, plate), note))
 }
 
 /// The Gaussians that are always on and motionless, and the others.

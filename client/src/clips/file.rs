@@ -3,7 +3,8 @@
 use std::fs::File;
 use std::io::Read;
 use std::num::NonZero;
-use std::path::{Path, PathBuf};
+use std::path::Path;
+use std::sync::Arc;
 use std::thread;
 
 use codec::{Clip, Error, FormatError, Limits, decode_parallel};
@@ -12,21 +13,21 @@ use codec::{Contents, Layers};
 use program::{Fault, read_error};
 
 use super::advice;
-use crate::audio::SoundTrack;
+use super::event::ClipVersion;
 
 /// Reads and decodes a package.
 ///
 /// # Errors
 /// [`Fault::Data`] with the path and the reason.
 pub fn load_file(path: &Path, limits: &Limits) -> Result<Clip, Fault> {
-    load_with_sound(path, limits).map(|(clip, _)| clip)
+    load_version(path, limits).map(|version| Arc::unwrap_or_clone(version.clip))
 }
 
-/// As [`load_file`], with the sound.
+/// As [`load_file`], with its sound and poster.
 ///
 /// # Errors
-/// As there; not for damaged sound.
-pub(super) fn load_with_sound(path: &Path, limits: &Limits) -> Result<(Clip, SoundTrack), Fault> {
+/// As there; not for damaged sound or a damaged poster.
+pub(super) fn load_version(path: &Path, limits: &Limits) -> Result<ClipVersion, Fault> {
     let fault = |reason: String| Fault::Data(format!("{}: {reason}", path.display()));
     if path.is_dir() {
         return Err(fault("is a folder: name an .aarc file in it".into()));
@@ -40,7 +41,7 @@ pub(super) fn load_with_sound(path: &Path, limits: &Limits) -> Result<(Clip, Sou
             error => format!("{error}: {}", advice(&error, "copy it again")),
         })
     })?;
-    Ok((clip, SoundTrack::of_clip(&bytes, limits)))
+    Ok(ClipVersion::new(Arc::new(clip), &bytes, limits))
 }
 
 /// How to make a clip of a file that is none.
@@ -97,17 +98,6 @@ pub(crate) fn decode_layers(
 /// Number of threads that decode.
 fn cores() -> NonZero<usize> {
     thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN)
-}
-
-/// The paths of the clips in a folder, sorted by name.
-pub(crate) fn clips_in(folder: &Path) -> Vec<PathBuf> {
-    let entries = folder.read_dir().into_iter().flatten().flatten();
-    let mut clips: Vec<_> = entries
-        .map(|entry| entry.path())
-        .filter(|path| path.extension().is_some_and(|extension| extension == "aarc"))
-        .collect();
-    clips.sort();
-    clips
 }
 
 #[cfg(test)]

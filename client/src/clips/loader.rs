@@ -1,18 +1,17 @@
 //! [`load`]: carries out a [`LoadRequest`] on the loader's thread, up to clips that can be drawn.
 
 use std::ops::ControlFlow;
-use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::content::Content;
 use super::event::{ClipVersion, LoadEvent, Version};
-use super::file::clips_in;
+use super::folder::Neighbours;
 use super::playlist;
 use super::queue::{Entry, Queue};
 use super::source::{self, Arrival};
 use super::source_options::SourceOptions;
-use super::url::{is_url, title};
+use super::url::title;
 use super::worker::Report;
 use program::{Fault, counted};
 
@@ -137,8 +136,8 @@ impl<T: ClipTarget> Loading<'_, T> {
                 self.first_of(&entries)
             }
             Selection::Named(name) => {
-                let path = name.as_deref().filter(|name| !is_url(name)).map(Path::new);
-                if (self.report)(LoadEvent::NextInFolder(path.and_then(next_in_folder))).is_break() {
+                let neighbours = Neighbours::of(name.as_deref());
+                if (self.report)(LoadEvent::Neighbours(neighbours)).is_break() {
                     return Ok(ControlFlow::Break(()));
                 }
                 self.first_of(&[Entry::single(name)])
@@ -175,7 +174,7 @@ impl<T: ClipTarget> Loading<'_, T> {
         for event in arrival {
             let mut flow = ControlFlow::Continue(());
             match event? {
-                LoadEvent::Clip(ClipVersion { clip, sound, is_continued }) => {
+                LoadEvent::Clip(ClipVersion { clip, sound, is_continued, .. }) => {
                     if !is_continued {
                         self.uploaded = None;
                     }
@@ -229,24 +228,16 @@ pub(crate) fn too_few_layers(asked: usize, subject: &str, content: &Content) -> 
     Fault::Usage(format!("--layer {asked}: {subject} has {has}: give no larger number"))
 }
 
-/// The clip after `path` in its folder, by name, the first one after the last; `None` for the only one.
-fn next_in_folder(path: &Path) -> Option<String> {
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut clips = clips_in(folder);
-    clips.retain(|clip| clip.file_name() != path.file_name());
-    let after = clips.iter().find(|clip| clip.file_name() > path.file_name());
-    after.or(clips.first())?.to_str().map(String::from)
-}
-
 #[cfg(test)]
 mod tests {
     use std::cell::RefCell;
-    use std::path::PathBuf;
+    use std::path::Path;
 
     use codec::Limits;
 
     use super::*;
     use crate::clips::file::decode;
+    use crate::clips::folder::Direction;
 
     const DEMO: &[u8] = include_bytes!("../../../assets/demo.aarc");
 
@@ -306,7 +297,7 @@ mod tests {
                 LoadEvent::Progress(_)
                 | LoadEvent::Note(_)
                 | LoadEvent::Take(_)
-                | LoadEvent::NextInFolder(_) => String::new(),
+                | LoadEvent::Neighbours(_) => String::new(),
             });
             ControlFlow::Continue(())
         });
@@ -360,43 +351,21 @@ mod tests {
     }
 
     #[test]
-    fn a_file_is_followed_by_the_next_one_in_its_folder_and_a_url_by_none() {
+    fn the_neighbours_of_a_clip_are_reported_before_it_is_opened() {
         let folder = tempfile::tempdir().unwrap();
         let [a, b] = ["a.aarc", "b.aarc"].map(|name| folder.path().join(name).to_str().unwrap().to_owned());
         for path in [&a, &b] {
             std::fs::write(path, "").unwrap();
         }
-        let next = |name: &str| {
-            let next = RefCell::new(None);
-            let selection = Selection::Named(Some(name.into()));
-            let _ = load(request(selection, 1, true, Target { too_large: None }), &|event| {
-                if let LoadEvent::NextInFolder(name) = event {
-                    *next.borrow_mut() = Some(name);
-                }
-                // Before the clip is opened.
-                ControlFlow::Break(())
-            });
-            next.into_inner().expect("it is the first event")
-        };
-        assert_eq!((next(&a), next("http://host/a.aarc")), (Some(b), None));
-    }
-
-    #[test]
-    fn clips_of_a_folder_follow_one_another() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = |name: &str| folder.path().join(name);
-        for name in ["b.aarc", "a.aarc", "c.aarc", "b.ply"] {
-            std::fs::write(path(name), "").unwrap();
-        }
-        let after = |name: &str| next_in_folder(&path(name)).map(PathBuf::from);
-        assert_eq!(after("a.aarc"), Some(path("b.aarc")));
-        assert_eq!(after("b.aarc"), Some(path("c.aarc")));
-        assert_eq!(after("c.aarc"), Some(path("a.aarc")));
-        assert_eq!(after("b.other"), Some(path("c.aarc")), "of whatever name");
-        assert_eq!(next_in_folder(Path::new("/nowhere/a.aarc")), None);
-        for name in ["a.aarc", "b.aarc"] {
-            std::fs::remove_file(path(name)).unwrap();
-        }
-        assert_eq!(after("c.aarc"), None);
+        let neighbours = RefCell::new(None);
+        let selection = Selection::Named(Some(a.clone()));
+        let _ = load(request(selection, 1, true, Target { too_large: None }), &|event| {
+            if let LoadEvent::Neighbours(beside) = event {
+                *neighbours.borrow_mut() = Some(beside);
+            }
+            ControlFlow::Break(())
+        });
+        let neighbours = neighbours.into_inner().expect("it is the first event");
+        assert_eq!(neighbours.get(Direction::Forward), Some(&b));
     }
 }

@@ -26,10 +26,10 @@ mod event;
 #[cfg(feature = "import")]
 mod field;
 mod file;
+mod folder;
 mod loader;
 pub mod playlist;
 #[cfg(not(target_os = "android"))]
-mod poster;
 mod progress;
 mod queue;
 mod source;
@@ -46,16 +46,20 @@ pub(crate) use advice::advice;
 pub use content::Content;
 pub(crate) use controller::ClipController;
 pub use event::{ClipVersion, LoadEvent};
-#[cfg(all(feature = "xr", any(target_os = "android", test)))]
-pub(crate) use file::clips_in;
 pub use file::load_file;
 #[cfg(feature = "net")]
 pub(crate) use file::{decode, decode_layers};
+#[cfg(any(feature = "window", feature = "xr"))]
+pub(crate) use folder::Direction;
+pub use folder::Neighbours;
+#[cfg(any(feature = "window", all(feature = "xr", any(target_os = "android", test))))]
+pub(crate) use folder::clips_in;
+#[cfg(feature = "window")]
+pub(crate) use folder::folder_of;
 #[cfg(not(target_os = "android"))]
 pub(crate) use loader::too_few_layers;
 pub(crate) use loader::{Beginning, ClipTarget, LoadOptions};
 #[cfg(not(target_os = "android"))]
-pub(crate) use poster::poster_of;
 pub use progress::Progress;
 pub use queue::{Entry, Queue};
 #[cfg(not(target_os = "android"))]
@@ -67,7 +71,7 @@ pub use source_options::{Servers, SourceOptions};
 pub(crate) use state::Change;
 #[cfg(any(feature = "window", feature = "xr"))]
 pub(crate) use state::Transition;
-#[cfg(any(feature = "net", feature = "xr"))]
+#[cfg(any(feature = "net", feature = "window", feature = "xr"))]
 pub(crate) use url::is_url;
 pub(crate) use url::redacted;
 #[cfg(any(feature = "window", feature = "xr"))]

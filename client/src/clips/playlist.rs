@@ -45,9 +45,15 @@ struct Manifest {
     clips: Vec<String>,
 }
 
-/// Whether a path or URL names a playlist rather than a clip: it ends in `.json`.
+/// Whether a path or URL names a playlist rather than a clip: it ends in `.json`. A path of the name `meta.json` is that of
+/// a field (SOG), if this program reads fields.
 pub fn is_playlist(name: &str) -> bool {
-    Path::new(&redacted(name)).extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"))
+    let is_field = cfg!(feature = "import")
+        && !is_url(name)
+        && Path::new(name).file_name().is_some_and(|name| name == "meta.json");
+    let redacted = redacted(name);
+    let extension = Path::new(&redacted).extension();
+    !is_field && extension.is_some_and(|extension| extension.eq_ignore_ascii_case("json"))
 }
 
 /// Opens the playlist with this path or URL. `on_event` takes progress and notes; where it breaks, the result
@@ -181,12 +187,13 @@ mod tests {
 
     #[test]
     fn playlists_differ_from_clips() {
-        for name in ["a.json", "a/b.JSON", "https://h/list.json?key=1#x"] {
+        for name in ["a.json", "a/b.JSON", "https://h/list.json?key=1#x", "https://h/meta.json"] {
             assert!(is_playlist(name), "{name}");
         }
         for name in ["a.aarc", "json", "https://h/a.aarc?list.json", ".json"] {
             assert!(!is_playlist(name), "{name}");
         }
+        assert_eq!(is_playlist("field/meta.json"), cfg!(not(feature = "import")));
     }
 
     #[test]

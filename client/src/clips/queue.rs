@@ -63,6 +63,13 @@ impl Queue {
         behind.chain(before).map(|number| self.entry(number)).collect()
     }
 
+    /// Candidates for the clip before, best first: the ones before the position, from it back, then the ones behind
+    /// it, from the last one back.
+    pub(crate) fn candidates_before(&self) -> Vec<Entry> {
+        let (before, behind) = (0..self.position, self.position + 1..self.len());
+        before.rev().chain(behind.rev()).map(|number| self.entry(number)).collect()
+    }
+
     /// Whether clip `next` plays after the one at the position.
     pub(crate) fn is_followed_by(&self, next: usize, looping: bool) -> bool {
         looping || next > self.position
@@ -92,6 +99,7 @@ mod tests {
         queue.go_to(1);
         assert!(queue.is_followed_by(2, false));
         assert_eq!(numbers(&queue.candidates(true)), [2, 0]);
+        assert_eq!(numbers(&queue.candidates_before()), [0, 2]);
         assert_eq!(queue.candidates(false)[0].name.as_deref(), Some("c"));
     }
 }

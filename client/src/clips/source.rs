@@ -11,11 +11,10 @@ use super::demo;
 use super::event::{ClipVersion, LoadEvent};
 #[cfg(feature = "import")]
 use super::field;
-use super::file::{decode, load_with_sound, truncation};
+use super::file::{decode, load_version, truncation};
 use super::queue::Entry;
 use super::source_options::SourceOptions;
 use super::url::{UNKNOWN_SCHEME, is_url, redacted, scheme};
-use crate::audio::SoundTrack;
 #[cfg(feature = "net")]
 use crate::net::{self, Download};
 use crate::takes::OpenTake;
@@ -102,13 +101,10 @@ impl Arrival {
 /// As [`load_file`](super::file::load_file); [`Fault::Usage`] for a URL if this program was built without the feature `net`, or if
 /// its scheme is another one.
 pub fn open(name: Option<&str>, options: &SourceOptions) -> Result<Arrival, Fault> {
-    let loaded = |note, (clip, sound)| {
-        let clip = ClipVersion { clip: Arc::new(clip), sound, is_continued: false };
-        Arrival::Loaded { note, clip: Some(clip) }
-    };
+    let loaded = |note, clip| Arrival::Loaded { note, clip: Some(clip) };
     match name {
         None => decode(&demo::package()?, &options.limits)
-            .map(|clip| loaded(None, (clip, SoundTrack::default())))
+            .map(|clip| loaded(None, ClipVersion::bare(clip)))
             .map_err(|error| Fault::Defect(format!("demo clip: {error}: install the player again"))),
         Some(name) if is_url(name) => download(name, options),
         Some(url) if scheme(url).is_some() => {
@@ -119,13 +115,13 @@ pub fn open(name: Option<&str>, options: &SourceOptions) -> Result<Arrival, Faul
             #[cfg(feature = "import")]
             if field::is_field(path) {
                 let field = field::load_field(path, &options.limits);
-                return field.map(|(clip, note)| loaded(note, (clip, SoundTrack::default())));
+                return field.map(|(clip, note)| loaded(note, ClipVersion::bare(clip)));
             }
             if let Some(take) = open_take(path, &options.limits)? {
                 return Ok(Arrival::Take { note: take.truncation(), take: Some(Arc::new(take)) });
             }
-            load_with_sound(path, &options.limits)
-                .map(|(clip, sound)| loaded(truncation(path, &clip), (clip, sound)))
+            load_version(path, &options.limits)
+                .map(|version| loaded(truncation(path, &version.clip), version))
         }
     }
 }

@@ -14,6 +14,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::event::{LoadEvent, Version};
+use super::folder::{Direction, Neighbours};
 use super::loader::Selection;
 use super::progress::Progress;
 use super::queue::{Entry, Queue};
@@ -78,12 +79,14 @@ pub(super) struct QueueState<C> {
     next_wanted: bool,
     /// What was opened last, a clip or a playlist.
     named: Option<String>,
+    /// What the clip on display was opened as: itself, or its playlist.
+    opened_as: Option<String>,
     /// The playlist on display.
     queue: Option<Queue>,
     /// The playlist that is being opened, until one of its clips is shown.
     opened: Option<Queue>,
-    /// Without a playlist, the clip that a skip opens.
-    next_in_folder: Option<String>,
+    /// Without a playlist, the clips that a skip opens.
+    neighbours: Neighbours,
     /// The clip on display.
     current: Option<Entry>,
     next: Next<C>,
@@ -99,9 +102,10 @@ impl<C> QueueState<C> {
             cyclic,
             next_wanted: false,
             named: None,
+            opened_as: None,
             queue: None,
             opened: None,
-            next_in_folder: None,
+            neighbours: Neighbours::default(),
             current: None,
             next: Next::Pending,
             loading: None,
@@ -118,9 +122,21 @@ impl<C> QueueState<C> {
         self.load(Loading::Opening, Selection::Named(name));
     }
 
-    /// Takes over a clip that is on display already, its playlist, and its better versions.
+    /// Takes over a clip that is on display already, its playlist, and its better versions. `named` is the clip or
+    /// the playlist that was opened.
     #[cfg(feature = "window")]
-    pub(super) fn adopt(&mut self, entry: Entry, queue: Option<Queue>, rest: super::source::Arrival) {
+    pub(super) fn adopt(
+        &mut self,
+        named: Option<String>,
+        entry: Entry,
+        queue: Option<Queue>,
+        rest: super::source::Arrival,
+    ) {
+        if queue.is_none() {
+            self.neighbours = Neighbours::of(named.as_deref());
+        }
+        self.named.clone_from(&named);
+        self.opened_as = named;
         self.current = Some(entry.clone());
         self.queue = queue;
         self.load(Loading::Current, Selection::Rest(entry, rest));
@@ -145,29 +161,43 @@ impl<C> QueueState<C> {
         Some(name)
     }
 
-    /// Goes to the next clip: of the playlist, as soon as it is ready; else of the folder. Where no clip of
-    /// the playlist could be shown, all are tried again.
-    pub(super) fn skip(&mut self) -> Option<Change<C>> {
+    /// Goes to the next clip or the one before: of the playlist, the next one as soon as it is ready; else of the
+    /// folder. Where no clip of the playlist could be shown, all are tried again.
+    pub(super) fn skip(&mut self, direction: Direction) -> Option<Change<C>> {
         match (&self.queue, &self.current) {
-            (Some(_), Some(_)) => {
+            (Some(_), Some(_)) if direction == Direction::Forward => {
                 self.skip_requested = true;
                 return None;
             }
+            (Some(queue), Some(_)) => {
+                let entries = queue.candidates_before();
+                self.go_to_first_of(entries);
+            }
             _ if self.loading.is_some() => return None,
             (Some(queue), None) => {
-                let (queue, entries) = (queue.clone(), queue.all());
-                self.opened = Some(queue);
-                self.load(Loading::Opening, Selection::FirstOf(entries));
+                let entries = queue.all();
+                self.go_to_first_of(entries);
             }
-            (None, _) => self.open(Some(self.next_in_folder.clone()?)),
+            (None, _) => self.open(Some(self.neighbours.get(direction)?.clone())),
         }
         Some(Change::Waiting)
     }
 
-    /// Whether there is a next clip to go to, as far as is known.
-    pub(super) fn has_next(&self) -> bool {
+    /// Opens the first of `entries` of the playlist that can be loaded.
+    fn go_to_first_of(&mut self, entries: Vec<Entry>) {
+        self.forget_next();
+        if self.current.is_some() {
+            // Something else may have failed to open since.
+            self.named.clone_from(&self.opened_as);
+        }
+        self.opened = self.queue.clone();
+        self.load(Loading::Opening, Selection::FirstOf(entries));
+    }
+
+    /// Whether there is a clip to go to in a direction, as far as is known.
+    pub(super) fn has_neighbour(&self, direction: Direction) -> bool {
         match &self.queue {
-            None => self.next_in_folder.is_some(),
+            None => self.neighbours.get(direction).is_some(),
             Some(_) if self.current.is_none() => true,
             Some(queue) => queue.len() > 1 && !matches!(self.next, Next::Unavailable),
         }
@@ -180,11 +210,11 @@ impl<C> QueueState<C> {
             LoadEvent::Note(note) => Some(Change::Note(note)),
             LoadEvent::Skipped(fault) => Some(skipped(&fault)),
             LoadEvent::Playlist(queue) => {
-                (self.opened, self.next_in_folder) = (Some(queue), None);
+                (self.opened, self.neighbours) = (Some(queue), Neighbours::default());
                 None
             }
-            LoadEvent::NextInFolder(next) => {
-                self.next_in_folder = next;
+            LoadEvent::Neighbours(neighbours) => {
+                self.neighbours = neighbours;
                 None
             }
             LoadEvent::Clip(version) => self.on_version(version),
@@ -205,6 +235,7 @@ impl<C> QueueState<C> {
                 if let Some(queue) = &mut self.queue {
                     queue.go_to(entry.number);
                 }
+                self.opened_as.clone_from(&self.named);
                 self.forget_next();
                 self.current = Some(entry.clone());
                 self.loading = Some(Loading::Current);
@@ -315,6 +346,12 @@ impl<C> QueueState<C> {
     /// What was opened last, a clip or a playlist.
     pub(super) fn named(&self) -> Option<&str> {
         self.named.as_deref()
+    }
+
+    /// The clip on display.
+    #[cfg(feature = "window")]
+    pub(super) fn current(&self) -> Option<&Entry> {
+        self.current.as_ref()
     }
 
     /// The playlist on display.
@@ -462,19 +499,21 @@ mod tests {
     fn a_skip_waits_for_the_next_clip() {
         let mut state = playing(2);
         candidates(&mut state).unwrap();
-        assert!(state.has_next());
-        assert_eq!(short(state.skip()), "");
+        assert!(state.has_neighbour(Direction::Forward));
+        assert_eq!(short(state.skip(Direction::Forward)), "");
         assert!(state.skip_requested() && short(state.follow()) == "waiting");
         state.on_event(clip(1, true, "b"));
         assert_eq!(short(state.follow()), "Follow 1 b");
         assert!(!state.skip_requested());
         // A skip during the better versions waits for them and for the clip after.
-        state.skip();
+        state.skip(Direction::Forward);
         assert!(state.follow().is_none() && state.skip_requested());
         state.on_event(LoadEvent::Done);
         assert_eq!(short(state.follow()), "waiting");
         assert_eq!(short(state.on_event(failed("gone"))), "gone; skipped");
-        assert!(state.follow().is_none() && !state.skip_requested() && !state.has_next());
+        assert!(
+            state.follow().is_none() && !state.skip_requested() && !state.has_neighbour(Direction::Forward)
+        );
     }
 
     #[test]
@@ -490,7 +529,11 @@ mod tests {
         state.start_over();
         assert!(state.take_request().is_none(), "they are being loaded");
         let mut single = playing(1);
-        assert!(single.take_request().is_none() && !single.is_followed(true) && !single.has_next());
+        assert!(
+            single.take_request().is_none()
+                && !single.is_followed(true)
+                && !single.has_neighbour(Direction::Forward)
+        );
     }
 
     #[test]
@@ -498,17 +541,19 @@ mod tests {
         let mut state = State::new(true);
         state.open(Some("list".into()));
         state.on_event(LoadEvent::Playlist(queue(2)));
-        state.skip();
+        state.skip(Direction::Forward);
         assert!(!state.skip_requested(), "the loader is at work");
         assert_eq!(short(state.on_event(failed("all"))), "failed: all");
         state.take_request();
-        assert!(state.has_next() && state.follow().is_none() && !state.is_followed(true));
+        assert!(
+            state.has_neighbour(Direction::Forward) && state.follow().is_none() && !state.is_followed(true)
+        );
         for _ in 0..2 {
-            assert_eq!(short(state.skip()), "waiting");
+            assert_eq!(short(state.skip(Direction::Forward)), "waiting");
             assert_eq!(candidates(&mut state).unwrap(), [0, 1]);
             assert_eq!(short(state.on_event(failed("again"))), "failed: again");
         }
-        state.skip();
+        state.skip(Direction::Forward);
         assert_eq!(short(state.on_event(clip(1, true, "b"))), "Open 1 b");
         state.take_request();
         state.on_event(LoadEvent::Done);
@@ -516,18 +561,51 @@ mod tests {
     }
 
     #[test]
-    fn without_a_playlist_a_skip_opens_the_next_clip_of_the_folder() {
-        let mut state = State::new(true);
-        state.open(Some("a".into()));
-        state.take_request();
-        state.on_event(LoadEvent::NextInFolder(Some("b".into())));
-        assert_eq!(short(state.on_event(failed("damaged"))), "failed: damaged");
-        assert!(state.has_next() && state.take_request().is_none());
-        state.skip();
-        let opened = state.take_request().unwrap().0;
-        assert!(matches!(opened, Selection::Named(Some(name)) if name == "b"));
-        state.skip();
-        assert!(state.take_request().is_none(), "it is being loaded");
+    fn a_skip_back_opens_the_clip_before() {
+        let mut state = playing(3);
+        candidates(&mut state).unwrap();
+        state.on_event(clip(1, true, "b"));
+        assert!(state.has_neighbour(Direction::Back));
+        assert_eq!(short(state.skip(Direction::Back)), "waiting");
+        assert_eq!(candidates(&mut state).unwrap(), [2, 1], "from the first one to the last");
+        assert!(state.follow().is_none(), "the clip after is forgotten");
+        assert_eq!(short(state.on_event(LoadEvent::Skipped(Fault::Data("bad".into())))), "bad; skipped");
+        assert_eq!(short(state.on_event(clip(1, true, "b"))), "Open 1 b");
+        assert_eq!(state.queue().unwrap().position(), 1);
+        assert_eq!(state.named(), Some("list"));
+        state.on_event(LoadEvent::Done);
+        assert_eq!(candidates(&mut state).unwrap(), [2, 0]);
+        state.skip(Direction::Back);
+        assert_eq!(candidates(&mut state).unwrap(), [0, 2]);
+        assert_eq!(short(state.on_event(failed("gone"))), "failed: gone");
+        assert_eq!(state.queue().unwrap().position(), 1, "the clip on display stays");
+        state.open(Some("other".into()));
+        state.on_event(failed("missing"));
+        state.skip(Direction::Back);
+        assert_eq!(state.named(), Some("list"));
+    }
+
+    #[test]
+    fn without_a_playlist_a_skip_opens_the_clips_beside_it_in_the_folder() {
+        let folder = tempfile::tempdir().unwrap();
+        let [a, b, c] = ["a", "b", "c"].map(|stem| {
+            let path = folder.path().join(stem).with_extension("aarc");
+            std::fs::write(&path, "").unwrap();
+            path.to_str().unwrap().to_owned()
+        });
+        for (direction, beside) in [(Direction::Forward, c), (Direction::Back, a)] {
+            let mut state = State::new(true);
+            state.open(Some(b.clone()));
+            state.take_request();
+            state.on_event(LoadEvent::Neighbours(Neighbours::of(Some(&b))));
+            assert_eq!(short(state.on_event(failed("damaged"))), "failed: damaged");
+            assert!(state.has_neighbour(direction) && state.take_request().is_none());
+            state.skip(direction);
+            let opened = state.take_request().unwrap().0;
+            assert!(matches!(opened, Selection::Named(Some(name)) if name == beside));
+            state.skip(direction);
+            assert!(state.take_request().is_none(), "it is being loaded");
+        }
     }
 
     #[test]
@@ -540,7 +618,7 @@ mod tests {
         assert_eq!(short(state.on_event(failed("missing"))), "failed: missing");
         assert_eq!(candidates(&mut state).unwrap(), [1], "the playlist goes on");
         state.open(Some("other".into()));
-        state.on_event(LoadEvent::NextInFolder(None));
+        state.on_event(LoadEvent::Neighbours(Neighbours::default()));
         assert_eq!(short(state.on_event(clip(0, true, "o"))), "Open 0 o");
         assert!(state.queue().is_none());
         assert_eq!(short(state.on_event(clip(0, false, "O"))), "Refine 0 O");

@@ -185,7 +185,7 @@ fn unexpected(span: Span, what: &str) -> Fault {
 
 #[cfg(test)]
 mod tests {
-    use codec::{ClipInfo, Temporal, TimeIndex};
+    use codec::{ClipInfo, Temporal};
 
     use super::*;
 
@@ -227,17 +227,7 @@ mod tests {
     }
 
     fn clip(static_field: Field, dynamic_field: Field) -> Clip {
-        let end = LayerEnd { static_count: static_field.len(), dynamic_count: dynamic_field.len() };
-        Clip {
-            info: ClipInfo::default(),
-            bounds: [[0.0; 3]; 2],
-            time_index: TimeIndex::of_candidates(dynamic_field.len()),
-            static_field,
-            dynamic_field,
-            layers: vec![end],
-            layers_announced: vec![end],
-            plate: None,
-        }
+        Clip::of_one_layer(ClipInfo::default(), [[0.0; 3]; 2], static_field, dynamic_field, None)
     }
 
     #[test]

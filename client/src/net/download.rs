@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use codec::{Clip, Contents, Error, Limits, contents};
+use codec::{Contents, Error, Limits, contents};
 use program::Fault;
 
 use super::cache::{Cache, CachedFile};
@@ -12,7 +12,6 @@ use super::fetch::{Fetch, FetchOptions, Outcome, State, undecodable};
 use super::partial_file::PartialFile;
 use super::remote_file::RemoteFile;
 use super::retry::RetryPolicy;
-use crate::audio::SoundTrack;
 use crate::clips::{ClipVersion, LoadEvent, Servers, decode, decode_layers, redacted};
 use crate::takes::{OpenTake, TakeSource};
 
@@ -59,9 +58,8 @@ fn report(version: Option<ClipVersion>) -> Flow {
 #[derive(Debug)]
 struct Arrived {
     head: Contents,
-    /// The display shares it while it draws. Layers that are appended meanwhile make a copy.
-    clip: Arc<Clip>,
-    sound: SoundTrack,
+    /// The display shares the clip while it draws. Layers that are appended meanwhile make a copy.
+    version: ClipVersion,
 }
 
 /// A clip being downloaded. Iterating waits for the next event, 250 ms at most. It ends after the
@@ -136,8 +134,8 @@ impl Download {
         let file = cache.get(&self.url)?;
         match decode(&file.bytes, &self.options.limits) {
             Ok(clip) => {
-                let sound = SoundTrack::of_clip(&file.bytes, &self.options.limits);
-                Some((file.etag, ClipVersion { clip: Arc::new(clip), sound, is_continued: false }))
+                let version = ClipVersion::new(Arc::new(clip), &file.bytes, &self.options.limits);
+                Some((file.etag, version))
             }
             Err(error) => {
                 log::warn!("{}: the cached clip does not play: {error}", redacted(&self.url));
@@ -257,20 +255,18 @@ impl Download {
         let limits = &self.options.limits;
         let head = contents(bytes, limits)?;
         let Some(arrived) = self.arrived.as_mut().filter(|arrived| arrived.head == head) else {
-            let clip = Arc::new(decode(bytes, limits)?);
-            // It comes before the first layer.
-            let sound = SoundTrack::of_clip(bytes, limits);
-            self.arrived = Some(Arrived { head, clip: clip.clone(), sound: sound.clone() });
-            return Ok((Some(ClipVersion { clip, sound, is_continued: false }), bytes.len()));
+            // What else there is comes before the first layer.
+            let version = ClipVersion::new(Arc::new(decode(bytes, limits)?), bytes, limits);
+            self.arrived = Some(Arrived { head, version: version.clone() });
+            return Ok((Some(version), bytes.len()));
         };
-        let (first, ends) = (arrived.clip.layers.len(), head.layer_bytes());
+        let (first, ends) = (arrived.version.clip.layers.len(), head.layer_bytes());
         if first == ends.len() {
             return Ok((None, 0));
         }
         let layers = decode_layers(&head, bytes, first, limits)?;
-        Arc::make_mut(&mut arrived.clip).append(layers);
-        let (clip, sound) = (arrived.clip.clone(), arrived.sound.clone());
-        let version = ClipVersion { clip, sound, is_continued: true };
+        Arc::make_mut(&mut arrived.version.clip).append(layers);
+        let version = ClipVersion { is_continued: true, ..arrived.version.clone() };
         Ok((Some(version), bytes.len() - ends[first - 1]))
     }
 
@@ -305,7 +301,7 @@ impl Iterator for Download {
 
 #[cfg(test)]
 mod tests {
-    use codec::contents;
+    use codec::{Clip, contents};
 
     use super::*;
     use crate::clips::Progress;

@@ -103,6 +103,11 @@ impl SegmentLoader {
         }
     }
 
+    /// The segments that were taken from the list, and of which no event was received yet.
+    pub(super) fn under_way(&self) -> Vec<usize> {
+        lock(&self.wants).under_way.iter().map(|want| want.segment).collect()
+    }
+
     /// The next segment, if one was loaded or has failed. Does not block.
     pub(super) fn poll(&mut self) -> Option<SegmentEvent> {
         loop {

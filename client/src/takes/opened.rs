@@ -4,7 +4,7 @@ use std::num::NonZero;
 use std::path::Path;
 use std::thread;
 
-use codec::{Clip, Error, FormatError, Layers, Limits, Package, Take, Viewpoint, package};
+use codec::{Clip, Error, FormatError, Layers, Limits, Package, Poster, Take, Viewpoint, package};
 use glam::DVec3;
 use program::{Fault, Subject};
 
@@ -151,6 +151,14 @@ impl OpenTake {
         }
     }
 
+    /// The time and view that stand for the take; `None` if it states none that can be read.
+    pub(crate) fn poster(&self) -> Option<Poster> {
+        let first = self.take.segments.first()?;
+        let length = first.layers.first()?.bytes as u64;
+        let start = self.source.read(0..first.offset.saturating_add(length)).ok()?;
+        codec::poster(&start, &self.limits).ok().flatten()
+    }
+
     /// The subject at the start of the take, by the first layers there; by the bounds where none can be decoded.
     pub(crate) fn subject(&self) -> Subject {
         let at_start = |index: &usize| {
@@ -247,7 +255,7 @@ impl OpenTake {
     fn add_sound(&self, index: usize, bytes: &[u8]) {
         let limits = self.segment_limits();
         if let Ok(head) = self.take.segment_contents(index, bytes, &limits) {
-            self.sound.add(&head, bytes, &limits, self.take.segments[index].start_s);
+            self.sound.add(&head, bytes, &limits, index, self.take.segments[index].start_s);
         }
     }
 

@@ -58,6 +58,8 @@ pub struct TakeCounts {
     pub segments: usize,
     /// Number of segments in GPU memory.
     pub resident: usize,
+    /// Number of sounds in memory.
+    pub sounds: usize,
     /// Number of segments that were loaded so far, again ones included.
     pub loaded: usize,
     /// Seconds that play on without loading, from the position in the direction of play.
@@ -280,6 +282,7 @@ impl TakePlayer {
             self.shown_s = self.head.t_s;
         }
         self.counts.resident = self.residents.len();
+        self.counts.sounds = self.opened.sound.len();
         self.counts.layers = self.layer_choice.layers();
         self.counts.buffered_s = self.buffered.from(self.head.t_s, self.head.direction);
         written
@@ -351,6 +354,7 @@ impl TakePlayer {
     fn place(&mut self, slots: &mut Slots) {
         let Some((want, packed)) = self.waiting.take() else { return };
         if !self.plan.wants(want.segment) || self.resident(want.segment).is_some() {
+            self.drop_sounds();
             return;
         }
         let is_held = self.plan.holds(want.segment);
@@ -388,7 +392,18 @@ impl TakePlayer {
         let Some(at) = self.residents.iter().position(|resident| resident.segment == segment) else { return };
         let resident = self.residents.swap_remove(at);
         slots.remove(resident.slot);
+        self.drop_sounds();
         self.change();
+    }
+
+    /// Drops the sounds of segments that are neither planned, nor on their way, nor in GPU memory: what is planned again is
+    /// loaded again.
+    fn drop_sounds(&self) {
+        let under_way = self.loader.under_way();
+        let is_needed = |segment: usize| {
+            self.plan.wants(segment) || self.resident(segment).is_some() || under_way.contains(&segment)
+        };
+        self.opened.sound.retain(is_needed);
     }
 
     /// Takes in which segments are complete.
@@ -416,6 +431,7 @@ impl TakePlayer {
         let wanted: Vec<usize> = self.layers.iter().map(|layers| self.layers_wanted.min(*layers)).collect();
         self.plan = Plan::new(&self.opened.take, &wanted, self.head, self.layout.rows);
         self.was_cleared = false;
+        self.drop_sounds();
         self.request();
     }
 

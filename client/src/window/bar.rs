@@ -9,15 +9,31 @@ use egui::{
 
 use super::icons::{Symbol, symbol_button};
 use super::keys::Command;
+use super::library::{Opening, short_title};
 use super::style;
 use crate::audio::Volume;
+use crate::clips::redacted;
 use crate::gpu::{Cutoff, RenderSettings, SortOrder};
 use crate::player::{Player, SPEEDS};
+
+/// What can be opened and changed besides the clip on display.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Choices {
+    pub(crate) has_previous: bool,
+    pub(crate) has_next: bool,
+    /// Whether the clip is a package on disk, which can have another poster.
+    pub(crate) is_package: bool,
+    /// What was opened last, the last one first.
+    pub(crate) recent: Vec<String>,
+}
 
 /// The state that the bar shows and changes.
 pub(crate) struct Controls<'a> {
     pub(crate) player: &'a mut Player,
     pub(crate) settings: &'a mut RenderSettings,
+    pub(crate) choices: &'a Choices,
+    /// What is to be opened, if a menu says so.
+    pub(crate) opening: &'a mut Option<Opening>,
     /// Whether the pointer holds the timeline.
     pub(crate) is_scrubbing: &'a mut bool,
     /// Whether the clip has no timeline.
@@ -44,6 +60,8 @@ pub(crate) fn show(ui: &mut Ui, mut controls: Controls<'_>, commands: &mut Vec<C
     Panel::bottom("bar").frame(frame).resizable(false).show_separator_line(false).show(ui, |ui| {
         *controls.is_scrubbing = !controls.is_static && timeline(ui, controls.player, controls.buffered);
         ui.horizontal(|ui| {
+            ui.spacing_mut().item_spacing.x = 2.0;
+            neighbours(ui, controls.choices, commands);
             if !controls.is_static {
                 transport(ui, controls.player, commands);
                 if let Some(volume) = controls.volume.take() {
@@ -85,6 +103,22 @@ fn clickable(ui: &mut Ui, slider: Slider<'_>) -> Response {
     response.interact(Sense::click()) | response
 }
 
+/// The buttons of the clips before and after, if there are some.
+fn neighbours(ui: &mut Ui, choices: &Choices, commands: &mut Vec<Command>) {
+    if !choices.has_previous && !choices.has_next {
+        return;
+    }
+    for (symbol, hint, command) in [
+        (Symbol::PreviousClip, "Previous clip (Page Up)", Command::PreviousClip),
+        (Symbol::NextClip, "Next clip (Page Down)", Command::NextClip),
+    ] {
+        if symbol_button(ui, symbol, hint).clicked() {
+            commands.push(command);
+        }
+    }
+    ui.add_space(6.0);
+}
+
 fn transport(ui: &mut Ui, player: &Player, commands: &mut Vec<Command>) {
     let (play, hint) = match player.is_playing() {
         true => (Symbol::Pause, "Pause (Space)"),
@@ -95,7 +129,6 @@ fn transport(ui: &mut Ui, player: &Player, commands: &mut Vec<Command>) {
         (play, hint, Command::TogglePlaying),
         (Symbol::StepForward, "One frame on (Right)", Command::StepForward),
     ];
-    ui.spacing_mut().item_spacing.x = 2.0;
     for (symbol, hint, command) in buttons {
         if symbol_button(ui, symbol, hint).clicked() {
             commands.push(command);
@@ -157,6 +190,7 @@ fn menus(ui: &mut Ui, controls: Controls<'_>, commands: &mut Vec<Command>) {
     }
     rendering_menu(ui, controls.settings, controls.layers);
     ui.menu_button("View", |ui| view_menu(ui, &controls, commands));
+    ui.menu_button("Clips", |ui| clips_menu(ui, controls.choices, controls.opening, commands));
     if !controls.is_static {
         playing_menus(ui, controls.player, commands);
     }
@@ -189,6 +223,39 @@ fn playing_menus(ui: &mut Ui, player: &mut Player, commands: &mut Vec<Command>) 
 
 fn speed_text(speed: f64) -> String {
     format!("{speed}x")
+}
+
+fn clips_menu(ui: &mut Ui, choices: &Choices, opening: &mut Option<Opening>, commands: &mut Vec<Command>) {
+    ui.set_min_width(220.0);
+    for (name, key, command, is_enabled) in [
+        ("Open a file", "O", Command::OpenFile, true),
+        ("Choose from pictures", "G", Command::ToggleGallery, true),
+        ("Previous", "Page Up", Command::PreviousClip, choices.has_previous),
+        ("Next", "Page Down", Command::NextClip, choices.has_next),
+    ] {
+        if ui.add_enabled(is_enabled, egui::Button::new(name).shortcut_text(key)).clicked() {
+            commands.push(command);
+        }
+    }
+    ui.separator();
+    let poster = ui.add_enabled(choices.is_package, egui::Button::new("Use this frame as the poster"));
+    let poster =
+        poster.on_hover_text("File managers and lists of clips show it. Changes the file of the clip.");
+    let poster =
+        poster.on_disabled_hover_text("Only a clip in a file of this machine has a poster to change.");
+    if poster.clicked() {
+        commands.push(Command::SetPoster);
+    }
+    if choices.recent.is_empty() {
+        return;
+    }
+    ui.separator();
+    ui.label(RichText::new("Opened last").color(style::QUIET));
+    for name in &choices.recent {
+        if ui.button(short_title(name)).on_hover_text(redacted(name)).clicked() {
+            *opening = Some(Opening::Clip(name.clone()));
+        }
+    }
 }
 
 fn view_menu(ui: &mut Ui, controls: &Controls<'_>, commands: &mut Vec<Command>) {

@@ -139,6 +139,16 @@ impl CameraControl {
         Camera::look_at(position, self.pivot.to_array(), up, self.fov_y, width, height)
     }
 
+    /// Where the camera is, and what it turns around.
+    pub(crate) fn viewpoint(&self) -> Viewpoint {
+        Viewpoint {
+            name: String::new(),
+            position: self.position().as_vec3().to_array(),
+            target: self.pivot.as_vec3().to_array(),
+            fov_y: self.fov_y as f32,
+        }
+    }
+
     fn position(&self) -> DVec3 {
         self.pivot - self.forward() * self.distance
     }

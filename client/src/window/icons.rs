@@ -9,6 +9,8 @@ pub(crate) enum Symbol {
     Pause,
     StepBack,
     StepForward,
+    PreviousClip,
+    NextClip,
     Close,
     Sound,
     Muted,
@@ -52,6 +54,16 @@ fn draw(painter: &Painter, symbol: Symbol, center: Pos2, color: Color32) {
         Symbol::StepForward => {
             triangle(-6.0, 4.0);
             bar(6.0, 3.0);
+        }
+        Symbol::PreviousClip => {
+            bar(-8.0, 2.0);
+            triangle(0.0, -7.0);
+            triangle(8.0, 1.0);
+        }
+        Symbol::NextClip => {
+            triangle(-8.0, -1.0);
+            triangle(0.0, 7.0);
+            bar(8.0, 2.0);
         }
         Symbol::Sound | Symbol::Muted => loudspeaker(painter, matches!(symbol, Symbol::Muted), center, color),
         Symbol::Close => {

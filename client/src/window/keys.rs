@@ -21,6 +21,12 @@ pub(crate) enum Command {
     GoToViewpoint(usize),
     Recentre,
     Screenshot,
+    OpenFile,
+    ToggleGallery,
+    PreviousClip,
+    NextClip,
+    /// What the window shows becomes the poster of the clip.
+    SetPoster,
     ToggleKeys,
     ToggleStatistics,
     ToggleInterface,
@@ -68,7 +74,11 @@ pub(crate) const PLAYING: [Binding; 10] = [
 ];
 
 /// Keys that control the window.
-pub(crate) const WINDOW: [Binding; 7] = [
+pub(crate) const WINDOW: [Binding; 11] = [
+    once(&[Key::O], Command::OpenFile, "O", "Open a file"),
+    once(&[Key::G], Command::ToggleGallery, "G", "Clips to choose from"),
+    once(&[Key::PageUp], Command::PreviousClip, "Page Up", "Previous clip"),
+    once(&[Key::PageDown], Command::NextClip, "Page Down", "Next clip"),
     once(&[Key::R], Command::Recentre, "R", "Back to the viewpoint"),
     once(&[Key::P], Command::Screenshot, "P", "Save a picture"),
     once(&[Key::I], Command::ToggleStatistics, "I", "Statistics"),

@@ -10,7 +10,10 @@ mod frame_times;
 mod icon;
 mod icons;
 mod keys;
+mod library;
 mod overlay;
+mod picker;
+mod poster;
 mod screen;
 mod screenshot;
 mod session;
@@ -47,7 +50,8 @@ pub fn run(args: &Args) -> Result<(), Fault> {
     let settings = headless::settings(args, &clip)?;
     let source = args.source(cache_dir());
     let size = args.size;
-    let start = Start { entry, clip, rest, queue, note, reporter, source, viewpoint, settings, size };
+    let named = args.clip.clone();
+    let start = Start { named, entry, clip, rest, queue, note, reporter, source, viewpoint, settings, size };
     let event_loop = display::connect()?;
     let mut app = App { start: Some(start), proxy: event_loop.create_proxy(), session: None, result: Ok(()) };
     event_loop.run_app(&mut app).map_err(|error| {
@@ -155,7 +159,7 @@ impl ApplicationHandler<Event> for App {
                     Err(fault) => self.fail(event_loop, fault),
                 },
             },
-            WindowEvent::DroppedFile(path) => session.load(&path),
+            WindowEvent::DroppedFile(path) => session.receive_file(&path),
             event => session.input(&event),
         }
     }

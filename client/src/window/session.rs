@@ -18,17 +18,21 @@ use winit::event::WindowEvent;
 use winit::event_loop::{ActiveEventLoop, EventLoopProxy};
 use winit::window::{Fullscreen, Theme, Window};
 
+use super::bar::Choices;
 use super::frame_times::FrameTimes;
 use super::icon;
+use super::library::{Gallery, Library, Opening};
 use super::overlay::Message;
+use super::picker::{self, Picked};
+use super::poster::PosterChange;
 use super::screen::Screen;
 use super::screenshot::Screenshot;
 use super::viewed_clip::ViewedClip;
 use super::viewer::{FrameSeconds, Requests, Viewer};
 use crate::audio::{SoundTrack, Speaker};
 use crate::clips::{
-    Arrival, Beginning, Change, ClipController, ClipTarget, Content, Entry, LoadEvent, LoadOptions, Queue,
-    SourceOptions, Transition, title,
+    Arrival, Beginning, Change, ClipController, ClipTarget, Content, Direction, Entry, LoadEvent,
+    LoadOptions, Queue, SourceOptions, Transition, folder_of, is_url, title,
 };
 use crate::folders;
 use crate::gpu::{
@@ -55,8 +59,14 @@ const AHEAD_MAX_S: f64 = 0.034;
 /// How long a part of a take may be missing before the window says so: shorter waits are barely seen.
 const LOADING_PATIENCE: Duration = Duration::from_millis(250);
 
+/// What to say where no dialog chooses a file.
+const NO_DIALOG: &str =
+    "the desktop has no file dialog: drop a file on the window, or install a desktop portal or zenity";
+
 /// What to open a window with.
 pub(super) struct Start {
+    /// The clip or the playlist that was opened.
+    pub(super) named: Option<String>,
     /// The clip to show, and its better versions, which are still being loaded.
     pub(super) entry: Entry,
     pub(super) clip: Content,
@@ -82,6 +92,10 @@ pub(super) enum Event {
     Loading,
     /// A screenshot was saved at this path.
     Saved(Result<PathBuf, Fault>),
+    /// The dialog that chooses a file has ended.
+    Picked(Picked),
+    /// The poster of a clip was written.
+    PosterWritten(Result<(), Fault>),
 }
 
 /// When to draw the next frame.
@@ -210,6 +224,9 @@ pub(super) struct Session {
     /// Whether the previous frame asked for this one at once.
     is_continuous: bool,
     clips: ClipController<WindowTarget>,
+    library: Library,
+    /// Whether the dialog that chooses a file is open.
+    is_picking: bool,
     speaker: Speaker,
     reporter: Reporter,
     /// Since when a part of the take is missing at the position, and whether that was said.
@@ -251,7 +268,14 @@ impl Session {
         viewer.message = start.note.map(|note| Message::note(screen.input.egui_ctx(), note));
         let options = LoadOptions { source: start.source, min_layers: 1, is_complete: false };
         let mut clips = ClipController::new(options, true, waker(&proxy))?;
-        clips.adopt(WindowTarget::of(&screen, &proxy), uploaded, start.entry, start.queue, start.rest);
+        let mut library = Library::open(waker(&proxy)).map_err(|error| {
+            Fault::Device(format!("cannot start a thread: {error}: close other programs"))
+        })?;
+        if let Some(name) = &start.named {
+            library.remember(name);
+        }
+        let target = WindowTarget::of(&screen, &proxy);
+        clips.adopt(target, uploaded, start.named, start.entry, start.queue, start.rest);
         let mut speaker = Speaker::new(folders::state());
         speaker.change_track(playing.sound.clone(), false);
         window.request_redraw();
@@ -264,6 +288,8 @@ impl Session {
             last_frame: None,
             is_continuous: false,
             clips,
+            library,
+            is_picking: false,
             reporter: start.reporter,
             loading_since: None,
             saving: None,
@@ -286,17 +312,73 @@ impl Session {
         self.window.request_redraw();
     }
 
-    /// Loads a clip or a playlist in the background, while the present one plays.
-    pub(super) fn load(&mut self, path: &Path) {
+    /// Loads a file that was dropped on the window.
+    pub(super) fn receive_file(&mut self, path: &Path) {
         self.screen.input.egui_input_mut().hovered_files.clear();
-        self.viewer.message = Some(match path.to_str() {
-            Some(name) => {
-                self.clips.open(Some(name.into()));
-                Message::Working(format!("Opening {}", title(Some(name))))
+        self.load_file(path);
+    }
+
+    /// Loads a clip or a playlist in the background, while the present one plays.
+    fn load_file(&mut self, path: &Path) {
+        match path.to_str() {
+            Some(name) => self.load(name.into()),
+            None => self
+                .set_message(Message::Error(format!("{}: its name is not text: rename it", path.display()))),
+        }
+    }
+
+    fn load(&mut self, name: String) {
+        self.set_message(Message::Working(format!("Opening {}", title(Some(&name)))));
+        self.clips.open(Some(name));
+    }
+
+    /// Opens what the viewer chose.
+    fn open_chosen(&mut self, opening: Opening) {
+        match opening {
+            Opening::Clip(name) => self.load(name),
+            Opening::Beside(direction) => match self.clips.skip(direction) {
+                Some(change) => self.apply(change),
+                None if !self.clips.has_neighbour(direction) => self.note("There is no other clip".into()),
+                None => {}
+            },
+            Opening::Picker if self.is_picking => {}
+            Opening::Picker => {
+                self.is_picking = true;
+                let proxy = self.proxy.clone();
+                // The event loop has ended where sending fails.
+                picker::open(&self.window, self.shown_file().map(folder_of), move |picked| {
+                    drop(proxy.send_event(Event::Picked(picked)));
+                });
             }
-            None => Message::Error(format!("{}: its name is not text: rename it", path.display())),
-        });
-        self.window.request_redraw();
+        }
+    }
+
+    /// The file of the clip on display; `None` of one from a URL and of the demo.
+    fn shown_file(&self) -> Option<&Path> {
+        self.clips.current_name().filter(|name| !is_url(name)).map(Path::new)
+    }
+
+    /// Makes this frame the poster of the clip, in the background.
+    fn set_poster(&mut self) {
+        let Some(clip) = self.shown_file().map(Path::to_owned) else { return };
+        let change = PosterChange {
+            clip,
+            time_s: self.viewer.player.position_s(),
+            viewpoint: self.viewer.camera_viewpoint(),
+        };
+        let proxy = self.proxy.clone();
+        self.set_message(Message::Working("Writing the poster".into()));
+        std::thread::spawn(move || drop(proxy.send_event(Event::PosterWritten(change.write()))));
+    }
+
+    /// What the menus offer besides the clip on display.
+    fn choices(&self) -> Choices {
+        Choices {
+            has_previous: self.clips.has_neighbour(Direction::Back),
+            has_next: self.clips.has_neighbour(Direction::Forward),
+            is_package: self.shown_file().is_some_and(|path| path.extension() == Some("aarc".as_ref())),
+            recent: self.library.recent(),
+        }
     }
 
     /// Takes in an event of another thread.
@@ -310,7 +392,18 @@ impl Session {
                 self.window.request_redraw();
             }
             Event::Saved(Ok(path)) => self.note(format!("Saved {}", path.display())),
-            Event::Saved(Err(fault)) => self.set_message(Message::Error(fault.to_string())),
+            Event::PosterWritten(Ok(())) => self.note("The clip has a new poster".into()),
+            Event::Saved(Err(fault)) | Event::PosterWritten(Err(fault)) => {
+                self.set_message(Message::Error(fault.to_string()));
+            }
+            Event::Picked(picked) => {
+                self.is_picking = false;
+                match picked {
+                    Picked::File(path) => self.load_file(&path),
+                    Picked::Nothing => {}
+                    Picked::NoDialog => self.set_message(Message::Error(NO_DIALOG.into())),
+                }
+            }
         }
     }
 
@@ -339,6 +432,9 @@ impl Session {
         self.speaker.change_track(playing.sound.clone(), !matches!(transition, Transition::Open));
         match transition {
             Transition::Open => {
+                if let Some(name) = self.clips.named() {
+                    self.library.remember(name);
+                }
                 self.viewer.change_clip(viewed);
                 self.last_frame = None;
             }
@@ -388,9 +484,11 @@ impl Session {
         }
 
         self.update_take(now);
+        self.viewer.choices = self.choices();
         let looping = self.viewer.player.is_looping();
         self.viewer.player.set_has_next(self.clips.is_followed(looping));
         let ctx = self.screen.input.egui_ctx().clone();
+        self.library.update(&ctx, &mut self.viewer.gallery);
         let input = self.screen.input.take_egui_input(&self.window);
         let statistics = self.statistics(frame.size);
         let mut requests = Requests::default();
@@ -414,13 +512,7 @@ impl Session {
         self.present(frame, &triangles, scale, output.textures_delta);
         self.screen.input.handle_platform_output(&self.window, output.platform_output);
 
-        if requests.toggle_full_screen {
-            let full = self.window.fullscreen().is_none().then_some(Fullscreen::Borderless(None));
-            self.window.set_fullscreen(full);
-        }
-        if requests.screenshot {
-            self.save_picture(state);
-        }
+        self.carry_out(requests, state);
         let next_change =
             self.viewer.next_change_s(self.clips.queue().is_some()).map(Duration::from_secs_f64);
         self.last_frame = next_change.map(|_| now);
@@ -434,6 +526,27 @@ impl Session {
             Duration::MAX => Next::OnInput,
             delay => Next::After(delay),
         })
+    }
+
+    /// Does what the interface asks the window for, at this picture.
+    fn carry_out(&mut self, requests: Requests, state: PictureState) {
+        if requests.toggle_full_screen {
+            let full = self.window.fullscreen().is_none().then_some(Fullscreen::Borderless(None));
+            self.window.set_fullscreen(full);
+        }
+        if requests.screenshot {
+            self.save_picture(state);
+        }
+        if requests.set_poster {
+            self.set_poster();
+        }
+        if requests.show_gallery {
+            self.library.show(&mut self.viewer.gallery, self.clips.current_name());
+            self.window.request_redraw();
+        }
+        if let Some(opening) = requests.open {
+            self.open_chosen(opening);
+        }
     }
 
     /// The inputs of the picture of this frame.
@@ -596,6 +709,8 @@ impl Session {
         (self.playing.renderer, self.playing.take) = (None, None);
         self.drawn = None;
         self.last_frame = None;
+        // Its pictures were on the device.
+        self.viewer.gallery = Gallery::default();
         self.clips.set_target(WindowTarget::of(&self.screen, &self.proxy), self.viewer.player.position_s());
         self.set_message(Message::Working("Loading the clip for another graphics device".into()));
         Ok(())

@@ -3,15 +3,17 @@
 //! It uses the interface library but neither window nor GPU: tests feed it key presses and drags, and check
 //! the playback position and the camera.
 
-use codec::Camera;
+use codec::{Camera, Viewpoint};
 use egui::{Context, Id, PointerButton, Rect, Response, Sense, Ui};
 
-use super::bar::{self, Controls};
+use super::bar::{self, Choices, Controls};
 use super::camera::{CameraControl, ZOOM_PER_NOTCH};
 use super::keys::{self, Command, FlyKeys};
+use super::library::{Gallery, Opening};
 use super::overlay::{self, Message};
 use super::viewed_clip::ViewedClip;
 use crate::audio::Volume;
+use crate::clips::Direction;
 use crate::gpu::RenderSettings;
 use crate::player::Player;
 
@@ -32,6 +34,11 @@ pub(crate) struct FrameSeconds {
 pub(crate) struct Requests {
     pub(crate) screenshot: bool,
     pub(crate) toggle_full_screen: bool,
+    /// List the clips to choose from in the gallery.
+    pub(crate) show_gallery: bool,
+    /// Make this frame the poster of the clip.
+    pub(crate) set_poster: bool,
+    pub(crate) open: Option<Opening>,
 }
 
 /// The state of the interface.
@@ -39,6 +46,8 @@ pub(crate) struct Viewer {
     pub(crate) player: Player,
     pub(crate) settings: RenderSettings,
     pub(crate) message: Option<Message>,
+    pub(crate) gallery: Gallery,
+    pub(crate) choices: Choices,
     /// Parts of a take that play without loading, as seconds (from, to).
     pub(crate) buffered: Vec<(f64, f64)>,
     /// Whether the pointer holds the timeline.
@@ -63,6 +72,8 @@ impl Viewer {
             player: Player::new(clip.duration_s, clip.fps),
             settings,
             message: None,
+            gallery: Gallery::default(),
+            choices: Choices::default(),
             buffered: Vec::new(),
             is_scrubbing: false,
             camera: CameraControl::new(&clip.viewpoints[viewpoint], clip.up),
@@ -105,6 +116,11 @@ impl Viewer {
         } else {
             self.change_clip(clip);
         }
+    }
+
+    /// Where the camera is, and what it looks at.
+    pub(crate) fn camera_viewpoint(&self) -> Viewpoint {
+        self.camera.viewpoint()
     }
 
     /// Number of layers, at least 1.
@@ -152,10 +168,13 @@ impl Viewer {
         let ctx = ui.ctx().clone();
         let mut commands = self.keyboard(&ctx);
         let window = ui.available_rect_before_wrap();
+        let mut requests = Requests::default();
         if self.show_controls {
             let controls = Controls {
                 player: &mut self.player,
                 settings: &mut self.settings,
+                choices: &self.choices,
+                opening: &mut requests.open,
                 is_scrubbing: &mut self.is_scrubbing,
                 is_static: self.clip.is_static,
                 volume: volume.as_deref_mut(),
@@ -169,7 +188,6 @@ impl Viewer {
         let picture = ui.available_rect_before_wrap();
         self.mouse(ui, picture);
 
-        let mut requests = Requests::default();
         for command in commands {
             match (command, volume.as_deref_mut()) {
                 (Command::ToggleMuted, Some(volume)) => volume.toggle_muted(),
@@ -181,13 +199,17 @@ impl Viewer {
         }
         self.camera.fly(self.fly_keys.fly(), elapsed_s);
 
-        if self.show_statistics && self.show_controls && !self.show_keys {
+        let bar_height = window.bottom() - picture.bottom();
+        if self.show_statistics && self.show_controls && !self.show_keys && !self.gallery.is_open() {
             overlay::statistics(&ctx, statistics);
         }
         if self.show_keys {
             overlay::keys(&ctx);
         }
-        overlay::message(&ctx, window.bottom() - picture.bottom(), &mut self.message);
+        if let Some(opening) = self.gallery.show(&ctx, bar_height) {
+            requests.open = Some(opening);
+        }
+        overlay::message(&ctx, bar_height, &mut self.message);
         if ctx.input(|input| !input.raw.hovered_files.is_empty()) {
             overlay::drop_hint(&ctx);
         }
@@ -257,10 +279,17 @@ impl Viewer {
             Command::GoToViewpoint(number) => self.go_to_viewpoint(number),
             Command::Recentre => self.go_to_viewpoint(self.viewpoint),
             Command::Screenshot => requests.screenshot = true,
+            Command::OpenFile => requests.open = Some(Opening::Picker),
+            Command::ToggleGallery if self.gallery.is_open() => self.gallery.close(),
+            Command::ToggleGallery => requests.show_gallery = true,
+            Command::PreviousClip => requests.open = Some(Opening::Beside(Direction::Back)),
+            Command::NextClip => requests.open = Some(Opening::Beside(Direction::Forward)),
+            Command::SetPoster => requests.set_poster = true,
             Command::ToggleKeys => self.show_keys = !self.show_keys,
             Command::ToggleStatistics => self.show_statistics = !self.show_statistics,
             Command::ToggleInterface => self.show_controls = !self.show_controls,
             Command::ToggleFullScreen => requests.toggle_full_screen = true,
+            Command::Dismiss if self.gallery.is_open() => self.gallery.close(),
             Command::Dismiss if self.show_keys => self.show_keys = false,
             Command::Dismiss => self.message = None,
         }

@@ -33,6 +33,24 @@ pub(crate) fn clean(mut field: Field, repairs: &mut Repairs) -> Field {
     field
 }
 
+/// As [`clean`], for a static field whose rows keep their places: one that would be dropped becomes an invisible one at the
+/// origin. Returns the numbers of such rows, ascending, which are not counted.
+pub(crate) fn clean_in_place(mut field: Field, repairs: &mut Repairs) -> (Field, Vec<usize>) {
+    let lost: Vec<usize> = match field.temporal {
+        Some(_) => Vec::new(),
+        None => (0..field.len()).filter(|&row| unusable(&field, row).is_some()).collect(),
+    };
+    let coefficients = sh_coefficients(field.sh_degree);
+    for &row in &lost {
+        field.centers[row] = [0.0; 3];
+        field.rotations[row] = [1.0, 0.0, 0.0, 0.0];
+        field.log_scales[row] = [0.0; 3];
+        field.opacities[row] = 0.0;
+        field.sh[row * coefficients..(row + 1) * coefficients].fill([0.0; 3]);
+    }
+    (clean(field, repairs), lost)
+}
+
 /// Keeps the rows with these ascending indices.
 fn keep_rows(field: &mut Field, rows: &[usize]) {
     fn keep<T: Copy>(column: &mut Vec<T>, group: usize, rows: &[usize]) {

@@ -94,10 +94,32 @@ impl FieldSource {
     /// # Errors
     /// [`ImportError`] that names the file and the problem.
     pub(crate) fn read_clean(&self, path: &Path, budget: &mut ImportBudget) -> Result<Imported, ImportError> {
+        let mut imported = self.read_complete(path, budget)?;
+        imported.field = clean::clean(imported.field, &mut imported.repairs);
+        Ok(imported)
+    }
+
+    /// As [`FieldSource::read_clean`], for rows whose numbers matter: also returns those that cannot be used, which are
+    /// invisible.
+    ///
+    /// # Errors
+    /// As there.
+    pub(crate) fn read_in_place(
+        &self,
+        path: &Path,
+        budget: &mut ImportBudget,
+    ) -> Result<(Imported, Vec<usize>), ImportError> {
+        let mut imported = self.read_complete(path, budget)?;
+        let (field, lost) = clean::clean_in_place(imported.field, &mut imported.repairs);
+        imported.field = field;
+        Ok((imported, lost))
+    }
+
+    /// Reads the rows unchecked, most of which must be there.
+    fn read_complete(&self, path: &Path, budget: &mut ImportBudget) -> Result<Imported, ImportError> {
         let read = |budget: &mut ImportBudget| -> Result<Imported, String> {
-            let mut imported = self.read(budget)?;
+            let imported = self.read(budget)?;
             imported.check_complete()?;
-            imported.field = clean::clean(imported.field, &mut imported.repairs);
             Ok(imported)
         };
         read(budget).map_err(|what| match budget.is_exceeded() {

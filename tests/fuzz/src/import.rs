@@ -52,14 +52,17 @@ pub fn check_import(bytes: &[u8]) {
     check(imported);
 }
 
-/// Imports a sequence whose last frame is an input, with two frames of one Gaussian before.
+/// Imports two sequences of an input: as the last frame, with two frames of one Gaussian before, so that rows differ or
+/// there is one; and as all three frames, so that all its rows correspond.
 fn check_frame(files: &InputFiles, bytes: &[u8]) {
     static BEFORE: OnceLock<Vec<u8>> = OnceLock::new();
-    let before = BEFORE.get_or_init(one_gaussian);
-    for (frame, bytes) in [before, before, bytes].into_iter().enumerate() {
-        files.put(format!("frames/{frame}.ply"), bytes);
+    let before = &BEFORE.get_or_init(one_gaussian)[..];
+    for frames in [[before, before, bytes], [bytes; 3]] {
+        for (frame, bytes) in frames.into_iter().enumerate() {
+            files.put(format!("frames/{frame}.ply"), bytes);
+        }
+        check(Scene::load(&files.path("frames")).map(|scene| scene.subject));
     }
-    check(Scene::load(&files.path("frames")).map(|scene| scene.subject));
 }
 
 /// # Panics

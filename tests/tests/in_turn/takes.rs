@@ -13,9 +13,9 @@ use aarc_tests::take_files::{SegmentFile, take_package};
 use client::clips::{self, Content, SourceOptions};
 use client::gpu::{ChannelDepth, FrameLayout, Gpu, Offscreen, Pixels, RenderSettings, Renderer};
 use client::player::Player;
-use client::takes::{Extent, OpenTake, TakePlayer, UPLOAD_BYTES_MAX};
+use client::takes::{Extent, OpenTake, TakeCounts, TakePlayer, UPLOAD_BYTES_MAX};
 use client::view::View;
-use codec::Limits;
+use codec::{Limits, Sound, SoundInfo};
 use glam::UVec2;
 use libtest_mimic::Trial;
 use program::Fault;
@@ -43,6 +43,7 @@ pub(crate) fn trials() -> Vec<Trial> {
         gpu::trial("it plays at all speeds, both ways, in a loop, and in steps", Passes::Shared, |_| {
             speeds()
         }),
+        gpu::trial("a segment has its sound for as long as it plays", Passes::Shared, |_| sound()),
         gpu::trial("over a slow network fewer layers come in time", Passes::Shared, |_| slow()),
         gpu::trial("a seek over 58 Mbit/s shows the first layers, then all", Passes::Shared, |_| seeks()),
         gpu::trial("an hour opens over 58 Mbit/s as soon as its table is there", Passes::Shared, |_| hour()),
@@ -261,6 +262,52 @@ fn speeds() -> Result<(), String> {
             return Err(format!("{position_s} s is not shown"));
         }
     }
+    Ok(())
+}
+
+/// A loop of more segments than fit in GPU memory, each with sound.
+fn sound() -> Result<(), String> {
+    const COUNT: u32 = 80;
+    let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
+    let path = folder.path().join("take.aarc");
+    let info = SoundInfo {
+        channels: 1,
+        position: None,
+        stream: 1,
+        start: 0,
+        length: 48_000,
+        lead: 0,
+        packet_samples: 960,
+    };
+    let packets = vec![&[1u8][..]; info.packet_count()];
+    let one = Sound::new(info, packets.into_iter()).map_err(|(what, value)| format!("{what}: {value}"))?;
+    let recipe =
+        Recipe { count: 20, sh_degree: 0, motion: Motion::Dynamic, motion_order: 1, turning: false, seed: 1 };
+    let package = packaged(&recipe.field(), None, &[20]);
+    let package = codec::with_sound(&package, Some(&one)).map_err(|error| error.to_string())?;
+    let segment = |i: u32| SegmentFile {
+        start_s: UNIT_S * f64::from(i),
+        duration_s: 2.0 * UNIT_S,
+        package: package.clone(),
+    };
+    let segments: Vec<SegmentFile> = (0..COUNT).map(segment).collect();
+    let duration_s = UNIT_S * f64::from(COUNT + 1);
+    std::fs::write(&path, take_package(duration_s, 30.0, &segments).0).map_err(|error| error.to_string())?;
+    let mut played = Played::open(&path, duration_s)?;
+    played.settle()?;
+    let (mut rounds, mut last_s, mut most) = (0, 0.0, 0);
+    while rounds < 1 || played.player.position_s() < 5.0 {
+        played.frame(0.2)?;
+        let position_s = played.player.position_s();
+        rounds += u32::from(position_s < last_s);
+        last_s = position_s;
+        let TakeCounts { sounds, resident, .. } = played.take.counts();
+        if sounds < resident || sounds > resident + BACKLOG_MAX {
+            return Err(format!("{sounds} sounds of {resident} segments at {position_s} s"));
+        }
+        most = most.max(sounds);
+    }
+    println!("at most {most} sounds of {COUNT}");
     Ok(())
 }
 

@@ -12,8 +12,9 @@ use aarc_tests::outcome::{DATA, NETWORK, Outcome};
 use aarc_tests::programs::{Folder, client, run};
 use aarc_tests::scene::{Motion, Recipe, packaged};
 use aarc_tests::server::{Server, Stream};
+use aarc_tests::take_files::{SegmentFile, take_package};
 use client::gpu::Gpu;
-use codec::{Limits, contents};
+use codec::{Limits, Poster, contents};
 use libtest_mimic::{Failed, Trial};
 use rustls::pki_types::PrivateKeyDer;
 use rustls::{ServerConfig, ServerConnection, StreamOwned};
@@ -26,6 +27,7 @@ pub(crate) fn trials() -> Vec<Trial> {
     vec![
         gpu::trial("a URL gives the image of the file, also without the network", Passes::Shared, images),
         gpu::trial("a secure connection needs a trusted certificate", Passes::Shared, secure),
+        gpu::trial("a URL has the poster of its package", Passes::Shared, |_| poster()),
         Trial::test("faults are one sentence and an exit code", || faults().map_err(Failed::from)),
         gpu::trial("no output has the secrets of a URL", Passes::Shared, secrets),
         display::trial("a window plays the first layer before the rest is sent", window),
@@ -61,6 +63,36 @@ fn server_of(file: &Arc<[u8]>) -> Server {
             answer.file(request, &file, ETAG, file.len());
         }
     })
+}
+
+/// The image of the poster, of a file and of its URL, of a clip and of a take.
+fn poster() -> Result<(), String> {
+    let limits = Limits::default();
+    let poster = Poster { time_s: 0.7, position: [2.0, 1.0, -4.0], target: [0.0; 3], fov_y: 0.6 };
+    let clip = package();
+    let segment = SegmentFile { start_s: 0.0, duration_s: 2.0, package: clip.to_vec() };
+    for plain in [clip.to_vec(), take_package(2.0, 30.0, &[segment]).0] {
+        let file = codec::with_poster(&plain, Some(&poster), &limits).map_err(|error| error.to_string())?;
+        let folder = Folder::default();
+        folder.write("plain.aarc", &plain);
+        folder.write("clip.aarc", &file);
+        let server = Server::start(move |_, request, answer| answer.part(request, &file, ETAG));
+        let image = |clip: &str, image: &str| {
+            let line = format!("{clip} --headless --poster --size 96x64 --out {image}");
+            run(folder.command(client(), &line).env("XDG_CACHE_HOME", folder.path("cache"))).success();
+            folder.read(image)
+        };
+        let expected = image("clip.aarc", "file.png")?;
+        if expected == image("plain.aarc", "plain.png")? {
+            return Err("the file has no poster".into());
+        }
+        for name in ["fetched.png", "cached.png"] {
+            if image(&server.url("clip.aarc"), name)? != expected {
+                return Err(format!("{name} is another image than that of the file"));
+            }
+        }
+    }
+    Ok(())
 }
 
 fn images(_: &Gpu) -> Result<(), String> {

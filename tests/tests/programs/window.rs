@@ -1,6 +1,7 @@
 //! The desktop window on a display in memory: screenshots and key presses.
 
 use std::fs;
+use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::thread::sleep;
@@ -14,6 +15,11 @@ use libtest_mimic::{Failed, Trial};
 
 const SPACE: u32 = 0x20;
 const RIGHT: u32 = 0xff53;
+const PAGE_UP: u32 = 0xff55;
+const PAGE_DOWN: u32 = 0xff56;
+const ESCAPE: u32 = 0xff1b;
+const G: u32 = 'g' as u32;
+const O: u32 = 'o' as u32;
 const P: u32 = 'p' as u32;
 const U: u32 = 'u' as u32;
 
@@ -22,6 +28,7 @@ pub(crate) fn trials() -> Vec<Trial> {
     vec![
         trial("a clip plays, pauses, steps and is saved as an image", plays),
         trial("a static clip rests", rests),
+        trial("other clips are opened from the folder, from pictures and by a dialog", opens_others),
         trial("a broken clip opens no window", bad_clip),
         Trial::test("without a display", || without_display().map_err(Failed::from)),
     ]
@@ -106,6 +113,62 @@ fn rests(display: &Display) -> Result<(), String> {
         return Err(format!("it keeps a processor busy for {busy_s:.2} of 2 s"));
     }
     player.close()
+}
+
+/// The clips beside the one on display, the gallery with its thumbnails, the dialog, and what is remembered.
+fn opens_others(display: &Display) -> Result<(), String> {
+    let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
+    let root = folder.path();
+    for name in ["a.aarc", "b.aarc", "c.aarc"] {
+        write_clip(&root.join(name));
+    }
+    // In place of the desktop's dialog.
+    let program = root.join("zenity");
+    let chosen = root.join("c.aarc");
+    fs::write(&program, format!("#!/bin/sh\necho '{}'\n", chosen.display()))
+        .map_err(|error| error.to_string())?;
+    fs::set_permissions(&program, fs::Permissions::from_mode(0o755)).map_err(|error| error.to_string())?;
+    let mut command = display.command(client());
+    let path = std::env::var("PATH").unwrap_or_default();
+    command.arg("a.aarc").args(["--size", "800x600"]).current_dir(root);
+    command.env("PATH", format!("{}:{path}", root.display())).env_remove("DBUS_SESSION_BUS_ADDRESS");
+    command.env("XDG_CACHE_HOME", root.join("cache")).env("XDG_STATE_HOME", root.join("state"));
+    let player = display.open(&mut command, "a.aarc")?;
+    let window = player.window;
+    display.wait_until(window, |screen| screen.colors() > 500).ok_or("it shows no image")?;
+    display.focus(window);
+    let shows = |title: &str| {
+        let shown = display.wait_until(window, |_| display.title(window) == title);
+        shown.ok_or_else(|| format!("{} instead of {title}", display.title(window)))
+    };
+    display.press(PAGE_DOWN);
+    shows("b.aarc")?;
+    display.press(PAGE_UP);
+    shows("a.aarc")?;
+
+    display.press(G);
+    let thumbnails = root.join("cache/aarc/thumbnails");
+    let pictures =
+        || fs::read_dir(&thumbnails).map_or(0, |entries| entries.flatten().filter(is_picture).count());
+    display.wait_until(window, |_| pictures() == 3).ok_or_else(|| format!("{} pictures of 3", pictures()))?;
+    display.press(ESCAPE);
+
+    display.press(O);
+    shows("c.aarc")?;
+    player.close()?;
+    let recent =
+        fs::read_to_string(root.join("state/aarc/recent.json")).map_err(|error| error.to_string())?;
+    let recent: serde_json::Value = serde_json::from_str(&recent).map_err(|error| error.to_string())?;
+    let expected = ["c.aarc", "a.aarc", "b.aarc"].map(|name| root.join(name));
+    if recent["clips"] != serde_json::json!(expected) {
+        return Err(format!("it remembers {recent}"));
+    }
+    Ok(())
+}
+
+fn is_picture(entry: &fs::DirEntry) -> bool {
+    let size = image::image_dimensions(entry.path());
+    size.is_ok_and(|size| size == (320, 180))
 }
 
 /// Waits until the clip has not changed for half a second.

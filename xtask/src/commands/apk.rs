@@ -34,7 +34,7 @@ const LOADER: &str = "libopenxr_loader.so";
 const LOADER_IN_ARCHIVE: &str = "arm64-v8a/libopenxr_loader.so";
 
 /// The player's features on Android.
-const FEATURES: [&str; 3] = ["--no-default-features", "--features", "net,xr"];
+pub(super) const FEATURES: [&str; 3] = ["--no-default-features", "--features", "audio,net,xr"];
 
 /// Notice of the loader, which Khronos builds.
 const LOADER_NOTICE: &str = "

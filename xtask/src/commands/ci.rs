@@ -11,6 +11,7 @@ mod debian_rust;
 mod foreign;
 mod fuzz;
 mod steps;
+mod systems;
 
 use std::process::{Command, Stdio};
 use std::thread;
@@ -22,8 +23,8 @@ use crate::setup::{self, Need, SetupArgs};
 use steps::Steps;
 
 /// Run the checks for contributors: formatting, lints on every feature set, documentation, the tests
-/// that need an OpenXR runtime or ONNX Runtime, fuzzing, dependencies, lints for Android and what else can be
-/// checked for it without a headset.
+/// that need an OpenXR runtime or ONNX Runtime, fuzzing, dependencies, types and lints for Android, Windows and
+/// macOS, and what else can be checked for Android without a headset.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// Check everything, which takes an hour or two: also draw with a second Vulkan driver, decode and encode on
@@ -66,7 +67,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         (Need::CppCompiler, "nothing can be fuzzed and these checks fail"),
         (Need::Headset, "tests of the headset's path are ignored"),
         (Need::OnnxRuntime, "tests of networks are ignored"),
-        (Need::AndroidCompiler, "nothing is checked for Android"),
+        (Need::DebianRust, "nothing is checked for Android, Windows and macOS"),
         (Need::ApkTools, "only the packer's own checks look at an APK"),
     ];
     if args.full {
@@ -83,6 +84,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
             let mut steps = Steps { is_captured: true, ..Steps::default() };
             fuzz::check(&mut steps, args.full);
             packer(&mut steps);
+            systems::check(&mut steps);
             android::check(&mut steps, args.full);
             if args.full {
                 foreign::check(&mut steps);

@@ -23,17 +23,25 @@ pub(super) fn headset() -> Unpacked {
     }
 }
 
-/// A recent Rust from Debian with the source of its standard library, and a C compiler and linker. rustup's
+/// A recent Rust from Debian with the source of its standard library, a C compiler and linkers. rustup's
 /// compiler needs its standard library for a target installed; Debian's can build it from source. Headers
 /// and libraries of GNU/Linux on ARM stand in for Android's: what is built is for checking only.
-pub(super) fn android_compiler() -> Unpacked {
+pub(super) fn debian_rust() -> Unpacked {
     Unpacked {
-        folder: workspace::android_compiler_folder(),
+        folder: workspace::debian_rust_folder(),
         origin: Origin::Machine,
         // Debian keeps `rustc-web` as new as browsers need it.
-        packages: &["rustc-web", "rust-web-src", "rust-web-clippy", "clang", "lld", "libc6-dev-arm64-cross"],
+        packages: &[
+            "rustc-web",
+            "rust-web-src",
+            "rust-web-clippy",
+            "clang",
+            "lld",
+            "libc6-dev-arm64-cross",
+            "binutils-mingw-w64-x86-64",
+        ],
         keep: &["usr/bin", "usr/lib", "usr/src/*/library", "usr/aarch64-linux-gnu"],
-        size_mb: (266, 1000),
+        size_mb: (269, 1025),
     }
 }
 

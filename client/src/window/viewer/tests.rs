@@ -76,6 +76,22 @@ impl Bench {
         self.frame(0.0, vec![event(true), event(false)])
     }
 
+    /// Clicks where the interface shows this text.
+    fn click(&mut self, text: &str) -> Requests {
+        let screen_rect = Some(Rect::from_min_size(Pos2::ZERO, SIZE));
+        let input = RawInput { screen_rect, time: Some(self.time_s), focused: true, ..RawInput::default() };
+        let seconds = FrameSeconds { elapsed_s: 0.0, played_s: 0.0 };
+        let output = self.ctx.run_ui(input, |ui| {
+            self.viewer.frame(ui, seconds, None, &[]);
+        });
+        let found = output.shapes.iter().find_map(|shape| place(&shape.shape, text));
+        output.drop_without_applying_deltas();
+        let at = found.unwrap_or_else(|| panic!("{text} is not shown"));
+        let event = |pressed| primary(at, pressed);
+        self.frame(0.0, vec![Event::PointerMoved(at)]);
+        self.frame(0.0, vec![event(true), event(false)])
+    }
+
     fn drag(&mut self, button: PointerButton, modifiers: Modifiers, from: Pos2, to: Pos2) {
         let event = |pos, pressed| Event::PointerButton { pos, button, pressed, modifiers };
         let frames = [
@@ -91,6 +107,17 @@ impl Bench {
 
     fn eye(&self) -> [f64; 3] {
         self.viewer.camera(100, 100).position()
+    }
+}
+
+/// The middle of a text among shapes.
+fn place(shape: &egui::Shape, text: &str) -> Option<Pos2> {
+    match shape {
+        egui::Shape::Vec(shapes) => shapes.iter().find_map(|shape| place(shape, text)),
+        egui::Shape::Text(shape) if shape.galley.text() == text => {
+            Some(shape.visual_bounding_rect().center())
+        }
+        _ => None,
     }
 }
 
@@ -371,4 +398,37 @@ fn a_clip_with_sound_goes_on_by_what_is_heard_and_has_a_volume() {
     assert!(is_muted(&bench));
     bench.press(Key::M);
     assert!(!is_muted(&bench));
+}
+
+#[test]
+fn keys_and_the_menu_choose_other_clips() {
+    let mut bench = Bench::new();
+    let opened = |requests: Requests| requests.open;
+    assert_eq!(opened(bench.press(Key::O)), Some(Opening::Picker));
+    assert_eq!(opened(bench.press(Key::PageUp)), Some(Opening::Beside(Direction::Back)));
+    assert_eq!(opened(bench.press(Key::PageDown)), Some(Opening::Beside(Direction::Forward)));
+    assert!(bench.press(Key::G).show_gallery);
+    bench.viewer.choices = Choices {
+        has_previous: true,
+        has_next: true,
+        is_package: true,
+        recent: vec!["/clips/dance.aarc".into(), "https://host/a.aarc".into()],
+    };
+    assert_eq!(bench.click("Clips"), Requests::default());
+    bench.frame(0.0, vec![]);
+    assert_eq!(opened(bench.click("dance.aarc")), Some(Opening::Clip("/clips/dance.aarc".into())));
+    for (item, expected) in [
+        ("Next", Requests { open: Some(Opening::Beside(Direction::Forward)), ..Requests::default() }),
+        ("Use this frame as the poster", Requests { set_poster: true, ..Requests::default() }),
+    ] {
+        bench.frame(0.0, vec![]);
+        bench.click("Clips");
+        bench.frame(0.0, vec![]);
+        assert_eq!(bench.click(item), expected);
+    }
+    bench.viewer.choices.is_package = false;
+    bench.frame(0.0, vec![]);
+    bench.click("Clips");
+    bench.frame(0.0, vec![]);
+    assert!(!bench.click("Use this frame as the poster").set_poster, "it has no file to change");
 }

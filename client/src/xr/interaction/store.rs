@@ -3,8 +3,7 @@
 //! The file is a convenience: if it is missing or damaged, clips start in front of the viewer, and one line in
 //! the log says why. A thread writes it, so that no frame waits for the disk.
 
-use std::fs::File;
-use std::io::{self, Read, Write};
+use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -14,9 +13,9 @@ use std::thread::JoinHandle;
 use glam::DVec3;
 use log::warn;
 use serde::{Deserialize, Serialize};
-use tempfile::NamedTempFile;
 
 use super::placement::Placement;
+use crate::state_file;
 
 /// Name of the file in its folder.
 const FILE: &str = "placements.json";
@@ -112,8 +111,7 @@ impl PlacementStore {
             return;
         }
         let contents = Contents { version: VERSION, placements: &self.entries };
-        let mut bytes = serde_json::to_vec_pretty(&contents).expect("numbers and strings serialise");
-        bytes.push(b'\n');
+        let bytes = state_file::encode(&contents);
         let folder = &self.folder;
         // The thread ends only with the store.
         let _ = self.writer.get_or_insert_with(|| Writer::start(folder.clone())).files.send(bytes);
@@ -147,7 +145,7 @@ impl Writer {
         let has_failed = failed.clone();
         let write_all = move || {
             for bytes in arriving {
-                if let Err(error) = write(&folder, &bytes) {
+                if let Err(error) = state_file::write(&folder, FILE, &bytes) {
                     let path = folder.join(FILE);
                     warn!("cannot remember where clips stand: {}: {error}", path.display());
                     has_failed.store(true, Ordering::Release);
@@ -160,23 +158,8 @@ impl Writer {
     }
 }
 
-fn write(folder: &Path, bytes: &[u8]) -> io::Result<()> {
-    std::fs::create_dir_all(folder)?;
-    let mut file = NamedTempFile::new_in(folder)?;
-    file.write_all(bytes)?;
-    // A headset may lose power at any time: first the bytes, then the name.
-    file.as_file().sync_all()?;
-    file.persist(folder.join(FILE))?;
-    Ok(())
-}
-
 fn read(path: &Path) -> io::Result<Vec<Entry>> {
-    let mut text = String::new();
-    File::open(path)?.take(FILE_BYTES + 1).read_to_string(&mut text)?;
-    if text.len() as u64 > FILE_BYTES {
-        return Err(io::Error::other(format!("larger than {FILE_BYTES} bytes")));
-    }
-    let contents: Contents<Vec<Entry>> = serde_json::from_str(&text)?;
+    let contents: Contents<Vec<Entry>> = state_file::read(path, FILE_BYTES)?;
     if contents.version != VERSION {
         return Err(io::Error::other(format!("version {} instead of {VERSION}", contents.version)));
     }

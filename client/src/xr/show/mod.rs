@@ -15,7 +15,7 @@ use std::sync::Arc;
 use glam::{DVec3, UVec2};
 
 use crate::audio::Speaker;
-use crate::clips::{Change, ClipController, Entry, LoadOptions, Transition, title};
+use crate::clips::{Change, ClipController, Direction, Entry, LoadOptions, Transition, title};
 use crate::gpu::{FrameCounts, Gpu, Level, Renderer, RuntimeFormat, UiPainter};
 use crate::player::Player;
 use crate::takes::{TakeCounts, TakePlayer};
@@ -368,7 +368,7 @@ impl Show {
             quality: self.quality.level() as usize,
             lowered: self.quality.is_lowered(),
             passthrough: self.passthrough,
-            has_next: self.clips.has_next(),
+            has_next: self.clips.has_neighbour(Direction::Forward),
             volume: self.speaker.controls().map(|volume| (volume.level(), volume.is_muted())),
             buffered: self
                 .playing
@@ -392,7 +392,7 @@ impl Show {
             Command::Exit => return true,
             Command::Recentre => self.place.recentre(head),
             Command::NextClip => {
-                if let Some(Change::Waiting) = self.clips.skip() {
+                if let Some(Change::Waiting) = self.clips.skip(Direction::Forward) {
                     self.notices.work("Loading the next clip".into());
                 }
             }

@@ -48,7 +48,8 @@ impl<'d> Column<'d> {
     /// The accessor with this number, of rows of `N` numbers.
     ///
     /// # Errors
-    /// One sentence with the number: it is not there, sparse, of another type or other components.
+    /// One sentence with the number: it is not there, sparse, without a buffer view or vertices, of another type or other
+    /// components.
     pub(super) fn of<const N: usize>(document: &'d Document, number: usize) -> Result<Column<'d>, String> {
         let wrong = |what: String| format!("glTF: accessor {number} {what}");
         let accessor = document.accessors.get(number).ok_or_else(|| wrong("is not there".into()))?;
@@ -76,6 +77,14 @@ impl<'d> Column<'d> {
             5126 => Kind::F32,
             other => return Err(wrong(format!("has components of type {other}"))),
         };
+        if accessor.buffer_view.is_none() {
+            return Err(wrong(
+                "has no buffer view, so all its numbers are 0; write it with its numbers".into(),
+            ));
+        }
+        if accessor.count == 0 {
+            return Err(wrong("has no vertices; a glTF accessor has at least one".into()));
+        }
         Ok(Column { document, accessor, number, kind, components })
     }
 

@@ -57,10 +57,60 @@ fn fetch(uri: &str, buffer: &Buffer, folder: &Path, budget: &mut ImportBudget) -
         budget.spend(buffer.byte_length.min(text.len() as u64))?;
         return BASE64_STANDARD.decode(text).map_err(|error| error.to_string());
     }
-    let path = Path::new(uri);
-    let is_inside = path.components().all(|part| matches!(part, Component::Normal(_)));
-    if uri.contains(':') || !is_inside {
-        return Err("it is no file beside the glTF; write one file, a .glb".into());
+    let path = path_of(uri).ok_or("it is no file beside the glTF; write one file, a .glb")?;
+    budget.read_file(&folder.join(&path)).map_err(|what| format!("{path}: {what}"))
+}
+
+/// The path of a relative URI, without its percent-encoding; `None` if it leads out of its folder or is none.
+fn path_of(uri: &str) -> Option<String> {
+    let mut bytes = Vec::new();
+    let mut rest = uri.bytes();
+    while let Some(byte) = rest.next() {
+        bytes.push(match byte {
+            b'%' => {
+                let mut digit = || char::from(rest.next()?).to_digit(16);
+                (16 * digit()? + digit()?) as u8
+            }
+            byte => byte,
+        });
     }
-    budget.read_file(&folder.join(path)).map_err(|what| format!("{uri}: {what}"))
+    let path = String::from_utf8(bytes).ok()?;
+    let is_inside = |part: Component| matches!(part, Component::Normal(_) | Component::CurDir);
+    let has_name = Path::new(&path).file_name().is_some();
+    (has_name && !uri.contains(':') && Path::new(&path).components().all(is_inside)).then_some(path)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn uris_are_decoded_and_stay_in_their_folder() {
+        for (uri, path) in [
+            ("a.bin", "a.bin"),
+            ("./a.bin", "./a.bin"),
+            ("parts/./a.bin", "parts/./a.bin"),
+            ("two%20words%2Ebin", "two words.bin"),
+            ("%C3%A9.bin", "é.bin"),
+        ] {
+            assert_eq!(path_of(uri).as_deref(), Some(path), "{uri}");
+        }
+        for uri in [
+            "",
+            ".",
+            "..",
+            "../a.bin",
+            "%2e%2E/a.bin",
+            "a/%2e%2e/../b.bin",
+            "/a.bin",
+            "%2Fa.bin",
+            "http://a/b.bin",
+            "a%",
+            "a%2",
+            "a%zz.bin",
+            "a%ff.bin",
+        ] {
+            assert_eq!(path_of(uri), None, "{uri}");
+        }
+    }
 }

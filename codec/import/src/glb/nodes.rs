@@ -16,13 +16,16 @@ const IDENTITY: Affine = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0,
 /// without nodes all meshes.
 ///
 /// # Errors
-/// One sentence that names the node or its number: a number that is out of range, a node with two parents, a transform
-/// that Gaussians with view-dependent colours cannot follow.
+/// One sentence that names the scene or the node by its number: a number that is out of range, a node with two parents, a
+/// transform that Gaussians with view-dependent colours cannot follow.
 pub(super) fn placed(document: &Document) -> Result<Vec<(usize, Similarity)>, String> {
     if document.nodes.is_empty() {
         return Ok((0..document.meshes.len()).map(|mesh| (mesh, Similarity::IDENTITY)).collect());
     }
     let scene = document.scenes.get(document.scene.unwrap_or(0));
+    if let Some(number) = document.scene.filter(|_| scene.is_none()) {
+        return Err(format!("glTF: there is no scene {number}"));
+    }
     let mut is_child = vec![false; document.nodes.len()];
     for &child in document.nodes.iter().flat_map(|node| &node.children) {
         let Some(seen) = is_child.get_mut(child) else {
@@ -172,5 +175,8 @@ mod tests {
         let mut cycle = document(serde_json::json!([{"children": [1]}, {"children": [0]}]));
         cycle.scenes = serde_json::from_value(serde_json::json!([{"nodes": [0]}])).unwrap();
         assert!(placed(&cycle).unwrap_err().contains("twice"));
+        let mut other = document(serde_json::json!([{"mesh": 0}]));
+        other.scene = Some(3);
+        assert_eq!(placed(&other).unwrap_err(), "glTF: there is no scene 3");
     }
 }

@@ -1,19 +1,28 @@
 //! [`fitted`]: one moving field of frames whose rows correspond.
 
+use std::num::NonZero;
+use std::ops::Range;
+use std::thread::{self, available_parallelism};
+
 use codec::{Field, sh_coefficients};
 
 use crate::budget::ImportBudget;
 
+use super::lost::LostRows;
 use super::samples::{Filled, Samples};
 use super::track::Track;
 
 /// Tolerance of positions, relative to the size of the field: a pixel where it fills an image of a thousand.
-const TOLERANCE: f64 = 1e-3;
+pub(super) const TOLERANCE: f64 = 1e-3;
+
+/// Rows that a thread fits at a time.
+const ROWS_PER_THREAD: usize = 256;
 
 /// Fraction of the rows at either end of an axis that do not count for the size.
 const STRAYS: f64 = 0.02;
 
 /// The frames of a sequence whose rows correspond.
+#[derive(Default)]
 pub(super) struct Frames {
     /// Clip times, ascending.
     pub(super) times: Vec<f64>,
@@ -25,6 +34,8 @@ pub(super) struct Frames {
     pub(super) sh_degree: u8,
     /// Sums of the SH coefficients over the frames, as [`Field::sh`] has them.
     pub(super) sh_sums: Vec<[f32; 3]>,
+    /// Rows that cannot be used in some frames; their SH coefficients are 0 there.
+    pub(super) lost: LostRows,
 }
 
 /// The errors of a fit over all rows and frames.
@@ -40,6 +51,8 @@ pub(super) struct FitError {
     pub(super) size: f64,
     /// Rows that no frame shows.
     pub(super) invisible: usize,
+    /// Rows that are further off than the tolerances.
+    pub(super) rough: usize,
 }
 
 impl FitError {
@@ -52,6 +65,7 @@ impl FitError {
         self.opacity_squares += track.opacities.iter().map(|x| x * x).sum::<f64>();
         self.opacities += track.opacities.len() as f64;
         self.invisible += usize::from(track.pieces.is_empty());
+        self.rough += usize::from(track.is_rough);
     }
 
     /// Root mean square distance in source units.
@@ -77,12 +91,18 @@ pub(super) fn fitted(frames: &Frames, budget: &mut ImportBudget) -> Result<(Fiel
     let mut temporal = budget.temporal(rows, 3)?;
     let mut rates = budget.vec(rows)?;
     let coefficients = sh_coefficients(frames.sh_degree);
-    let scale = 1.0 / frames.frames.len() as f32;
     let filled = Filled::of(&frames.times, frames.steps);
-    for row in 0..rows {
+    let fit = |row: usize| {
         let samples = Samples::of_row(&filled, &frames.frames, row);
-        let track = Track::fit(&samples, TOLERANCE * size, frames.steps);
+        Track::fit(&samples, TOLERANCE * size, frames.steps)
+    };
+    let threads = available_parallelism().map_or(1, NonZero::get);
+    let batches = (0..rows).step_by(ROWS_PER_THREAD * threads);
+    let tracks =
+        batches.flat_map(|first| in_parallel(first..rows.min(first + ROWS_PER_THREAD * threads), &fit));
+    for (row, track) in tracks.enumerate() {
         error.add(&track);
+        let scale = 1.0 / (frames.frames.len() - frames.lost.of_row(row)).max(1) as f32;
         // The first piece of each row is counted already.
         let further = track.pieces.len().saturating_sub(1) as u64;
         budget.spend(further * 4 * (11 + 3 * coefficients as u64 + 15))?;
@@ -105,6 +125,23 @@ pub(super) fn fitted(frames: &Frames, budget: &mut ImportBudget) -> Result<(Fiel
     pieces.temporal = Some(temporal);
     pieces.filter = frames.frames[0].filter;
     Ok((pieces, error))
+}
+
+/// The results of `of` for each of `rows`, in order, with a thread for every [`ROWS_PER_THREAD`].
+fn in_parallel<T: Send>(rows: Range<usize>, of: &(impl Fn(usize) -> T + Sync)) -> Vec<T> {
+    let parts: Vec<Range<usize>> = rows
+        .clone()
+        .step_by(ROWS_PER_THREAD)
+        .map(|first| first..rows.end.min(first + ROWS_PER_THREAD))
+        .collect();
+    thread::scope(|scope| {
+        let part = |part: Range<usize>| scope.spawn(move || part.map(of).collect::<Vec<T>>());
+        let running: Vec<_> = parts.into_iter().map(part).collect();
+        let result = |thread: thread::ScopedJoinHandle<Vec<T>>| {
+            thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+        };
+        running.into_iter().flat_map(result).collect()
+    })
 }
 
 /// Diagonal of the box around nearly all centres; the largest standard deviation where they coincide.

@@ -7,6 +7,7 @@
 mod alone;
 mod files;
 mod fitted;
+mod lost;
 mod polynomial;
 mod reading;
 mod rows;
@@ -16,14 +17,16 @@ mod window;
 
 use std::path::Path;
 
+use codec::Field;
+
 use crate::budget::{ImportBudget, ImportLimits};
 use crate::clean::clean;
 use crate::error::ImportError;
-use crate::imported::{Hints, Imported};
+use crate::imported::{Hints, Imported, Repairs};
 
 use alone::FramesAlone;
-use fitted::{FitError, fitted};
-use reading::{Apart, Frame, Sequence, read_frame};
+use fitted::{FitError, TOLERANCE, fitted};
+use reading::{Apart, Frame, Sequence, Unusable, read_frame};
 
 pub use files::SequenceFiles;
 
@@ -54,7 +57,8 @@ pub fn import_sequence(files: &SequenceFiles, limits: ImportLimits) -> Result<Im
         }
         Some(apart) => {
             drop(sequence.frames);
-            let field = join_frames(files, limits)?;
+            let field;
+            (field, repairs) = join_frames(files, limits)?;
             let note = note_of_frames(&apart, field.len(), files.frames.len());
             (field, "PLY sequence", note)
         }
@@ -74,15 +78,17 @@ fn hints(first: &Hints, steps: usize) -> Hints {
     Hints { duration_s, frames: Some(steps), comments: Vec::new(), ..first.clone() }
 }
 
-/// The Gaussians of all frames, each in a window of its frame.
-fn join_frames(files: &SequenceFiles, limits: ImportLimits) -> Result<codec::Field, ImportError> {
+/// The Gaussians of all frames, each in a window of its frame, and what was repaired.
+fn join_frames(files: &SequenceFiles, limits: ImportLimits) -> Result<(Field, Repairs), ImportError> {
     // What was read before is gone.
     let mut budget = ImportBudget::new(limits);
     let mut joined = FramesAlone::new(files.steps());
+    let mut repairs = Repairs::default();
     let mut waiting: Option<Frame> = None;
     for (step, path) in &files.frames {
-        let frame = read_frame(path, *step, limits)?;
-        if frame.field.is_empty() {
+        let frame = read_frame(path, *step, limits, Unusable::Dropped)?;
+        repairs.add(&frame.repairs);
+        if frame.is_empty() {
             continue;
         }
         if let Some(before) = waiting.replace(frame) {
@@ -95,7 +101,7 @@ fn join_frames(files: &SequenceFiles, limits: ImportLimits) -> Result<codec::Fie
         let error = |what: String| ImportError::new(&last.path, what);
         joined.push(&last.field, last.step, files.steps() - last.step, &mut budget).map_err(error)?;
     }
-    Ok(joined.into_field())
+    Ok((joined.into_field(), repairs))
 }
 
 fn note_of_fit(frames: usize, rows: usize, gaussians: usize, error: &FitError) -> String {
@@ -109,6 +115,14 @@ fn note_of_fit(frames: usize, rows: usize, gaussians: usize, error: &FitError) -
         relative(error.position_max),
         error.opacity_rms()
     );
+    if error.rough > 0 {
+        let rough = error.rough;
+        note += &format!(
+            "; {rough} rows stay off by more than the tolerance of {} %: they jitter, or move too fast for the frames, and \
+             more Gaussians would gain little",
+            100.0 * TOLERANCE
+        );
+    }
     if error.invisible > 0 {
         note += &format!("; {} rows are invisible in all frames and left out", error.invisible);
     }

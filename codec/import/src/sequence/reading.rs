@@ -17,13 +17,34 @@ use crate::padding::padded_sh;
 /// Bytes of a row in a frame without view-dependent colour.
 const BYTES_PER_ROW: u64 = 56;
 
+/// Bytes of a row that cannot be used, at most: that of a row of its own.
+const BYTES_PER_LOST_ROW: u64 = 64;
+
 /// A static field and its place in the sequence. It may have no rows.
 pub(super) struct Frame {
     pub(super) field: Field,
     pub(super) step: usize,
     pub(super) path: PathBuf,
     hints: Hints,
-    repairs: Repairs,
+    pub(super) repairs: Repairs,
+    /// Rows that cannot be used, ascending, if they were not left out.
+    lost: Vec<usize>,
+}
+
+impl Frame {
+    /// Whether there is nothing to draw.
+    pub(super) fn is_empty(&self) -> bool {
+        self.lost.len() == self.field.len()
+    }
+}
+
+/// What becomes of rows that cannot be used.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Unusable {
+    /// They are left out.
+    Dropped,
+    /// They keep their places and are listed.
+    Listed,
 }
 
 /// Why the rows of a sequence do not correspond.
@@ -50,15 +71,24 @@ pub(super) struct Sequence {
 ///
 /// # Errors
 /// [`ImportError`] that names the frame, which cannot be imported or moves.
-pub(super) fn read_frame(path: &Path, step: usize, limits: ImportLimits) -> Result<Frame, ImportError> {
+pub(super) fn read_frame(
+    path: &Path,
+    step: usize,
+    limits: ImportLimits,
+    unusable: Unusable,
+) -> Result<Frame, ImportError> {
     let mut budget = ImportBudget::new(limits);
-    let imported = FieldSource::open(path, &mut budget)?.read_clean(path, &mut budget)?;
+    let source = FieldSource::open(path, &mut budget)?;
+    let (imported, lost) = match unusable {
+        Unusable::Dropped => (source.read_clean(path, &mut budget)?, Vec::new()),
+        Unusable::Listed => source.read_in_place(path, &mut budget)?,
+    };
     if imported.field.temporal.is_some() {
         let what = "this frame moves or fades by itself; a sequence has static frames, `export --sequence` writes such";
         return Err(ImportError::new(path, what));
     }
     let (hints, repairs) = (imported.hints, imported.repairs);
-    Ok(Frame { field: imported.field, step, path: path.to_owned(), hints, repairs })
+    Ok(Frame { field: imported.field, step, path: path.to_owned(), hints, repairs, lost })
 }
 
 impl Sequence {
@@ -80,15 +110,14 @@ impl Sequence {
             );
             return Err(ImportError::new(folder, what));
         }
-        let frames =
-            Frames { times: Vec::new(), frames: Vec::new(), steps, sh_degree: 0, sh_sums: Vec::new() };
+        let frames = Frames { steps, ..Frames::default() };
         let (hints, repairs) = (Hints::default(), Repairs::default());
         let mut sequence = Sequence { frames, apart: None, hints, repairs, empty: 0 };
         let mut before: Option<Frame> = None;
         for (step, path) in &files.frames {
-            let frame = read_frame(path, *step, limits)?;
+            let frame = read_frame(path, *step, limits, Unusable::Listed)?;
             sequence.repairs.add(&frame.repairs);
-            if frame.field.is_empty() {
+            if frame.is_empty() {
                 sequence.empty += 1;
                 continue;
             }
@@ -111,6 +140,9 @@ impl Sequence {
                 "neither this frame nor a later one has Gaussians; export them again",
             ));
         }
+        let Frames { times, frames, lost, .. } = &mut sequence.frames;
+        lost.fill(times, frames);
+        sequence.repairs.repair_rows("not usable in a frame, filled from those beside", lost.count());
         Ok(sequence)
     }
 
@@ -118,15 +150,10 @@ impl Sequence {
     fn difference(&self, before: &Frame, frame: &Frame) -> Option<Apart> {
         let [a, b] = [before, frame].map(|frame| frame.path.file_name().unwrap_or_default().display());
         let (rows_a, rows_b) = (before.field.len(), frame.field.len());
-        let dropped = |frame: &Frame| frame.repairs.dropped.values().sum::<usize>();
-        let reason = if let Some((frame, name)) =
-            [(before, &a), (frame, &b)].into_iter().find(|(f, _)| dropped(f) > 0)
-        {
-            // The rows after one that is left out are not those of other frames.
-            format!("{name} has {} rows that cannot be drawn, left out", dropped(frame))
-        } else if rows_a != rows_b {
+        let is_lost = |row: usize| [before, frame].iter().any(|frame| frame.lost.binary_search(&row).is_ok());
+        let reason = if rows_a != rows_b {
             format!("{a} has {rows_a} rows and {b} has {rows_b}")
-        } else if correspond(&before.field, &frame.field) {
+        } else if correspond(&before.field, &frame.field, is_lost) {
             return None;
         } else {
             format!("{b} has other Gaussians in its rows than {a}")
@@ -138,8 +165,9 @@ impl Sequence {
     /// Adds a frame with the rows of those before.
     fn add(&mut self, frame: &Frame, budget: &mut ImportBudget) -> Result<(), String> {
         let field = &frame.field;
-        budget.spend(field.len() as u64 * BYTES_PER_ROW)?;
-        let Frames { times, frames, steps, sh_degree, sh_sums } = &mut self.frames;
+        budget.spend(field.len() as u64 * BYTES_PER_ROW + frame.lost.len() as u64 * BYTES_PER_LOST_ROW)?;
+        let Frames { times, frames, steps, sh_degree, sh_sums, lost } = &mut self.frames;
+        lost.add(frames.len(), &frame.lost);
         let degree = field.sh_degree.max(*sh_degree);
         if frames.is_empty() {
             budget.spend(12 * field.sh.len() as u64)?;

@@ -12,8 +12,8 @@ const ROWS_MAX: usize = 4096;
 /// Fraction of the rows that must resemble their own row most. One third does by chance.
 const SHARE_MIN: f64 = 0.8;
 
-/// Whether the rows of two frames of the same length correspond.
-pub(super) fn correspond(a: &Field, b: &Field) -> bool {
+/// Whether the rows of two frames of the same length correspond. Rows that `is_lost` are not compared.
+pub(super) fn correspond(a: &Field, b: &Field, is_lost: impl Fn(usize) -> bool) -> bool {
     let rows = a.len();
     if rows != b.len() {
         return false;
@@ -25,9 +25,9 @@ pub(super) fn correspond(a: &Field, b: &Field) -> bool {
         let own = distance(a, row, b, row, size);
         [1, rows / 2, rows - 1].iter().all(|offset| own <= distance(a, row, b, (row + offset) % rows, size))
     };
-    let compared = (0..rows).step_by(step);
-    let count = compared.len() as f64;
-    compared.filter(resembles_its_own).count() as f64 >= SHARE_MIN * count
+    let compared: Vec<usize> = (0..rows).step_by(step).filter(|&row| !is_lost(row)).collect();
+    let alike = compared.iter().filter(|row| resembles_its_own(row)).count();
+    alike as f64 >= SHARE_MIN * compared.len() as f64
 }
 
 /// Squared difference of two rows: positions by the size of the field, sizes and colours.

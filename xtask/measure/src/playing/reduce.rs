@@ -1,6 +1,6 @@
 //! Reduced clips: without some columns of the Gaussians.
 
-use codec::{Clip, Field, LayerEnd, Temporal, TimeIndex, sh_coefficients};
+use codec::{Clip, Field, Temporal, sh_coefficients};
 
 /// The clip with view-dependent colour up to `degree`.
 pub(super) fn to_sh_degree(clip: &Clip, degree: u8) -> Clip {
@@ -70,15 +70,7 @@ pub(super) fn to_alive(clip: &Clip, t: f64, least: f64) -> Clip {
         field.select(&rows)
     };
     let (static_field, dynamic_field) = (alive(&clip.static_field), alive(&clip.dynamic_field));
-    let end = LayerEnd { static_count: static_field.len(), dynamic_count: dynamic_field.len() };
-    Clip {
-        layers: vec![end],
-        layers_announced: vec![end],
-        time_index: TimeIndex::of_candidates(dynamic_field.len()),
-        static_field,
-        dynamic_field,
-        ..clip.clone()
-    }
+    Clip::of_one_layer(clip.info.clone(), clip.bounds, static_field, dynamic_field, clip.plate.clone())
 }
 
 #[cfg(test)]

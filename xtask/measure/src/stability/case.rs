@@ -2,7 +2,7 @@
 //! reference's.
 
 use client::gpu::{SortOrder, Span, TakeLayout};
-use codec::{Camera, Clip, ClipInfo, Field, LayerEnd, TimeIndex};
+use codec::{Camera, Clip, ClipInfo, Field};
 use refine::prune::PosedView;
 
 use crate::resident::layout_of;
@@ -164,17 +164,8 @@ pub(super) fn exact(field: Field) -> Clip {
     let bounds = field.bounds();
     let (static_field, dynamic_field) =
         if field.temporal.is_some() { (Field::default(), field) } else { (field, Field::default()) };
-    let end = LayerEnd { static_count: static_field.len(), dynamic_count: dynamic_field.len() };
-    Clip {
-        info: ClipInfo { viewpoints: Vec::new(), ..info() },
-        bounds,
-        time_index: TimeIndex::of_candidates(dynamic_field.len()),
-        static_field,
-        dynamic_field,
-        layers: vec![end],
-        layers_announced: vec![end],
-        plate: None,
-    }
+    let info = ClipInfo { viewpoints: Vec::new(), ..info() };
+    Clip::of_one_layer(info, bounds, static_field, dynamic_field, None)
 }
 
 /// The field that [`exact`] made this clip from.

@@ -1,7 +1,6 @@
 //! Android checks that need neither the NDK nor a headset.
 //!
-//! Debian's Rust checks types and lints of the player for 64-bit ARM. A full run compiles the
-//! player and links it against stand-ins for Android's libraries that have exactly the symbols of
+//! A full run compiles the player with Debian's Rust and links it against stand-ins for Android's libraries that have exactly the symbols of
 //! `android/symbols.txt`; a new symbol has to be looked up and added there. The library (in a
 //! short run a stub) is packed as an APK, which Android's own programs check.
 //!
@@ -17,19 +16,16 @@ use xtask::workspace;
 
 use super::debian_rust;
 use super::steps::Steps;
-use crate::commands::apk::{API_LEVEL, LIBRARY, PAGE_BYTES, TARGET};
+use crate::commands::apk::{API_LEVEL, FEATURES, LIBRARY, PAGE_BYTES, TARGET};
 use crate::setup::Need;
 
 /// Runs the checks that this machine can run; with `is_full` also links the player.
 pub(super) fn check(steps: &mut Steps, is_full: bool) {
     let mut library = None;
-    if Need::AndroidCompiler.is_met() {
-        steps.run("lints, Android", &mut clippy());
-        if is_full {
-            library = link(steps);
-        }
-    } else {
-        steps.skip("the player for Android", "no compiler for Android is installed");
+    if is_full && Need::DebianRust.is_met() {
+        library = link(steps);
+    } else if is_full {
+        steps.skip("link, Android", "its compiler is not installed");
     }
     if Need::ApkTools.is_met() {
         check_apk(steps, library.as_deref());
@@ -54,19 +50,10 @@ fn check_apk(steps: &mut Steps, library: Option<&Path>) {
     steps.run(name, &mut test);
 }
 
-/// Lints the player; every warning is an error.
-fn clippy() -> Command {
-    let mut clippy = workspace::builder(debian_rust::program("cargo-clippy"));
-    clippy.args(["clippy", "--quiet"]);
-    configure(&mut clippy);
-    clippy.args(["--", "--deny", "warnings"]);
-    clippy
-}
-
 /// Builds and links the player's library, and returns its path.
 fn link(steps: &mut Steps) -> Option<PathBuf> {
     let name = "link, Android";
-    let stand_ins = folder().join("stand-ins");
+    let stand_ins = debian_rust::folder().join("stand-ins");
     let made = fs::read_to_string(workspace::root().join("android/symbols.txt"))
         .context("android/symbols.txt")
         .and_then(|list| make_stand_ins(&parse_symbols(&list)?, &stand_ins));
@@ -87,16 +74,16 @@ fn link(steps: &mut Steps) -> Option<PathBuf> {
         .env("CARGO_ENCODED_RUSTFLAGS", flags.join("\x1f"))
         .env("CARGO_PROFILE_RELEASE_STRIP", "symbols");
     let linked = steps.run(name, &mut cargo);
-    linked.then(|| folder().join(TARGET).join("release").join(LIBRARY))
+    linked.then(|| debian_rust::folder().join(TARGET).join("release").join(LIBRARY))
 }
 
 /// Sets arguments and environment so that Cargo builds the player for Android.
 fn configure(cargo: &mut Command) {
     // Headers of GNU/Linux stand in for Android's.
-    let headers = workspace::android_compiler_folder().join("usr/aarch64-linux-gnu/include");
+    let headers = workspace::debian_rust_folder().join("usr/aarch64-linux-gnu/include");
     let flags = format!("--target={TARGET}{API_LEVEL} -nostdlibinc -isystem {}", headers.display());
-    cargo.args(["--package", "client", "--lib", "--no-default-features", "--features", "net,xr"]);
-    debian_rust::configure(cargo, TARGET, "std,panic_abort", &folder());
+    cargo.args(["--package", "client", "--lib"]).args(FEATURES);
+    debian_rust::configure(cargo, TARGET, "std,panic_abort", &debian_rust::folder());
     cargo
         .env("CC_aarch64_linux_android", debian_rust::program("clang"))
         .env("CFLAGS_aarch64_linux_android", flags)
@@ -135,11 +122,6 @@ fn make_stand_ins(symbols: &Symbols<'_>, folder: &Path) -> anyhow::Result<()> {
 
 /// Linker arguments in addition to Rust's.
 const LINK_ARGS: [&str; 3] = ["-fuse-ld=lld", "-nostartfiles", "-Wl,--no-undefined"];
-
-/// Build folder. Another compiler must not share Cargo's cache.
-fn folder() -> PathBuf {
-    workspace::target_folder().join("android-check")
-}
 
 /// Symbols by library.
 type Symbols<'a> = BTreeMap<&'a str, Vec<&'a str>>;

@@ -8,12 +8,17 @@ use xtask::workspace;
 
 /// Path of a program of the compilers.
 pub(super) fn program(name: &str) -> PathBuf {
-    workspace::android_compiler_folder().join("usr/bin").join(name)
+    workspace::debian_rust_folder().join("usr/bin").join(name)
 }
 
 /// Folder of the shared libraries that the programs load.
 pub(super) fn libraries() -> PathBuf {
-    workspace::android_compiler_folder().join(format!("usr/lib/{}-linux-gnu", std::env::consts::ARCH))
+    workspace::debian_rust_folder().join(format!("usr/lib/{}-linux-gnu", std::env::consts::ARCH))
+}
+
+/// Build folder of what is checked for other systems, which share build scripts and macros.
+pub(super) fn folder() -> PathBuf {
+    workspace::target_folder().join("systems-check")
 }
 
 /// Sets arguments and environment so that Cargo builds for `target` with this compiler, and the crates

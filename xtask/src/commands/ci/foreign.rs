@@ -47,7 +47,7 @@ const PROCESSORS: [Processor; 3] = [
 pub(super) fn check(steps: &mut Steps) {
     for processor in &PROCESSORS {
         let name = format!("the codec on {}", processor.name);
-        if Need::Foreign.is_met() && Need::AndroidCompiler.is_met() {
+        if Need::Foreign.is_met() && Need::DebianRust.is_met() {
             steps.run(&name, &mut processor.test());
         } else {
             steps.skip(&name, "its compilers or its emulator are not there");

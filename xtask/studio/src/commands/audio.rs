@@ -16,7 +16,7 @@ const NONE: &str = "none";
 pub(super) struct AudioOptions {
     /// Sound of the clip or the take: any file with sound that ffmpeg reads; none leaves out that of a capture, which is
     /// taken otherwise
-    #[arg(long, value_name = "FILE|none", conflicts_with = "list")]
+    #[arg(long, value_name = "FILE|none")]
     audio: Option<PathBuf>,
     /// Second of the clip at which the file begins; below 0 for a file that begins before the clip
     #[arg(long, value_name = "S", requires = "audio", allow_negative_numbers = true, default_value_t = 0.0,
@@ -41,6 +41,21 @@ fn position(text: &str) -> Result<[f32; 3], String> {
 }
 
 impl AudioOptions {
+    /// Checks the file before any work is done. With `is_list` there is none: it would be the sound of every take.
+    ///
+    /// # Errors
+    /// [`Fault::Usage`] for a file with a list; those of [`Soundtrack::check`].
+    pub(super) fn check(&self, is_list: bool) -> Result<(), Fault> {
+        match self.audio.as_deref().filter(|path| *path != Path::new(NONE)) {
+            Some(_) if is_list => Err(Fault::Usage(
+                "--audio: one file cannot be the sound of every take of a list; give none, or package takes one by one"
+                    .into(),
+            )),
+            Some(path) => Soundtrack::check(path),
+            None => Ok(()),
+        }
+    }
+
     /// The sound of a clip or a take of `duration_s` seconds: that of the options, or of the capture, which has it from
     /// second `first_s` on.
     ///

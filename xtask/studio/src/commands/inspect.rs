@@ -11,10 +11,12 @@ use crate::input::read_package;
 use crate::left_out::{LeftOut, gpu_bytes, left_out};
 use crate::messages::{bad_package, decimal};
 use crate::segments::TakeFile;
-use codec::{AttributeSize, Clip, Contents, Field, Limits, Region, SectionKind, Sound};
+use anyhow::bail;
+use codec::{AttributeSize, Clip, Contents, Field, Limits, Region, SectionKind};
+use program::Fault;
 use serde::Serialize;
 
-use rows::{Audio, Plate, ViewpointRow};
+use rows::{Audio, Damage, Plate, PosterRow, ViewpointRow};
 
 /// Clip times at which alive Gaussians are counted.
 const TIMES: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
@@ -40,12 +42,14 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let contents = codec::contents(&bytes, &limits).map_err(bad)?;
     let clip = codec::decode(&bytes, &limits).map_err(bad)?;
     let attributes = codec::measure(&bytes, &limits).map_err(bad)?;
-    let sound = contents.sound(&bytes, &limits).map_err(bad)?;
-    let inspection = inspect(&bytes, contents, &clip, attributes, sound.as_ref());
+    let inspection = inspect(&bytes, contents, &clip, attributes);
     if args.json {
         println!("{}", serde_json::to_string_pretty(&inspection)?);
     } else {
         inspection.print(&args.clip);
+    }
+    if let Some(what) = Damage::sentence(&inspection.damaged) {
+        bail!(Fault::Data(format!("{}: {what}", args.clip.display())));
     }
     Ok(())
 }
@@ -78,6 +82,9 @@ struct Inspection {
     by_device: bool,
     plate: Option<Plate>,
     audio: Option<Audio>,
+    poster: Option<PosterRow>,
+    /// Sections that are damaged and without which the clip plays.
+    damaged: Vec<Damage>,
     layers: Vec<Layer>,
     /// One, as a clip is a take of one segment.
     segments: [OnlySegment; 1],
@@ -144,14 +151,13 @@ struct Section {
     raw_bytes: usize,
 }
 
-fn inspect(
-    bytes: &[u8],
-    contents: Contents,
-    clip: &Clip,
-    attributes: Vec<AttributeSize>,
-    sound: Option<&Sound>,
-) -> Inspection {
+fn inspect(bytes: &[u8], contents: Contents, clip: &Clip, attributes: Vec<AttributeSize>) -> Inspection {
     let info = &clip.info;
+    let (limits, mut damaged) = (Limits::default(), Vec::new());
+    let sound = contents.sound(bytes, &limits).map_err(|error| error.to_string());
+    let audio = Damage::note(&mut damaged, "sound", sound).map(|sound| Audio::from(&sound));
+    let poster = codec::poster(bytes, &limits).map_err(|error| error.to_string());
+    let poster = Damage::note(&mut damaged, "poster", poster).map(PosterRow::from);
     Inspection {
         format_version: format!("{}.{}", contents.version_major, contents.version_minor),
         coder: contents.coder.name(),
@@ -177,7 +183,9 @@ fn inspect(
             sh_degree: plate.sh_degree,
             filter: plate.filter.name(),
         }),
-        audio: sound.map(Audio::from),
+        audio,
+        poster,
+        damaged,
         layers: layers(&contents, clip.layers.len()),
         segments: [OnlySegment {
             start_s: 0.0,
@@ -306,7 +314,9 @@ impl Inspection {
             }
             None => println!("plate       none"),
         }
-        println!("sound       {}", self.audio.as_ref().map_or("none".into(), Audio::describe));
+        let line = |section, value| Damage::line(&self.damaged, section, value);
+        println!("sound       {}", line("sound", self.audio.as_ref().map(Audio::describe)));
+        println!("poster      {}", line("poster", self.poster.as_ref().map(PosterRow::describe)));
 
         println!("\n{:<8}{:>12}{:>12}  (to its end)", "layer", "gaussians", "bytes");
         for (i, layer) in self.layers.iter().enumerate() {

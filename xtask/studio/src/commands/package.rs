@@ -176,6 +176,7 @@ fn joint_rounds(text: &str) -> Result<usize, String> {
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
+    args.sound.check(args.many.list.is_some())?;
     match args.many.list_and_folder(&args.out) {
         Some((list, folder)) => run_many(args, list, folder),
         None => run_one(args),

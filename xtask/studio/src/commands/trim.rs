@@ -31,11 +31,12 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     output::check(&args.out)?;
     let file = TakeFile::open(&args.take)?;
     let trimmed = trim(&file, args.from, args.to, &args.out)?;
-    let TrimmedTake { duration_s, source_s, segments, source_segments, bytes, before_s, after_s } = trimmed;
+    let TrimmedTake { duration_s, source_s, segments, source_segments, bytes, before_s, after_s, .. } =
+        trimmed;
     if args.json {
         let trimmed = json!({
             "out": args.out, "duration_s": duration_s, "segments": segments, "bytes": bytes,
-            "hidden_before_s": before_s, "hidden_after_s": after_s,
+            "hidden_before_s": before_s, "hidden_after_s": after_s, "poster_lost": trimmed.is_poster_lost,
         });
         println!("{trimmed:#}");
         return Ok(());
@@ -50,6 +51,12 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     if before_s > 0.0 || after_s > 0.0 {
         println!(
             "not shown, but still in the file: up to {before} s before the part and {after} s after it, of segments that overlap it"
+        );
+    }
+    if trimmed.is_poster_lost {
+        let out = args.out.display();
+        println!(
+            "the poster was left behind with its segment; aarc-studio poster {out} --time S sets another"
         );
     }
     Ok(())

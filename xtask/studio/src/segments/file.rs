@@ -6,7 +6,7 @@ use std::num::NonZero;
 use std::path::{Path, PathBuf};
 use std::thread::available_parallelism;
 
-use codec::{Clip, Contents, Error, FormatError, Limits, Package, Sound, Take};
+use codec::{Clip, Contents, Error, FormatError, Limits, Package, Poster, Sound, Take};
 use program::Fault;
 
 use super::folder::FieldFolder;
@@ -140,6 +140,18 @@ impl TakeFile {
         let sound = contents.sound(&self.read(index)?, &Limits::default());
         // The offset of an error counts from the start of the segment.
         sound.map_err(|error| self.damaged(index, &format!("{error} of the segment")))
+    }
+
+    /// The poster, which the first segment has; its time lies in the clip or take.
+    ///
+    /// # Errors
+    /// [`Fault::Data`] that names the segment if it is cut short or damaged.
+    pub fn poster(&self) -> Result<Option<Poster>, Fault> {
+        let poster = self.contents(0)?.poster(&self.read(0)?);
+        let poster = poster.map_err(|error| self.damaged(0, &format!("{error} of the segment")))?;
+        let start_s = self.take.segments[0].start_s;
+        let placed = |poster: Poster| (poster.time_s + start_s).clamp(0.0, self.take.duration_s);
+        Ok(poster.map(|poster| Poster { time_s: placed(poster), ..poster }))
     }
 
     /// The bytes of a whole segment, of which the checksums of all sections are right. `contents` is its head.

@@ -33,6 +33,8 @@ pub struct TrimmedTake {
     pub before_s: f64,
     /// Longest time after its end.
     pub after_s: f64,
+    /// Whether the take had a poster that the part has not: its segment was left out, or is no longer the first.
+    pub is_poster_lost: bool,
 }
 
 /// Writes the part of a take from second `from_s` to second `to_s` to `out`.
@@ -73,6 +75,8 @@ pub fn trim(file: &TakeFile, from_s: f64, to_s: f64, out: &Path) -> anyhow::Resu
     let most = |beyond: fn(&Span, f64) -> f64| {
         order.iter().map(|(_, span)| beyond(span, duration_s)).fold(0.0, f64::max)
     };
+    // A poster that is damaged stays so with its segment.
+    let has_poster = file.poster().is_ok_and(|poster| poster.is_some());
     Ok(TrimmedTake {
         duration_s,
         source_s: take.duration_s,
@@ -81,6 +85,7 @@ pub fn trim(file: &TakeFile, from_s: f64, to_s: f64, out: &Path) -> anyhow::Resu
         bytes,
         before_s: most(|span, _| -span.start_s),
         after_s: most(|span, duration_s| span.end_s() - duration_s),
+        is_poster_lost: has_poster && order[0].0 != 0,
     })
 }
 

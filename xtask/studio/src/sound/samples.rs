@@ -2,6 +2,7 @@
 
 use std::fs::File;
 use std::io::{BufReader, BufWriter, Read, Seek, SeekFrom, Write};
+use std::path::Path;
 use std::process::Stdio;
 
 use codec::SOUND_RATE_HZ;
@@ -50,9 +51,8 @@ impl Samples {
     /// [`Fault::Usage`] without ffmpeg or a scratch file; [`Fault::Data`] if there is no sound that it can decode.
     pub(super) fn decode(source: &SoundSource, duration_s: f64) -> Result<Samples, Fault> {
         let path = &source.path;
-        std::fs::metadata(path).map_err(|error| unreadable(path, &error))?;
         let bad = |what: String| Fault::Data(format!("{}: {what}", path.display()));
-        let of_file = probe(source)?;
+        let of_file = probe(path)?;
         let channels: u8 = if of_file == 1 || source.position.is_some() { 1 } else { 2 };
         let mut notes = Vec::new();
         if of_file > u32::from(channels) {
@@ -160,9 +160,12 @@ impl Samples {
     }
 }
 
-/// Number of channels of the first sound track.
-fn probe(source: &SoundSource) -> Result<u32, Fault> {
-    let path = &source.path;
+/// Number of channels of the first sound track of a file.
+///
+/// # Errors
+/// [`Fault::Usage`] if ffmpeg is missing; [`Fault::Data`] if the file cannot be read or has no sound.
+pub(super) fn probe(path: &Path) -> Result<u32, Fault> {
+    std::fs::metadata(path).map_err(|error| unreadable(path, &error))?;
     let bad = |what: String| Fault::Data(format!("{}: {what}", path.display()));
     let output = ffmpeg::output("ffprobe", |command| {
         command.args(["-v", "error", "-select_streams", "a:0", "-show_entries", "stream=channels"]);

@@ -7,7 +7,7 @@ use program::Fault;
 use serde::Serialize;
 
 use super::packets::Stream;
-use super::samples::Samples;
+use super::samples::{Samples, probe};
 use super::source::SoundSource;
 use crate::messages::decimal;
 
@@ -61,6 +61,14 @@ impl SoundReport {
 }
 
 impl Soundtrack {
+    /// Checks that a file has a sound track.
+    ///
+    /// # Errors
+    /// [`Fault::Usage`] if ffmpeg is missing; [`Fault::Data`] if the file cannot be read or has no sound.
+    pub fn check(path: &Path) -> Result<(), Fault> {
+        probe(path).map(drop)
+    }
+
     /// Encodes the sound of a clip or a take of `duration_s` seconds. What lies outside it is left out.
     ///
     /// # Errors

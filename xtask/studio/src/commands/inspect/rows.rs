@@ -1,6 +1,6 @@
 //! Parts of the JSON that clips and takes share.
 
-use codec::{SOUND_RATE_HZ, Sound, Viewpoint};
+use codec::{Poster, SOUND_RATE_HZ, Sound, Viewpoint};
 use serde::Serialize;
 
 use crate::messages::decimal;
@@ -68,6 +68,68 @@ impl From<&Sound> for Audio {
             bytes: sound.packet_bytes(),
             position: info.position,
         }
+    }
+}
+
+/// The time and view that stand for a package.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub(super) struct PosterRow {
+    time_s: f64,
+    position: [f32; 3],
+    target: [f32; 3],
+    fov_y_deg: f32,
+}
+
+impl PosterRow {
+    /// The line of the terminal.
+    pub(super) fn describe(&self) -> String {
+        let PosterRow { time_s, position, target, fov_y_deg } = self;
+        let time_s = decimal(*time_s, 3);
+        format!("at {time_s} s, from {position:?}, looks at {target:?}, {fov_y_deg:.1} degrees high")
+    }
+}
+
+impl From<Poster> for PosterRow {
+    fn from(poster: Poster) -> PosterRow {
+        let Poster { time_s, position, target, fov_y } = poster;
+        PosterRow { time_s, position, target, fov_y_deg: fov_y.to_degrees() }
+    }
+}
+
+/// A section without which a package plays, and which is damaged.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub(super) struct Damage {
+    section: &'static str,
+    problem: String,
+}
+
+impl Damage {
+    /// What `read` found, or nothing and its error, which is added to `damages` under the name of the section.
+    pub(super) fn note<T>(
+        damages: &mut Vec<Damage>,
+        section: &'static str,
+        read: Result<Option<T>, String>,
+    ) -> Option<T> {
+        read.unwrap_or_else(|problem| {
+            damages.push(Damage { section, problem });
+            None
+        })
+    }
+
+    /// The line of the terminal for a section that has `value`, or none, or is damaged.
+    pub(super) fn line(damages: &[Damage], section: &str, value: Option<String>) -> String {
+        let damage = damages.iter().find(|damage| damage.section == section);
+        match (value, damage) {
+            (Some(value), _) => value,
+            (None, Some(damage)) => damage.problem.clone(),
+            (None, None) => "none".into(),
+        }
+    }
+
+    /// The sentence about all damage, of which there is some; `None` if there is none.
+    pub(super) fn sentence(damages: &[Damage]) -> Option<String> {
+        let each = damages.iter().map(|damage| &damage.problem[..]).collect::<Vec<_>>().join("; ");
+        (!damages.is_empty()).then(|| format!("{each}; the rest plays; get the file again"))
     }
 }
 

@@ -7,7 +7,7 @@ use codec::{Segment, Take};
 use program::Fault;
 use serde::Serialize;
 
-use super::rows::{Audio, Plate, ViewpointRow};
+use super::rows::{Audio, Plate, PosterRow, ViewpointRow};
 use crate::left_out::{LeftOut, TakeLeftOut};
 use crate::messages::{count, decimal};
 use crate::segments::{Course, Span, TakeFile, course, gaps};
@@ -38,6 +38,8 @@ struct TakeInspection {
     plate: Option<Plate>,
     /// The sound of all segments.
     audio: Option<Audio>,
+    /// That of the first segment.
+    poster: Option<PosterRow>,
     /// Sums over all segments of their first layers.
     layers: Vec<LayerSum>,
     segments: Vec<SegmentRow>,
@@ -98,8 +100,15 @@ pub(super) fn run(file: &TakeFile, json: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Decodes a segment and adds it to the sums, and its sound to that of the segments before.
-fn row(file: &TakeFile, index: usize, sums: &mut TakeLeftOut, audio: &mut Option<Audio>) -> SegmentRow {
+/// What segments add to.
+struct Sums {
+    left_out: TakeLeftOut,
+    audio: Option<Audio>,
+    poster: Option<PosterRow>,
+}
+
+/// Decodes a segment and adds it to the sums, and its sound to that of the segments before. The first one has the poster.
+fn row(file: &TakeFile, index: usize, sums: &mut Sums) -> SegmentRow {
     let (take, segment) = (file.take(), &file.take().segments[index]);
     let available = file.available(index);
     let first_layer = segment.layers.first().map_or(0, |layer| layer.bytes);
@@ -108,14 +117,20 @@ fn row(file: &TakeFile, index: usize, sums: &mut TakeLeftOut, audio: &mut Option
     let mut damaged = false;
     match file.contents(index).and_then(|contents| Ok((contents, file.decode(index)?))) {
         Ok((contents, clip)) => {
-            sums.add(take, &contents, &clip);
+            sums.left_out.add(take, &contents, &clip);
             match file.sound(index, &contents) {
-                Ok(sound) => match (sound.as_ref().map(Audio::from), audio) {
+                Ok(sound) => match (sound.as_ref().map(Audio::from), &mut sums.audio) {
                     (Some(sound), Some(all)) => all.add(&sound),
                     (Some(sound), none) => *none = Some(sound),
                     (None, _) => {}
                 },
                 Err(error) => (problem, damaged) = (Some(without_file(&error, file)), true),
+            }
+            if index == 0 {
+                match file.poster() {
+                    Ok(poster) => sums.poster = poster.map(PosterRow::from),
+                    Err(error) => (problem, damaged) = (Some(without_file(&error, file)), true),
+                }
             }
         }
         Err(_) if available < first_layer => {}
@@ -126,10 +141,9 @@ fn row(file: &TakeFile, index: usize, sums: &mut TakeLeftOut, audio: &mut Option
 
 fn inspect(file: &TakeFile) -> TakeInspection {
     let take = file.take();
-    let mut sums = TakeLeftOut::of_table(take);
-    let mut audio = None;
-    let segments = (0..take.segments.len()).map(|index| row(file, index, &mut sums, &mut audio)).collect();
-    let TakeLeftOut { parts: left_out, plates, segment_gpu_bytes } = sums;
+    let mut sums = Sums { left_out: TakeLeftOut::of_table(take), audio: None, poster: None };
+    let segments = (0..take.segments.len()).map(|index| row(file, index, &mut sums)).collect();
+    let Sums { left_out: TakeLeftOut { parts: left_out, plates, segment_gpu_bytes }, audio, poster } = sums;
     let gaussians = take.segments.iter().map(Segment::gaussians).sum::<usize>() - plates;
     let spans: Vec<Span> = take.segments.iter().map(Span::from).collect();
     let info = &take.info;
@@ -157,6 +171,7 @@ fn inspect(file: &TakeFile) -> TakeInspection {
             filter: take.plate_filter.name(),
         }),
         audio,
+        poster,
         layers: layer_sums(take),
         segments,
         course: course(take),
@@ -249,6 +264,7 @@ impl TakeInspection {
             row("plate", format!("{} Gaussians at most, SH degree {}", plate.gaussians, plate.sh_degree));
         }
         row("sound", self.audio.as_ref().map_or("none".into(), Audio::describe));
+        row("poster", self.poster.as_ref().map_or("none".into(), PosterRow::describe));
         for view in &self.viewpoints {
             row("viewpoint", view.name.clone());
         }

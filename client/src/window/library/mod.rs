@@ -1,0 +1,91 @@
+//! The clips to choose from in a window: those opened last, those of the folder, and pictures of them.
+//!
+//! ```text
+//! recent.json -> recent ---> sections --> gallery --name--> the clip to open
+//! folder ------------------------^          ^ |
+//!                       aarc --headless --poster | clips in sight
+//!                             thumbnails <----+
+//! ```
+
+mod choice;
+mod gallery;
+mod recent;
+mod thumbnails;
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use egui::Context;
+
+use choice::Section;
+pub(super) use choice::{Opening, short_title};
+pub(super) use gallery::Gallery;
+use recent::{RecentClips, absolute_name};
+use thumbnails::Thumbnails;
+
+use crate::clips::{clips_in, folder_of, is_url};
+use crate::folders;
+
+/// Most clips opened last that menus list.
+const LISTED: usize = 8;
+
+/// The clips to choose from.
+pub(super) struct Library {
+    recent: RecentClips,
+    thumbnails: Thumbnails,
+}
+
+impl Library {
+    /// Reads which clips were opened last, and starts the thread that makes thumbnails. It calls `wake` whenever
+    /// [`Library::update`] has something to do.
+    ///
+    /// # Errors
+    /// If the system refuses another thread.
+    pub(super) fn open(wake: impl Fn() + Send + 'static) -> io::Result<Library> {
+        let folder = folders::cache().map(|folder| folder.join("thumbnails"));
+        Ok(Library {
+            recent: RecentClips::open(folders::state()),
+            thumbnails: Thumbnails::start(std::env::current_exe()?, folder, wake)?,
+        })
+    }
+
+    /// Remembers that a clip or a playlist was opened.
+    pub(super) fn remember(&mut self, name: &str) {
+        self.recent.add(name);
+    }
+
+    /// The clips and playlists opened last, the last one first, for a menu.
+    pub(super) fn recent(&self) -> Vec<String> {
+        self.recent.names().iter().take(LISTED).cloned().collect()
+    }
+
+    /// Opens the gallery. `current` is the clip on display.
+    pub(super) fn show(&self, gallery: &mut Gallery, current: Option<&str>) {
+        let current = current.map(absolute_name);
+        let file = current.as_deref().filter(|name| !is_url(name));
+        let folder = match file {
+            Some(file) => folder_of(Path::new(file)).to_owned(),
+            None => std::env::current_dir().unwrap_or_else(|_| PathBuf::from(".")),
+        };
+        let there = |name: &&String| is_url(name) || Path::new(name.as_str()).exists();
+        let recent = self.recent.names().iter().filter(there).cloned().collect();
+        let inside = clips_in(&folder).iter().filter_map(|path| path.to_str().map(String::from)).collect();
+        gallery.open(
+            vec![
+                Section { title: "Opened last".into(), names: recent },
+                Section { title: folder.display().to_string(), names: inside },
+            ],
+            current,
+        );
+    }
+
+    /// Takes in thumbnails that are ready, and asks for those in sight.
+    pub(super) fn update(&mut self, ctx: &Context, gallery: &mut Gallery) {
+        while let Some((name, picture)) = self.thumbnails.poll() {
+            gallery.set_picture(ctx, name, picture);
+        }
+        if let Some(wanted) = gallery.take_wanted() {
+            self.thumbnails.request(wanted);
+        }
+    }
+}

@@ -1,0 +1,51 @@
+//! The desktop's dialog that chooses a file.
+
+use std::path::{Path, PathBuf};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use winit::window::Window;
+
+/// A dialog that ends sooner than this was never seen.
+const SHORTEST: Duration = Duration::from_millis(150);
+
+/// Extensions of clips and playlists.
+const CLIPS: [&str; 2] = ["aarc", "json"];
+
+/// Extensions of fields.
+#[cfg(feature = "import")]
+const FIELDS: &[&str] = &import::EXTENSIONS;
+#[cfg(not(feature = "import"))]
+const FIELDS: &[&str] = &[];
+
+/// How a dialog ended.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) enum Picked {
+    File(PathBuf),
+    /// The viewer closed it.
+    Nothing,
+    /// There was no dialog.
+    NoDialog,
+}
+
+/// Opens the dialog in `folder`. It runs beside the window, and `done` is called from another thread when it ends.
+pub(super) fn open(window: &Window, folder: Option<&Path>, done: impl FnOnce(Picked) + Send + 'static) {
+    let mut dialog = rfd::AsyncFileDialog::new()
+        .set_title("Open a clip")
+        .set_parent(window)
+        .add_filter("Clips, playlists and fields", &[&CLIPS, FIELDS].concat())
+        .add_filter("All files", &["*"]);
+    if let Some(folder) = folder {
+        dialog = dialog.set_directory(folder);
+    }
+    // Some systems want the dialog to be made on this thread, and none that it is waited for here.
+    let start = Instant::now();
+    let chosen = dialog.pick_file();
+    thread::spawn(move || {
+        done(match pollster::block_on(chosen) {
+            Some(file) => Picked::File(file.path().to_owned()),
+            None if start.elapsed() < SHORTEST => Picked::NoDialog,
+            None => Picked::Nothing,
+        });
+    });
+}

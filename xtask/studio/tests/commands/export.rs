@@ -1,0 +1,338 @@
+//! Exporters: exported files import as the same field.
+
+use crate::support;
+use crate::support::{assert_close, assert_same_rotations, field, import_bytes, import_error, info};
+use codec::{ALPHA_MIN, ClipInfo, Field, PixelFilter};
+use refine::capture::Holdout;
+use studio::export::{field_file, fitted_field_file, frozen, splatv, spz, static_ply};
+use studio::import::{FitRecord, Hints, import};
+
+#[test]
+fn field_file_is_lossless() {
+    let fields = (0..=3)
+        .map(|degree| field(7, degree, None, false))
+        .chain((0..=3u8).flat_map(|order| [false, true].map(|turns| field(9, order, Some(order), turns))));
+    for (i, original) in fields.enumerate() {
+        let mut original = Field { filter: PixelFilter::ALL[i % 2], ..original };
+        // Opacities that do not survive conversion to a logit.
+        original.opacities[..4].copy_from_slice(&[0.0, 1.0, f32::MIN_POSITIVE, 1.0 - f32::EPSILON]);
+        let imported = import_bytes("field.ply", &field_file(&original, &info())).expect("our own file");
+        assert_eq!(imported.field, original);
+        assert!(imported.repairs.is_empty(), "{}", imported.repairs);
+        assert_eq!(imported.format, "field file");
+        let (hints, info) = (imported.hints, info());
+        assert_eq!(hints.duration_s, Some(info.duration_s));
+        assert_eq!(hints.fps, Some(info.fps));
+        assert_eq!(hints.up, Some(info.up));
+        assert_eq!(hints.metres_per_unit, Some(info.metres_per_unit));
+        assert_eq!(hints.viewpoints, info.viewpoints);
+    }
+}
+
+#[test]
+fn a_fitted_field_file_records_its_photographs() {
+    let whole = FitRecord {
+        has_mattes: true,
+        holdout: Some(Holdout::Odd),
+        frames: Some(8..17),
+        seconds: Some([8.0 / 30.0, 16.0 / 30.0]),
+        timing: Some(0x00c0_ffee),
+    };
+    let others = [
+        FitRecord { seconds: None, ..whole.clone() },
+        FitRecord { holdout: Some(Holdout::None), ..FitRecord::default() },
+        FitRecord::default(),
+    ];
+    for record in [&[whole][..], &others].concat() {
+        let bytes = fitted_field_file(&field(3, 0, None, false), &info(), &record);
+        let hints = import_bytes("field.ply", &bytes).expect("our own file").hints;
+        assert_eq!(FitRecord::of(&hints), Ok(record));
+    }
+    let bytes = field_file(&field(3, 0, None, false), &info());
+    let end = bytes.windows(10).position(|window| window == b"end_header").unwrap();
+    for wrong in
+        ["holdout some", "frames 8", "frames 9..9", "seconds 1", "seconds nan 2", "seconds 2 1", "timing xy"]
+    {
+        let comment = format!("comment aarc {wrong}\n");
+        let bytes = [&bytes[..end], comment.as_bytes(), &bytes[end..]].concat();
+        let (key, value) = wrong.split_once(' ').unwrap();
+        let error = import_error("field.ply", &bytes);
+        assert!(error.contains(&format!("comment aarc {key}: cannot use `{value}`")), "{error}");
+    }
+}
+
+#[test]
+fn other_formats_keep_the_metadata_that_they_can_hold() {
+    let hints = |name: &str, bytes: &[u8]| import_bytes(name, bytes).expect("our own file").hints;
+    let ClipInfo { duration_s, fps, up, metres_per_unit, viewpoints } = info();
+    let whole = Hints {
+        up: Some(up),
+        metres_per_unit: Some(metres_per_unit),
+        duration_s: Some(duration_s),
+        fps: Some(fps),
+        viewpoints,
+        ..Hints::default()
+    };
+    assert_eq!(hints("a.splatv", &splatv(&field(3, 0, Some(3), true), &info())), whole);
+    assert_eq!(hints("a.ply", &static_ply(&field(3, 1, None, false), Some(&info()))), whole);
+    assert_eq!(hints("a.ply", &static_ply(&field(3, 1, None, false), None)), Hints::default());
+    for up in [[0.0, 1.0, 0.0], [0.0, -1.0, 0.0]] {
+        assert_eq!(hints("a.spz", &spz(&field(3, 1, None, false), up)).up, Some([0.0, 1.0, 0.0]));
+    }
+    // Viewers of .splatv find the same cameras in their own form.
+    let bytes = splatv(&field(3, 0, Some(3), true), &info());
+    let text = String::from_utf8_lossy(&bytes[8..]).into_owned();
+    assert_eq!(text.matches("\"img_name\"").count(), 2, "{}", text.split_at(900).0);
+}
+
+#[test]
+fn files_that_can_keep_the_filter() {
+    for filter in PixelFilter::ALL {
+        let field = Field { filter, ..field(3, 1, None, false) };
+        for (name, bytes) in [
+            ("a.ply", static_ply(&field, None)),
+            ("a.spz", spz(&field, info().up)),
+            ("f.ply", field_file(&field, &info())),
+        ] {
+            assert_eq!(import_bytes(name, &bytes).expect("our own file").field.filter, filter, "{name}");
+        }
+    }
+    let field = Field { filter: PixelFilter::Mip, ..field(3, 0, None, false) };
+    let bytes = static_ply(&field, None);
+    let at = bytes.windows(4).position(|window| window == b"mip\n").expect("the comment");
+    let unknown = [&bytes[..at], b"map", &bytes[at + 3..]].concat();
+    let error = import_bytes("a.ply", &unknown).expect_err("no such filter").to_string();
+    assert!(error.contains("comment aarc filter: cannot use `map`"), "{error}");
+}
+
+/// Values at the limits of what a field may hold.
+#[test]
+fn our_own_exports_need_no_repair() {
+    let extreme = |is_dynamic: bool| {
+        let mut field = field(60, 1, is_dynamic.then_some(3), true);
+        for (i, scales) in field.log_scales.iter_mut().enumerate() {
+            *scales = [[-40.0, 0.0, 30.0], [-18.0, -17.0, -16.0], [10.0, 11.5, -3.0]][i % 3];
+        }
+        for (i, opacity) in field.opacities.iter_mut().enumerate() {
+            *opacity = [0.0, 1.0, f32::MIN_POSITIVE, 0.5][i % 4];
+        }
+        for (i, rotation) in field.rotations.iter_mut().enumerate() {
+            *rotation = [[0.5; 4], [1.0, 0.0, 0.0, 0.0], [0.70710677, 0.0, -0.70710677, 0.0]][i % 3];
+        }
+        if let Some(temporal) = &mut field.temporal {
+            for (i, s) in temporal.s.iter_mut().enumerate() {
+                *s = [f32::INFINITY, 1e-12, 1e9, 46_000.0, 0.2][i % 5];
+            }
+            temporal.motion[0] = [1e9, -1e9, 0.0];
+            temporal.rotation_rates.as_mut().expect("rates")[0] = [1e7, 0.0, 0.0, 0.0];
+        }
+        field.check().expect("a valid field");
+        field
+    };
+    let (dynamic, constant) = (extreme(true), extreme(false));
+    for (name, rows, bytes) in [
+        ("field.ply", dynamic.len(), field_file(&dynamic, &info())),
+        ("a.splatv", dynamic.len(), splatv(&dynamic, &info())),
+        ("still.splatv", constant.len(), splatv(&constant, &info())),
+        ("a.ply", constant.len(), static_ply(&constant, Some(&info()))),
+        ("a.spz", constant.len(), spz(&constant, info().up)),
+    ] {
+        let imported = import_bytes(name, &bytes).expect("our own file");
+        assert!(imported.repairs.is_empty(), "{name}: {}", imported.repairs);
+        assert_eq!(imported.field.len(), rows, "{name}");
+    }
+}
+
+#[test]
+fn field_file_without_its_comments_is_an_inria_ply() {
+    let original = field(20, 3, Some(3), true);
+    let bytes = field_file(&original, &info());
+    let mark = bytes.windows(5).position(|window| window == b" aarc").expect("a comment");
+    let mut unmarked = bytes;
+    unmarked[mark + 1] = b'b';
+    let imported = import_bytes("field.ply", &unmarked).expect("a plain PLY");
+    assert_eq!(imported.format, "3D Gaussian Splatting PLY");
+    assert_eq!(imported.field.sh, original.sh);
+    assert_eq!(imported.field.centers, original.centers);
+    assert_close("opacity", &imported.field.opacities, &original.opacities, |_| 2e-7);
+    assert_eq!(imported.field.temporal, None);
+}
+
+#[test]
+fn zero_columns_are_omitted() {
+    let mut original = field(6, 2, Some(3), true);
+    for i in 0..6 {
+        original.sh[i * 9 + 4..(i + 1) * 9].fill([0.0; 3]);
+    }
+    let temporal = original.temporal.as_mut().expect("a dynamic field");
+    temporal.motion.iter_mut().skip(2).step_by(3).for_each(|v| *v = [0.0; 3]);
+    temporal.rotation_rates.as_mut().expect("rates").fill([0.0; 4]);
+    let read =
+        |field: &Field| import_bytes("field.ply", &field_file(field, &info())).expect("our own file").field;
+    let reduced = read(&original);
+    assert_eq!(reduced.sh_degree, 1);
+    assert_eq!(reduced.sh_of(5), &original.sh_of(5)[..4]);
+    let temporal = reduced.temporal.expect("a dynamic field");
+    assert_eq!((temporal.motion_order, &temporal.rotation_rates), (2, &None));
+    assert_eq!(
+        temporal.motion_of(5),
+        &original.temporal.as_ref().expect("a dynamic field").motion_of(5)[..2]
+    );
+
+    let temporal = original.temporal.as_mut().expect("a dynamic field");
+    temporal.motion.fill([0.0; 3]);
+    temporal.s.fill(f32::INFINITY);
+    assert_eq!(read(&original).temporal, None);
+}
+
+#[test]
+fn bad_metadata_is_refused() {
+    let text = String::from_utf8_lossy(&field_file(&field(1, 0, None, false), &info())).into_owned();
+    for (old, new) in [
+        ("aarc field 1", "aarc field 2"),
+        ("fps 29.97", "fps 0"),
+        ("duration_s 1.6333333", "duration_s NaN"),
+        ("up 0 0.6 -0.8", "up 0 0.6"),
+        ("up 0 0.6 -0.8", "up 0 0 0"),
+        ("viewpoint 0.1", "viewpoint inf"),
+        ("viewpoint 0.1 ", "viewpoint "),
+    ] {
+        assert!(text.contains(old), "{text}");
+        let message = support::import_error("field.ply", text.replace(old, new).as_bytes());
+        let key = new.split(' ').find(|word| *word != "aarc").expect("a key");
+        assert!(message.contains(key), "{message}");
+    }
+}
+
+#[test]
+fn static_ply_preserves_the_static_columns() {
+    let original = field(12, 3, Some(2), false);
+    let imported = import_bytes("a.ply", &static_ply(&original, None)).expect("a plain PLY");
+    assert_eq!(imported.field.centers, original.centers);
+    assert_eq!(imported.field.rotations, original.rotations);
+    assert_eq!(imported.field.log_scales, original.log_scales);
+    assert_eq!(imported.field.sh, original.sh);
+    assert_close("opacity", &imported.field.opacities, &original.opacities, |_| 2e-7);
+}
+
+#[test]
+fn splatv_preserves_half_precision() {
+    // More than one row of the texture, so that padding is needed.
+    let original = field(1030, 1, Some(3), true);
+    let imported = import_bytes("a.splatv", &splatv(&original, &info())).expect("our own file");
+    assert!(imported.repairs.dropped.is_empty(), "{}", imported.repairs);
+    let read = imported.field;
+    assert_eq!(read.len(), original.len());
+    assert_eq!(read.centers, original.centers);
+    assert_same_rotations(&read.rotations, &original.rotations, 1e-3);
+    let half = |x: f32| x.abs() / 1024.0 + 1e-6;
+    assert_close("scale", read.log_scales.as_flattened(), original.log_scales.as_flattened(), |_| 1e-3);
+    assert_close("opacity", &read.opacities, &original.opacities, |_| 0.51 / 255.0);
+    let constant: Vec<[f32; 3]> = (0..original.len()).map(|i| original.sh_of(i)[0]).collect();
+    assert_close("colour", read.sh.as_flattened(), constant.as_flattened(), |_| 0.51 / 255.0 / 0.2820948);
+    let (read, original) =
+        (read.temporal.expect("a dynamic field"), original.temporal.expect("a dynamic field"));
+    assert_close("tau", &read.tau, &original.tau, half);
+    assert_close("s", &read.s, &original.s, half);
+    assert_close("motion", read.motion.as_flattened(), original.motion.as_flattened(), half);
+    let (read, original) = (read.rotation_rates.expect("rates"), original.rotation_rates.expect("rates"));
+    assert_close("rates", read.as_flattened(), original.as_flattened(), |x| half(x) + 1e-3);
+}
+
+#[test]
+fn spz_preserves_values_within_its_steps() {
+    for degree in 0..=3 {
+        let original = field(50, degree, None, false);
+        let imported = import_bytes("a.spz", &spz(&original, [0.0, 0.0, 1.0])).expect("our own file");
+        assert!(imported.repairs.is_empty(), "{}", imported.repairs);
+        let read = imported.field;
+        assert_eq!(read.sh_degree, degree);
+        assert_close("centre", read.centers.as_flattened(), original.centers.as_flattened(), |_| 3e-7);
+        assert_same_rotations(&read.rotations, &original.rotations, 2.0 / 511.0);
+        assert_close("scale", read.log_scales.as_flattened(), original.log_scales.as_flattened(), |_| {
+            0.51 / 16.0
+        });
+        assert_close("opacity", &read.opacities, &original.opacities, |_| 0.51 / 255.0);
+        for i in 0..original.len() {
+            assert_close("colour", &read.sh_of(i)[0], &original.sh_of(i)[0], |_| 0.51 / 255.0 / 0.15);
+            let higher = |field: &Field| field.sh_of(i)[1..].as_flattened().to_vec();
+            assert_close("sh", &higher(&read), &higher(&original), |_| 0.51 / 128.0);
+        }
+    }
+}
+
+/// Niantic's own file, imported and exported, gives the same Gaussians. The PLY that it was made from gives
+/// them within the quantisation steps.
+#[test]
+fn spz_agrees_with_its_reference() {
+    let Some(folder) = support::data("format-fixtures/metalsplatter") else { return };
+    let read = |extension: &str| {
+        let path = folder.join("test-splat.3-points-from-train").with_added_extension(extension);
+        import(&path).expect("a fixture").field
+    };
+    let (ply, reference) = (read("ply"), read("spz"));
+    let again = import_bytes("a.spz", &spz(&reference, [0.0, 1.0, 0.0])).expect("our own file").field;
+    assert_eq!(again, reference);
+
+    let ours = import_bytes("a.spz", &spz(&ply, [0.0, -1.0, 0.0])).expect("our own file").field;
+    assert_close("centre", ours.centers.as_flattened(), reference.centers.as_flattened(), |_| 0.51 / 4096.0);
+    assert_close("opacity", &ours.opacities, &reference.opacities, |_| 0.0);
+    assert_close("scale", ours.log_scales.as_flattened(), reference.log_scales.as_flattened(), |_| 0.0);
+    assert_eq!(ours.rotations, reference.rotations);
+    // That writer rounds higher SH to 8 bits and then to 5 or 4.
+    assert_close("sh", ours.sh.as_flattened(), reference.sh.as_flattened(), |_| 0.07);
+}
+
+#[test]
+fn frozen_field_is_the_field_at_that_time() {
+    let original = field(200, 1, Some(3), true);
+    let t = 0.37;
+    let frozen_field = frozen(&original, t);
+    frozen_field.check().expect("a valid field");
+    let visible: Vec<usize> = (0..200).filter(|&i| original.opacity_at(i, t) >= ALPHA_MIN).collect();
+    assert!(visible.len() > 50 && visible.len() < 200, "a field that fades");
+    assert_eq!(frozen_field.len(), visible.len());
+    assert_eq!(frozen_field.temporal, None);
+    for (row, &i) in visible.iter().enumerate() {
+        assert_eq!(frozen_field.centers[row], original.position_at(i, t).map(|x| x as f32));
+        assert_eq!(frozen_field.rotations[row], original.rotation_at(i, t).map(|x| x as f32));
+        assert_eq!(frozen_field.opacities[row], original.opacity_at(i, t) as f32);
+        assert_eq!(frozen_field.sh_of(row), original.sh_of(i));
+        assert_eq!(frozen_field.log_scales[row], original.log_scales[i]);
+    }
+}
+
+/// Merging the two regions of a clip gives one field in which static rows are static.
+#[test]
+fn merged_clip_has_both_regions() {
+    let (static_field, dynamic_field) = (field(5, 0, None, false), field(7, 2, Some(2), true));
+    let clip = |static_field: &Field, dynamic_field: &Field| {
+        let end = codec::LayerEnd { static_count: static_field.len(), dynamic_count: dynamic_field.len() };
+        codec::Clip {
+            info: info(),
+            bounds: [[-9.0; 3], [9.0; 3]],
+            static_field: static_field.clone(),
+            dynamic_field: dynamic_field.clone(),
+            layers: vec![end],
+            layers_announced: vec![end],
+            time_index: codec::TimeIndex::default(),
+            plate: None,
+        }
+    };
+    let merged = clip(&static_field, &dynamic_field).merged();
+    merged.check().expect("a valid field");
+    for (row, (source, i)) in
+        (0..5).map(|i| (&static_field, i)).chain((0..7).map(|i| (&dynamic_field, i))).enumerate()
+    {
+        for t in [0.0, 0.4, 1.0] {
+            assert_eq!(merged.position_at(row, t), source.position_at(i, t));
+            assert_eq!(merged.rotation_at(row, t), source.rotation_at(i, t));
+            assert_eq!(merged.opacity_at(row, t), source.opacity_at(i, t));
+        }
+        let sh = source.sh_of(i);
+        assert_eq!(&merged.sh_of(row)[..sh.len()], sh);
+        assert!(merged.sh_of(row)[sh.len()..].iter().all(|c| *c == [0.0; 3]));
+    }
+    let empty = Field { temporal: Some(codec::Temporal::default()), ..Field::default() };
+    assert_eq!(clip(&static_field, &empty).merged(), static_field);
+}

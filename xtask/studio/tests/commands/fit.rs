@@ -1,0 +1,420 @@
+//! `cargo xtask fit` and its output, on a capture by a ray tracer.
+
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+use std::thread;
+use std::time::Duration;
+
+use crate::small_stage::{fit, kill_when, measured, stage, stage_of};
+use crate::tool::aarc_studio;
+use codec::PixelFilter;
+use refine::capture::Holdout;
+use serde_json::Value;
+use studio::fit::crc;
+use studio::import::{FitRecord, import};
+use tempfile::tempdir;
+
+#[test]
+fn a_fit_generalizes_to_held_out_photographs() {
+    let folder = stage_of("9");
+    let folder = folder.path();
+    let json = fit(folder, &["--steps", "800", "--gaussians", "1500", "--anchor", "hull"]);
+    assert_eq!((json["steps"].as_u64(), json["non_finite"].as_u64()), (Some(800), Some(0)));
+    assert!(json["gaussians"].as_u64() > json["gaussians_at_start"].as_u64(), "{json}");
+    let (held_frames, both_held) = (measured(folder, "interp_b"), measured(folder, "interp_a"));
+    println!("held frames {held_frames:.2} dB, held cameras in held frames {both_held:.2} dB");
+    assert!(held_frames > 18.0 && both_held > 15.0, "{held_frames} {both_held}");
+    let table = fs::read_to_string(folder.join("field.fit.csv")).unwrap();
+    assert_eq!(table.lines().count(), 51);
+    let size = image::image_dimensions(folder.join("field.fit.png")).unwrap();
+    assert_eq!(size, (96, 48));
+    assert!(!folder.join("field.checkpoint").exists());
+    // The field can be packaged.
+    assert_eq!(
+        aarc_studio(folder, &["package", "field.ply", "--budget", "800", "--rank", "mass"]).code,
+        Some(0)
+    );
+
+    // Without an anchor, the same number of steps gives a worse field.
+    fit(folder, &["--steps", "800", "--gaussians", "1500", "--anchor", "none"]);
+    let scattered = measured(folder, "interp_b");
+    assert!(scattered < held_frames - 1.0, "{scattered} without an anchor, {held_frames} with one");
+}
+
+#[test]
+fn a_killed_fit_resumes_with_the_same_result() {
+    let folder = stage();
+    let folder = folder.path();
+    let args =
+        ["fit", "stage", "-o", "field.ply", "--steps", "2000", "--gaussians", "600", "--sh-degree", "0"];
+    let json = [&args[..], &["--json"]].concat();
+    aarc_studio(folder, &json).json();
+    let uninterrupted = fs::read(folder.join("field.ply")).unwrap();
+    for path in ["field.ply", "field.fit.csv"] {
+        fs::remove_file(folder.join(path)).unwrap();
+    }
+
+    // Kills it beyond the first density control and between two lines of the table.
+    let is_ready = || {
+        let table = fs::read_to_string(folder.join("field.fit.csv")).unwrap_or_default();
+        let step = table.lines().last().and_then(|line| line.split(',').next()?.parse::<u64>().ok());
+        let is_ready = step.is_some_and(|step| step >= 700);
+        thread::sleep(Duration::from_millis(if is_ready { 100 } else { 0 }));
+        is_ready
+    };
+    // The default is minutes.
+    kill_when(folder, &[&args[..], &["--checkpoint-every", "0.05"]].concat(), is_ready);
+    assert!(!folder.join("field.ply").exists(), "nothing half-written");
+
+    // A fit with other options does not resume from it.
+    let other = [&args[..], &["--seed", "1"]].concat();
+    let error = aarc_studio(folder, &other).error(2);
+    assert!(error.contains("field.checkpoint is of a fit with other options"), "{error}");
+    let output = Command::new(env!("CARGO_BIN_EXE_aarc-studio"))
+        .current_dir(folder)
+        .args(&json)
+        .env("RAYON_NUM_THREADS", "1")
+        .output()
+        .unwrap();
+    let resumed: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert!(resumed["resumed_at"].as_u64().unwrap() >= 600, "{resumed}");
+    assert!(
+        fs::read(folder.join("field.ply")).unwrap() == uninterrupted,
+        "the same field on one thread, bit by bit"
+    );
+
+    for (contents, what) in [
+        (&b"aarcfit\x08 and then nonsense"[..], "the checkpoint is damaged"),
+        (b"aarcfit\x07 of an earlier program", "no checkpoint of this version; remove it"),
+    ] {
+        fs::write(folder.join("field.checkpoint"), contents).unwrap();
+        let error = aarc_studio(folder, &args).error(3);
+        assert!(error.contains(&format!("field.checkpoint: {what}")), "{error}");
+    }
+}
+
+#[test]
+fn the_fragment_term_saves_fragments() {
+    let folder = stage();
+    let folder = folder.path();
+    let fit = |more: &str| -> Value {
+        let args = "fit stage -o field.ply --steps 300 --gaussians 600 --json";
+        aarc_studio(folder, &format!("{args} {more}").split_whitespace().collect::<Vec<_>>()).json()
+    };
+    let number = |json: &Value, key: &str| json[key].as_f64().unwrap();
+    let [without, default, high] = ["--rule paper", "", "--fragment-weight 0.01"].map(fit);
+    assert_eq!([&without, &default, &high].map(|json| number(json, "fragment_weight")), [0.0, 0.001, 0.01]);
+    let fragments = [&without, &default, &high].map(|json| number(json, "fragments_per_lit_pixel"));
+    println!("fragments per lit pixel: {fragments:.1?}");
+    assert!(fragments[2] < 0.9 * fragments[1] && fragments[1] < fragments[0], "{fragments:?}");
+}
+
+#[test]
+fn a_fit_starts_from_a_field() {
+    let folder = stage();
+    let folder = folder.path();
+    fit(folder, &["--steps", "100", "--gaussians", "600"]);
+    let before = measured(folder, "train");
+    fs::rename(folder.join("field.ply"), folder.join("first.ply")).unwrap();
+    let more = "fit stage -o field.ply --steps 200 --gaussians 600 --holdout odd --from first.ply";
+    assert_eq!(aarc_studio(folder, &more.split(' ').collect::<Vec<_>>()).code, Some(0));
+    let after = measured(folder, "train");
+    assert!(after > before + 0.5, "{before} before, {after} after");
+
+    let from = ["fit", "stage", "-o", "other.ply", "--steps", "1", "--from", "first.ply"];
+    let error = aarc_studio(folder, &[&from[..], &["--frames", "0..3"]].concat()).error(2);
+    assert!(error.contains("--frames 0..3: first.ply was fitted to frames 0..5"), "{error}");
+    // A new field has the mip filter; one that a fit starts from keeps its own.
+    let filter = |name: &str| import(&folder.join(name)).unwrap().field.filter;
+    assert_eq!([filter("first.ply"), filter("field.ply")], [PixelFilter::Mip; 2]);
+    let bytes = fs::read(folder.join("first.ply")).unwrap();
+    let at = bytes.windows(10).position(|window| window == b"filter mip").unwrap();
+    fs::write(folder.join("blur.ply"), [&bytes[..at], b"filter blur", &bytes[at + 10..]].concat()).unwrap();
+    let from_blur = ["fit", "stage", "-o", "other.ply", "--steps", "1", "--from", "blur.ply"];
+    assert_eq!(aarc_studio(folder, &from_blur).code, Some(0));
+    assert_eq!(filter("other.ply"), PixelFilter::Blur);
+    // A static field fits any clip and stays static.
+    let export = ["export", "first.ply", "--ply", "--at", "0", "-o", "static.ply"];
+    assert_eq!(aarc_studio(folder, &export).code, Some(0));
+    let outcome =
+        aarc_studio(folder, &["fit", "stage", "-o", "other.ply", "--steps", "1", "--from", "static.ply"]);
+    assert!(
+        outcome.code == Some(0) && outcome.stderr.contains("static.ply does not move"),
+        "{}",
+        outcome.stderr
+    );
+}
+
+#[test]
+fn a_field_records_its_holdout() {
+    let folder = stage();
+    let folder = folder.path();
+    let fit = ["fit", "stage", "-o", "field.ply", "--steps", "1", "--gaussians", "50", "--sh-degree", "0"];
+    for (more, holdout, held) in [(&[][..], "none", Value::Null), (&["--holdout", "odd"], "odd", 14.into())] {
+        assert_eq!(aarc_studio(folder, &[&fit, more].concat()).code, Some(0));
+        let eval = aarc_studio(folder, &["eval", "field.ply", "--capture", "stage", "--json"]);
+        assert_eq!(eval.stderr, "", "nothing is assumed");
+        let json = eval.json();
+        assert_eq!(
+            (&json["holdout"], &json["splits"]["interp_b"]["images"]),
+            (&holdout.into(), &held),
+            "{json}"
+        );
+    }
+}
+
+/// A field of some frames is evaluated, refined and fitted further at these, and a capture that has changed is refused.
+#[test]
+fn a_field_keeps_to_its_own_frames() {
+    let folder = stage();
+    let folder = folder.path();
+    let few = ["--steps", "20", "--gaussians", "300"];
+    fit(folder, &[&few[..], &["--frames", "1..4"]].concat());
+    let record = |name: &str| FitRecord::of(&import(&folder.join(name)).unwrap().hints).unwrap();
+    let FitRecord { frames, seconds, timing, .. } = record("field.ply");
+    assert_eq!((frames, seconds), (Some(1..4), Some([1.0 / 30.0, 3.0 / 30.0])));
+    assert_eq!(timing, Some(crc(b"0\n500000\n1000000\n")), "as xtask/FIELD.md specifies it");
+
+    let eval = |field: &str, more: &[&str]| {
+        aarc_studio(folder, &[&["eval", field, "--capture", "stage", "--json"], more].concat())
+    };
+    let note = "field.ply was fitted to frames 1..4, so only these are used";
+    let own = eval("field.ply", &[]);
+    assert_eq!(own.stderr, format!("note: {note}\n"));
+    let own = own.json();
+    assert_eq!((&own["frames"], &own["holdout"]), (&serde_json::json!([1, 4]), &"odd".into()));
+    assert_eq!(
+        (&own["splits"]["train"]["images"], &own["splits"]["interp_b"]["images"]),
+        (&14.into(), &7.into())
+    );
+    let named = eval("field.ply", &["--frames", "1..4"]);
+    assert_eq!(named.stderr, "");
+    assert_eq!(named.json(), own);
+    // A file of an earlier program, without the record.
+    let bytes = fs::read(folder.join("field.ply")).unwrap();
+    let end = bytes.windows(10).position(|window| window == b"end_header").unwrap();
+    let header = String::from_utf8(bytes[..end].to_vec()).unwrap();
+    let is_old = |line: &&str| {
+        !["frames", "seconds", "timing"].iter().any(|key| line.contains(&format!("aarc {key} ")))
+    };
+    let header: String = header.split_inclusive('\n').filter(is_old).collect();
+    fs::write(folder.join("old.ply"), [header.as_bytes(), &bytes[end..]].concat()).unwrap();
+    assert_eq!(record("old.ply"), FitRecord { holdout: Some(Holdout::Odd), ..FitRecord::default() });
+    assert!(
+        eval("old.ply", &[])
+            .error(2)
+            .contains("old.ply is of 3 frames (duration_s times fps), the capture of 5")
+    );
+    assert_eq!(eval("old.ply", &["--frames", "1..4"]).json()["splits"], own["splits"]);
+
+    let from =
+        ["fit", "stage", "-o", "further.ply", "--steps", "1", "--from", "field.ply", "--holdout", "odd"];
+    let outcome = aarc_studio(folder, &from);
+    assert!(outcome.code == Some(0) && outcome.stderr.contains(note), "{}", outcome.stderr);
+    assert_eq!(record("further.ply"), record("field.ply"));
+    let refine = ["package", "field.ply", "-o", "a.aarc", "--refine", "1", "--capture", "stage", "--json"];
+    let outcome = aarc_studio(folder, &refine);
+    assert!(outcome.stderr.contains(note), "{}", outcome.stderr);
+    assert_eq!(outcome.json()["refined"]["photographs"], 14);
+
+    let manifest = folder.join("stage/capture.json");
+    let stated = fs::read_to_string(&manifest).unwrap();
+    let other = |from: &str, to: &str| {
+        assert!(stated.contains(from), "{stated}");
+        fs::write(&manifest, stated.replacen(from, to, 1)).unwrap();
+        eval("field.ply", &[]).error(2)
+    };
+    let error = other("\"fps\": 30", "\"fps\": 60");
+    assert!(
+        error.contains("was fitted to 0.033 to 0.1 s, and frames 1..4 of stage are at 0.017 to 0.05 s"),
+        "{error}"
+    );
+    let error = other("\"id\": \"00\"", "\"time_offset_s\": 0.01, \"id\": \"00\"");
+    assert!(error.contains("was fitted to photographs at other times than stage states"), "{error}");
+    // Without a frame rate the seconds are unknown.
+    fs::write(&manifest, stated.replace("\"fps\": 30,", "")).unwrap();
+    assert_eq!(eval("field.ply", &[]).json(), own);
+}
+
+#[test]
+fn an_assumed_frame_rate_is_noted_once_and_before_the_fit() {
+    let folder = stage();
+    let folder = folder.path();
+    let manifest = folder.join("stage/capture.json");
+    let stated = fs::read_to_string(&manifest).unwrap();
+    fs::write(&manifest, stated.replace("\"fps\": 30,", "")).unwrap();
+    let notes = |args: &[&str]| -> Vec<String> {
+        let stderr = aarc_studio(folder, args).stderr;
+        stderr.lines().filter(|line| line.contains("frames per second")).map(str::to_owned).collect()
+    };
+    let fit = ["fit", "stage", "-o", "field.ply", "--steps", "1", "--gaussians", "50"];
+    let expected = ["note: 30 frames per second are assumed; --fps states another number"];
+    assert_eq!(notes(&fit), expected);
+    assert!(notes(&[&fit[..], &["--fps", "25"]].concat()).is_empty());
+    // No fit can start from one camera, so that the note comes before the error.
+    let lines = |args: &[&str]| -> Vec<String> {
+        let outcome = aarc_studio(folder, args);
+        assert_eq!(outcome.code, Some(3), "{}", outcome.stderr);
+        outcome.stderr.lines().map(str::to_owned).collect()
+    };
+    let failed = lines(&["fit", "stage", "-o", "other.ply", "--cameras", "00"]);
+    assert!(failed.len() == 2 && failed[0] == expected[0], "{failed:?}");
+    let failed = lines(&["package", "stage", "--cameras", "00"]);
+    let note = "note: 30 frames per second are assumed; duration_s and fps in scene.json state others";
+    assert!(failed.len() == 2 && failed[0] == note, "{failed:?}");
+    fs::write(&manifest, stated).unwrap();
+    assert!(notes(&fit).is_empty(), "the capture states it");
+}
+
+/// Refinement improves a pruned field, in held-out frames too.
+#[test]
+fn a_pruned_field_is_refined() {
+    let folder = stage();
+    let folder = folder.path();
+    fit(folder, &["--steps", "500", "--gaussians", "1500", "--anchor", "hull"]);
+    let package = |scene: &str, more: &[&str]| {
+        let args = ["package", scene, "--budget", "500", "--rank", "mass", "--no-floor", "--json"];
+        aarc_studio(folder, &[&args, more].concat())
+    };
+    let held = |clip: &str| {
+        let args = ["eval", clip, "--capture", "stage", "--holdout", "odd", "--json"];
+        let json = aarc_studio(folder, &args).json();
+        json["splits"]["interp_b"]["psnr_fg"].as_f64().unwrap()
+    };
+    let json = package("field.ply", &["-o", "pruned.aarc"]).json();
+    assert!(json["refined"].is_null(), "{json}");
+    let refine = ["-o", "refined.aarc", "--refine", "400", "--capture", "stage"];
+    let json = package("field.ply", &refine).json();
+    assert_eq!((&json["gaussians_out"], &json["refined"]["steps"]), (&500.into(), &400.into()));
+    let (before, after) = (held("pruned.aarc"), held("refined.aarc"));
+    println!("held frames {before:.2} dB pruned, {after:.2} dB refined");
+    assert!(after > before + 1.0, "{before} pruned, {after} refined");
+    let number = |key: &str| json["refined"][key].as_f64().unwrap();
+    assert!(number("held_after_db") > number("held_before_db") + 1.0, "{json}");
+    let layers = |clip: &str| aarc_studio(folder, &["inspect", clip, "--json"]).json()["layers"].clone();
+    assert_eq!(layers("refined.aarc")[0]["gaussians"], layers("pruned.aarc")[0]["gaussians"]);
+
+    // A folder with both field and capture needs no --capture, and gives the same package.
+    fs::copy(folder.join("field.ply"), folder.join("stage/field.ply")).unwrap();
+    let own = package("stage", &["-o", "own.aarc", "--refine", "400"]);
+    assert_eq!(own.code, Some(0), "{}", own.stderr);
+    assert!(fs::read(folder.join("own.aarc")).unwrap() == fs::read(folder.join("refined.aarc")).unwrap());
+    fs::remove_file(folder.join("stage/field.ply")).unwrap();
+
+    let error = |code, scene: &str, more: &[&str]| package(scene, more).error(code);
+    let refine = ["--refine", "9", "--capture", "stage"];
+    assert!(error(2, "field.ply", &["--refine", "9"]).contains("name their folder with --capture"));
+    assert!(error(2, "stage", &refine).contains("stage is a capture itself"));
+    assert!(error(2, "field.ply", &["--size", "24x24"]).contains("needs for --refine only"));
+    let other = [&refine[..], &["--frames", "0..3"]].concat();
+    assert!(error(2, "field.ply", &other).contains("--frames 0..3: field.ply was fitted to frames 0..5"));
+    fs::create_dir(folder.join("scene")).unwrap();
+    fs::copy(folder.join("field.ply"), folder.join("scene/field.ply")).unwrap();
+    assert!(error(3, "scene", &["--refine", "9"]).contains("scene: no capture"));
+}
+
+#[test]
+fn a_capture_becomes_a_package() {
+    let folder = tempdir().unwrap();
+    let folder = folder.path();
+    let stage = ["synth", "stage", "-o", "stage", "--cameras", "4", "--frames", "1", "--size", "16x16"];
+    assert_eq!(aarc_studio(folder, &stage).code, Some(0));
+    fs::write(folder.join("stage/scene.json"), r#"{"metres_per_unit": 2.5}"#).unwrap();
+    let json = aarc_studio(folder, &["package", "stage", "--json"]).json();
+    assert!(!json["assumed"].as_array().unwrap().iter().any(|key| key == "metres_per_unit"), "{json}");
+    assert!(aarc_studio(folder, &["package", "stage"]).error(2).contains("stage.ply is there already"));
+    let json = aarc_studio(folder, &["inspect", "stage.aarc", "--json"]).json();
+    assert_eq!(json["motion_order"], 0, "one frame does not move");
+}
+
+#[cfg(not(feature = "gpu"))]
+#[test]
+fn a_build_without_gpu_back_end_names_the_feature() {
+    let folder = stage();
+    let error = aarc_studio(folder.path(), &["fit", "stage", "--backend", "gpu"]).error(2);
+    assert!(error.contains("--features gpu"), "{error}");
+}
+
+#[cfg(not(feature = "onnx"))]
+#[test]
+fn a_build_without_networks_names_the_feature() {
+    let folder = stage();
+    let error = aarc_studio(folder.path(), &["depths", "stage", "--backbone", "net", "-o", "maps"]).error(2);
+    assert!(error.contains("--features onnx"), "{error}");
+}
+
+#[test]
+fn a_field_folder_lies_outside_its_capture() {
+    let folder = stage();
+    let folder = folder.path();
+    let stage = folder.join("stage");
+    fs::create_dir(stage.join("fields")).unwrap();
+    std::os::unix::fs::symlink("stage", folder.join("link")).unwrap();
+    let names = || -> Vec<_> {
+        let mut names: Vec<_> =
+            fs::read_dir(&stage).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+        names.sort();
+        names
+    };
+    let before = names();
+    let error = |folder: &Path, capture, out| aarc_studio(folder, &["fit", capture, "-o", out]).error(2);
+    for (capture, out) in
+        [("stage", "stage"), ("stage", "stage/"), ("link", "stage/images/.."), ("stage", "link")]
+    {
+        let error = error(folder, capture, out);
+        assert!(error.contains(&format!("{out} is what the output is made from: name another")), "{error}");
+    }
+    for (capture, out) in
+        [("stage", "stage/fields"), ("stage", "stage/new"), ("stage", "stage/a/new"), ("link", "stage/new")]
+    {
+        let error = error(folder, capture, out);
+        assert!(
+            error.contains(&format!("{out} would lie within {capture}, which it is made from")),
+            "{error}"
+        );
+    }
+    assert!(error(&stage, ".", "new").contains("new would lie within ."));
+    assert!(error(&stage, ".", ".").contains(". is what the output is made from"));
+    assert_eq!(names(), before, "nothing is written to the capture");
+    // One beside it is refused for another reason.
+    for out in ["stage2", "stage/../new"] {
+        let error = aarc_studio(folder, &["fit", "stage", "-o", out, "--anchor", "none"]).error(2);
+        assert!(error.contains("a field folder starts from an anchor"), "{error}");
+    }
+}
+
+#[test]
+fn errors_take_one_line() {
+    let folder = stage();
+    let folder = folder.path();
+    let error = |code, more: &[&str]| aarc_studio(folder, &[&["fit", "stage"], more].concat()).error(code);
+    assert!(error(2, &["-o", "field.aarc"]).contains("ends in .ply"));
+    assert!(error(2, &["--anchor-cameras", "99"]).contains("no camera \"99\""));
+    assert!(error(3, &["--mirror", "on"]).contains("mirroring needs cameras on one side"));
+    assert!(error(2, &["--frames", "3..9"]).contains("the capture has 0..5"));
+    assert!(error(2, &["--size", "64x64"]).contains("camera 00 has 48x48"));
+    assert!(error(2, &["--cameras", "nobody"]).contains("no camera \"nobody\""));
+    assert!(error(2, &["-o", "no/field.ply"]).contains("no folder no"));
+    assert!(
+        error(3, &["--frames", "1..2", "--held-cameras", "00,01,02,04,05,06,07"]).contains("none is left")
+    );
+    assert!(error(3, &["--cameras", "00"]).contains("visual hull needs two cameras or more"));
+    assert!(error(3, &["--depths", "nowhere"]).contains("no anchor: no depth map"));
+    assert!(error(3, &["--lpips-weights", "stage/capture.json"]).contains("stage/capture.json"));
+    assert!(error(3, &["--from", "missing.ply"]).contains("missing.ply"));
+    assert_eq!(fs::read_dir(folder).unwrap().count(), 1, "nothing is left behind");
+    // The checkpoint is checked before the photographs are read.
+    fs::write(folder.join("stage/images/00/000000.png"), b"no photograph").unwrap();
+    assert!(error(3, &["-o", "field.ply"]).contains("images/00/000000.png"));
+    fs::write(folder.join("field.checkpoint"), b"no checkpoint").unwrap();
+    assert!(error(3, &["-o", "field.ply"]).contains("field.checkpoint: no checkpoint of this version"));
+    // A checkpoint that cannot be read is no absent one.
+    fs::remove_file(folder.join("field.checkpoint")).unwrap();
+    std::os::unix::fs::symlink("field.checkpoint", folder.join("field.checkpoint")).unwrap();
+    let unreadable = error(3, &["-o", "field.ply"]);
+    assert!(
+        unreadable.contains("field.checkpoint: ") && unreadable.contains("remove it to start"),
+        "{unreadable}"
+    );
+}

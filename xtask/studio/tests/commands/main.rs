@@ -1,0 +1,38 @@
+//! Tests of the host tool's commands and of what is behind them: one program, as each would link the renderer anew and
+//! run while no other does.
+
+mod ablation;
+mod audio;
+mod capture;
+mod eval;
+mod exchange;
+mod export;
+mod failures;
+mod fit;
+mod fit_faults;
+mod fit_segments;
+mod fit_slide;
+mod hostile;
+mod import;
+mod ingest;
+mod inspect;
+mod learn;
+mod mattes;
+mod package;
+mod plate;
+mod poster;
+mod prefix_quality;
+mod report;
+mod rig;
+mod segments;
+mod stage;
+mod takes;
+mod undistortion;
+mod videos;
+
+#[path = "../small_stage/mod.rs"]
+mod small_stage;
+#[path = "../support/mod.rs"]
+mod support;
+#[path = "../tool/mod.rs"]
+mod tool;

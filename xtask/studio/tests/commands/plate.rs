@@ -1,0 +1,198 @@
+//! Captures without masks: a field of what moves, in front of a plate of what does not.
+
+use std::fs;
+use std::path::Path;
+
+use crate::tool::{Outcome, aarc_studio, ffmpeg, has_ffmpeg};
+use refine::capture::Holdout;
+use serde_json::Value;
+use studio::capture::CaptureFiles;
+use studio::synth::rig::{Perturbations, Rig, RigSettings, write};
+use tempfile::{TempDir, tempdir};
+
+const FIT: &str = "--steps 300 --gaussians 600 --sh-degree 0";
+
+/// A capture of videos without masks, with plates, and the masks of the figure beside.
+fn studio() -> TempDir {
+    let folder = tempdir().unwrap();
+    let settings = RigSettings {
+        cameras: 6,
+        seconds: 1.0,
+        fps: 15.0,
+        size: [64, 48],
+        seed: 0,
+        crf: 12,
+        shadow: false,
+        masks: true,
+        perturbations: Perturbations { noise: 1.0, ..Perturbations::NONE },
+    };
+    write(&folder.path().join("rig"), &Rig::new(&settings).unwrap(), || {}).unwrap();
+    run(folder.path(), "ingest rig -o studio --offsets none --plates rig/plates --mattes off").success();
+    folder
+}
+
+fn run(folder: &Path, arguments: &str) -> Outcome {
+    aarc_studio(folder, &arguments.split(' ').collect::<Vec<_>>())
+}
+
+/// PSNR of the whole pictures and of the subject.
+fn eval(folder: &Path, field: &str) -> [f64; 2] {
+    let json = run(folder, &format!("eval {field} --capture studio --json")).json();
+    ["psnr_full", "psnr_fg"].map(|key| json["splits"]["train"][key].as_f64().unwrap())
+}
+
+#[test]
+fn what_moves_is_fitted_in_front_of_a_plate() {
+    if !has_ffmpeg() {
+        return;
+    }
+    let folder = studio();
+    let folder = folder.path();
+    let json = run(folder, &format!("fit studio -o a.ply --json {FIT}")).json();
+    assert!(json["plate_gaussians"].as_u64().unwrap() > 300, "{json}");
+    let [whole, subject] = eval(folder, "a.ply");
+    println!("with the plate: {whole:.2} dB, the subject {subject:.2} dB");
+    assert!(whole > 22.0 && subject > 17.0, "{whole} {subject}");
+
+    // The package has it, and can be made without.
+    let plate = |options: &str| -> Value {
+        run(folder, &format!("package a.ply -o {options}")).success();
+        run(folder, "inspect a.aarc --json").json()["plate"].clone()
+    };
+    assert!(plate("a.aarc").is_object());
+    fs::remove_file(folder.join("a.aarc")).unwrap();
+    assert!(plate("a.aarc --drop plate").is_null());
+
+    // Without the plate, the field remembers that its photographs had mattes.
+    let plate_bytes = fs::read(folder.join("a.plate.ply")).unwrap();
+    fs::rename(folder.join("a.ply"), folder.join("moved.ply")).unwrap();
+    let [before_black, _] = eval(folder, "moved.ply");
+    assert!(before_black > 25.0, "{before_black}");
+    fs::rename(folder.join("moved.ply"), folder.join("a.ply")).unwrap();
+
+    // A fit that goes on from it keeps the plate.
+    for (from, to) in [("a.ply", "b.ply"), ("a.aarc", "c.ply"), ("a.ply", "a.ply")] {
+        if from == "a.aarc" {
+            run(folder, "package a.ply -o whole.aarc").success();
+            fs::rename(folder.join("whole.aarc"), folder.join("a.aarc")).unwrap();
+        }
+        run(folder, &format!("fit studio --from {from} -o {to} --steps 20")).success();
+        let whole = eval(folder, to)[0];
+        assert!(whole > 22.0 && folder.join(to).with_extension("plate.ply").exists(), "{to}: {whole}");
+    }
+    assert_eq!(fs::read(folder.join("a.plate.ply")).unwrap(), plate_bytes);
+
+    // A fit that is refused leaves it, too.
+    run(folder, &format!("fit studio -o a.ply --plate off --anchor-cameras none {FIT}")).error(2);
+    assert_eq!(fs::read(folder.join("a.plate.ply")).unwrap(), plate_bytes);
+
+    // Without a plate, everything is the subject, and the old plate goes; but not one that `fit` did not make.
+    let stderr = run(folder, "fit studio --from a.ply -o a.ply --plate off --steps 20").success().stderr;
+    assert!(stderr.contains("a.plate.ply was of an earlier fit, and is removed"), "{stderr}");
+    assert!(!folder.join("a.plate.ply").exists() && eval(folder, "a.ply")[0] < 20.0);
+    let text = String::from_utf8_lossy(&plate_bytes);
+    let at = text.find("comment aarc mattes").unwrap();
+    let other = [&plate_bytes[..at], &plate_bytes[at + "comment aarc mattes difference\n".len()..]].concat();
+    fs::write(folder.join("b.plate.ply"), other).unwrap();
+    let stderr = run(folder, "fit studio --from b.ply -o b.ply --plate off --steps 20").success().stderr;
+    assert!(stderr.contains("b.plate.ply is drawn behind b.ply"), "{stderr}");
+    assert!(folder.join("b.plate.ply").exists());
+}
+
+#[test]
+fn parts_and_takes_of_a_capture_have_its_mattes() {
+    if !has_ffmpeg() {
+        return;
+    }
+    let folder = studio();
+    let folder = folder.path();
+    // Plates are of the whole capture, so a few frames of it are enough; from an odd one on, the held ones are even.
+    let manifest = fs::read_to_string(folder.join("studio/capture.json")).unwrap();
+    let unstated = manifest.replace("  \"plates\": \"plates/{camera}.png\",\n", "");
+    assert_ne!(manifest, unstated);
+    fs::write(folder.join("studio/capture.json"), unstated).unwrap();
+    let json =
+        run(folder, &format!("fit studio -o part.ply --frames 3..8 --holdout odd --json {FIT}")).json();
+    assert!(json["plate_gaussians"].as_u64().unwrap() > 300, "{json}");
+    let [whole, _] = eval(folder, "part.ply");
+    assert!(whole > 22.0, "{whole}");
+    fs::write(folder.join("studio/capture.json"), manifest).unwrap();
+    run(folder, &format!("fit studio -o take --split 0.5 --learn none {FIT}")).success();
+    let [before_black, _] = eval(folder, "take");
+    assert!(before_black > 22.0, "{before_black}");
+    let error = run(folder, &format!("fit studio -o take2 --plate on {FIT}")).error(2);
+    assert!(error.contains("--plate on: a field folder has no plate"), "{error}");
+}
+
+/// Pictures of even frames are dark, and those of odd ones bright.
+#[test]
+fn held_photographs_are_no_part_of_plates() {
+    let folder = tempdir().unwrap();
+    let images = folder.path().join("images/a");
+    fs::create_dir_all(&images).unwrap();
+    for frame in 0..24 {
+        let level = if frame % 2 == 0 { 40 } else { 200 };
+        let picture = image::RgbImage::from_pixel(16, 12, image::Rgb([level; 3]));
+        picture.save(images.join(format!("{frame:06}.png"))).unwrap();
+    }
+    let manifest = r#"{"fps": 30, "frames": 24, "images": "images/{camera}/{frame:06}.png",
+        "cameras": [{"id": "a", "w": 16, "h": 12, "K": [[20, 0, 8], [0, 20, 6], [0, 0, 1]],
+                     "w2c": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 3], [0, 0, 0, 1]]}]}"#;
+    fs::write(folder.path().join("capture.json"), manifest).unwrap();
+    for (start, level) in [(0, 40), (3, 200), (4, 40)] {
+        let mut capture_files = CaptureFiles::open(folder.path()).unwrap();
+        capture_files.keep_frames(start..start + 4).unwrap();
+        assert!(capture_files.can_be_matted(Holdout::Odd).unwrap());
+        capture_files.find_plates(Holdout::Odd).unwrap();
+        let plate = capture_files.plate_photo(0).unwrap().unwrap().image.to_rgb8();
+        assert!(plate.iter().all(|c| *c == level), "{start}: {}", plate[0]);
+    }
+}
+
+#[test]
+fn an_ablation_has_fits_without_the_plate_and_with_cameras_as_stated() {
+    if !has_ffmpeg() {
+        return;
+    }
+    let folder = studio();
+    let folder = folder.path();
+    let line = "report studio --fit -o out --cameras 00,02,04 --frames 0..4 --steps 40 --gaussians 40 --sh-degree 0 \
+                --budgets 20 --json";
+    let ablation = run(folder, line).json()["ablation"].take();
+    let method = |name: &str| {
+        let methods = ablation["methods"].as_array().unwrap();
+        methods.iter().find(|method| method["name"] == name).unwrap_or_else(|| panic!("{name}: {ablation}"))["splits"]
+            ["interp_b"]
+            .clone()
+    };
+    // The background is half of the picture, and a field of all of it has no more Gaussians.
+    let [full, none] = ["full", "no plate"].map(|name| method(name)["psnr_full"].as_f64().unwrap());
+    assert!(full > none, "{full} {none}");
+    assert!(method("nothing learned of cameras")["psnr_fg"].as_f64().is_some());
+    let exists = |path: &str| folder.join("out").join(path).exists();
+    assert!(exists("full/field.plate.ply") && !exists("no-plate/field.plate.ply"));
+    assert!(exists("full/field.cameras.json") && !exists("nothing-learned-of-cameras/field.cameras.json"));
+    assert_eq!(run(folder, line).json()["ablation"].take(), ablation, "nothing is made again");
+    fs::remove_file(folder.join("out/full/field.plate.ply")).unwrap();
+    let again = run(folder, line).json()["ablation"].take();
+    assert!(exists("full/field.plate.ply"), "a fit without its plate is not whole");
+    assert_eq!(again["packages"], ablation["packages"]);
+}
+
+#[test]
+fn a_capture_in_which_nothing_moves_is_refused() {
+    if !has_ffmpeg() {
+        return;
+    }
+    let folder = studio();
+    let folder = folder.path();
+    // The plates show the first frames.
+    for camera in 0..6 {
+        let line = format!(
+            "-loop 1 -t 1.3 -i plates/{camera:02}.png -r 15 -c:v libx264 -crf 8 -pix_fmt yuv420p {camera:02}.mp4"
+        );
+        ffmpeg(&folder.join("rig"), &line);
+    }
+    let error = run(folder, &format!("fit studio -o b.ply {FIT}")).error(3);
+    assert!(error.contains("nothing moves in front of the plates"), "{error}");
+}
