@@ -39,8 +39,14 @@ impl RecentClips {
     }
 
     /// Absolute paths and URLs, the last one first.
-    pub(super) fn names(&self) -> &[String] {
+    #[cfg(test)]
+    fn names(&self) -> &[String] {
         &self.names
+    }
+
+    /// Those that can be opened, as far as is known without the network.
+    pub(super) fn that_are_there(&self) -> impl Iterator<Item = &String> {
+        self.names.iter().filter(|name| is_url(name) || Path::new(name).exists())
     }
 
     /// Remembers that a path or a URL was opened, also in the file. A URL with a password or a key in it is not
@@ -105,6 +111,7 @@ mod tests {
         one.add("/clips/a.aarc");
         assert_eq!(one.names(), ["/clips/a.aarc", "/clips/c.aarc", "https://host/b.aarc"]);
         assert_eq!(open().names(), one.names());
+        assert!(one.that_are_there().eq(["https://host/b.aarc"]), "no such files");
         one.add("d.aarc");
         assert!(Path::new(&one.names()[0]).is_absolute(), "{:?}", one.names());
         (0..2 * NAMES).for_each(|i| one.add(&format!("/clips/{i}.aarc")));

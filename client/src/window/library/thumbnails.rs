@@ -101,7 +101,8 @@ impl Maker {
         if let Ok(picture) = read(&path) {
             return Ok(picture);
         }
-        fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+        fs::create_dir_all(folder)
+            .map_err(|error| format!("{}: no folder can be made there ({error})", folder.display()))?;
         self.render(name, &path)?;
         remove_oldest(folder, MAX_CACHED);
         read(&path)
