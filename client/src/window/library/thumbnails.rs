@@ -117,7 +117,8 @@ impl Maker {
         let mut command = Command::new(&self.program);
         command.args(["--headless", "--poster", "--size", &format!("{width}x{height}"), "--out"]);
         command.arg(path).arg("--").arg(name);
-        command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped());
+        // The pipe of its errors is read at the end, and must not fill.
+        command.env_remove("RUST_LOG").stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped());
         let mut child = command.spawn().map_err(|error| format!("{}: {error}", self.program.display()))?;
         let is_done = self.wait(&mut child);
         if is_done == Ok(true) {
