@@ -43,7 +43,7 @@ pub(super) fn open(window: &Window, folder: Option<&Path>, done: impl FnOnce(Pic
         }
         dialog = dialog.set_directory(folder);
     }
-    // Some systems want the dialog to be made on this thread, and none that it is waited for here.
+    // macOS wants the dialog to be made on this thread; waiting for it here would stop the window.
     let start = Instant::now();
     let chosen = dialog.pick_file();
     thread::spawn(move || {

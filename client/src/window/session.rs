@@ -414,7 +414,7 @@ impl Session {
             Change::Progress(progress) => {
                 self.set_message(Message::Working(format!("Loading: {}", progress.text())));
             }
-            Change::Waiting => self.set_message(Message::Working("Loading the next clip".into())),
+            Change::Waiting => self.set_message(Message::Working("Loading another clip".into())),
             Change::Note(note) => {
                 self.reporter.print(&LoadEvent::Note(note.clone()));
                 self.note(note);

@@ -227,7 +227,7 @@ mod tests {
         assert!(homeless.picture("/nowhere/a.aarc").unwrap_err().contains("set HOME"));
     }
 
-    #[cfg(unix)]
+    #[cfg(target_os = "linux")]
     #[test]
     fn a_program_that_does_not_end_is_stopped_with_the_window() {
         let folder = tempfile::tempdir().unwrap();
