@@ -28,13 +28,13 @@ impl LostRows {
     /// first frame that has a row, and after the last, it stands still and is invisible. Rows that no frame has stay as
     /// they are. Returns how many rows were filled, one in each frame counted.
     pub(super) fn fill(&self, times: &[f64], frames: &mut [Field]) -> usize {
-        let mut filled = 0;
-        for (&row, lost) in self.frames.iter().filter(|(_, lost)| lost.len() < frames.len()) {
+        let (mut filled, count) = (0, frames.len());
+        for (&row, lost) in self.frames.iter().filter(|(_, lost)| lost.len() < count) {
             filled += lost.len();
             for run in lost.chunk_by(|a, b| a + 1 == *b) {
                 let (first, last) = (run[0], run[run.len() - 1]);
                 let before = first.checked_sub(1);
-                let after = Some(last + 1).filter(|after| *after < frames.len());
+                let after = Some(last + 1).filter(|after| *after < count);
                 for &frame in run {
                     match before.zip(after) {
                         Some((a, b)) => {
