@@ -70,7 +70,7 @@ fn sensitive_gaussians_are_coded_more_finely() {
     }
 }
 
-/// Steps end 31 half octaves above the finest of a chunk.
+/// Geometry steps end 46 half octaves above the finest colour step of a chunk, colour steps 31.
 #[test]
 fn insensitive_gaussians_are_coded_with_the_coarsest_step() {
     for coder in CODERS {
@@ -82,9 +82,9 @@ fn insensitive_gaussians_are_coded_with_the_coarsest_step() {
             options.precision.sensitivities = (0..250).map(weight).map(sensitivity).collect();
             package(&source, None, &options)
         };
-        let coarsest = package_at(15.5);
-        assert!(package_at(15.0) != coarsest);
-        assert!([16.0, 20.0, 30.0].into_iter().all(|octaves| package_at(octaves) == coarsest));
+        let coarsest = package_at(24.0);
+        assert!(package_at(22.0) != coarsest);
+        assert!([25.0, 30.0, 36.0].into_iter().all(|octaves| package_at(octaves) == coarsest));
     }
 }
 
@@ -259,7 +259,7 @@ fn mixed(rows: usize) -> Field {
 #[test]
 fn chunks_without_neighbours_make_a_smaller_package_of_version_2() {
     for coder in CODERS {
-        let misled = mixed(6_000);
+        let misled = mixed(8_192);
         let bytes = package(&misled, None, &options(coder, &[]));
         let head = contents(&bytes, &Limits::default()).unwrap();
         assert_eq!((head.version_major, head.sections.len()), (2, 2));
@@ -267,7 +267,7 @@ fn chunks_without_neighbours_make_a_smaller_package_of_version_2() {
         assert_eq!(flags, [1, 1]);
         let clip = valid_clip(&bytes);
         let bright = |field: &Field| field.sh.iter().filter(|sh| sh[0] > 0.0 && sh[2] < 0.0).count();
-        assert_eq!((clip.len(), bright(&clip.static_field)), (6_000, bright(&misled)));
+        assert_eq!((clip.len(), bright(&clip.static_field)), (8_192, bright(&misled)));
 
         // Any other flag is refused, and a package of version 1 has none.
         let mut parts = Parts::of(&bytes);

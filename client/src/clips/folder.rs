@@ -28,7 +28,8 @@ impl Neighbours {
             return Neighbours::default();
         };
         let mut clips = clips_in(folder_of(path));
-        clips.retain(|clip| clip.file_name() != path.file_name());
+        // One whose name is not text cannot be opened.
+        clips.retain(|clip| clip.file_name() != path.file_name() && clip.to_str().is_some());
         let after = clips.iter().position(|clip| clip.file_name() > path.file_name());
         let before = after.unwrap_or(clips.len()).checked_sub(1);
         let name = |clip: Option<&PathBuf>| clip?.to_str().map(String::from);
@@ -57,7 +58,7 @@ pub(crate) fn clips_in(folder: &Path) -> Vec<PathBuf> {
     let entries = folder.read_dir().into_iter().flatten().flatten();
     let mut clips: Vec<_> = entries
         .map(|entry| entry.path())
-        .filter(|path| path.extension().is_some_and(|extension| extension == "aarc"))
+        .filter(|path| path.extension().is_some_and(|extension| extension == "aarc") && path.is_file())
         .collect();
     clips.sort();
     clips
@@ -74,6 +75,7 @@ mod tests {
         for name in ["b.aarc", "a.aarc", "c.aarc", "b.ply"] {
             std::fs::write(path(name), "").unwrap();
         }
+        std::fs::create_dir(path("d.aarc")).unwrap();
         let beside = |name: &str| {
             let Neighbours { previous, next } = Neighbours::of(path(name).to_str());
             [previous, next].map(|name| name.map(PathBuf::from))

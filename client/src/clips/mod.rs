@@ -29,7 +29,6 @@ mod file;
 mod folder;
 mod loader;
 pub mod playlist;
-#[cfg(not(target_os = "android"))]
 mod progress;
 mod queue;
 mod source;
@@ -59,7 +58,6 @@ pub(crate) use folder::folder_of;
 #[cfg(not(target_os = "android"))]
 pub(crate) use loader::too_few_layers;
 pub(crate) use loader::{Beginning, ClipTarget, LoadOptions};
-#[cfg(not(target_os = "android"))]
 pub use progress::Progress;
 pub use queue::{Entry, Queue};
 #[cfg(not(target_os = "android"))]

@@ -53,6 +53,8 @@ pub(crate) enum Transition {
 enum Loading {
     /// What the viewer opened.
     Opening,
+    /// Another clip of the playlist on display.
+    Beside,
     /// Versions of the clip on display.
     Current,
     /// The next clip; the flag says whether playback is blocked on it.
@@ -87,6 +89,8 @@ pub(super) struct QueueState<C> {
     opened: Option<Queue>,
     /// Without a playlist, the clips that a skip opens.
     neighbours: Neighbours,
+    /// Those of the clip on display while another one is opened by name: they remain if it fails.
+    kept_neighbours: Option<Neighbours>,
     /// The clip on display.
     current: Option<Entry>,
     next: Next<C>,
@@ -106,6 +110,7 @@ impl<C> QueueState<C> {
             queue: None,
             opened: None,
             neighbours: Neighbours::default(),
+            kept_neighbours: None,
             current: None,
             next: Next::Pending,
             loading: None,
@@ -116,6 +121,13 @@ impl<C> QueueState<C> {
 
     /// Opens a clip or a playlist, which replaces everything once a clip of it can be shown.
     pub(super) fn open(&mut self, name: Option<String>) {
+        if self.current.is_some() && self.kept_neighbours.is_none() {
+            self.kept_neighbours = Some(self.neighbours.clone());
+        }
+        self.open_named(name);
+    }
+
+    fn open_named(&mut self, name: Option<String>) {
         self.named.clone_from(&name);
         self.forget_next();
         self.opened = None;
@@ -178,7 +190,8 @@ impl<C> QueueState<C> {
                 let entries = queue.all();
                 self.go_to_first_of(entries);
             }
-            (None, _) => self.open(Some(self.neighbours.get(direction)?.clone())),
+            // Past one that cannot be read, skips go on.
+            (None, _) => self.open_named(Some(self.neighbours.get(direction)?.clone())),
         }
         Some(Change::Waiting)
     }
@@ -186,12 +199,14 @@ impl<C> QueueState<C> {
     /// Opens the first of `entries` of the playlist that can be loaded.
     fn go_to_first_of(&mut self, entries: Vec<Entry>) {
         self.forget_next();
-        if self.current.is_some() {
+        self.opened = self.queue.clone();
+        let is_beside = self.current.is_some();
+        if is_beside {
             // Something else may have failed to open since.
             self.named.clone_from(&self.opened_as);
         }
-        self.opened = self.queue.clone();
-        self.load(Loading::Opening, Selection::FirstOf(entries));
+        let loading = if is_beside { Loading::Beside } else { Loading::Opening };
+        self.load(loading, Selection::FirstOf(entries));
     }
 
     /// Whether there is a clip to go to in a direction, as far as is known.
@@ -230,16 +245,19 @@ impl<C> QueueState<C> {
 
     fn on_version(&mut self, Version { entry, is_first, clip }: Version<C>) -> Option<Change<C>> {
         match self.loading {
-            Some(Loading::Opening) => {
+            Some(Loading::Opening | Loading::Beside) => {
+                let is_beside = matches!(self.loading, Some(Loading::Beside));
                 self.queue = self.opened.take();
                 if let Some(queue) = &mut self.queue {
                     queue.go_to(entry.number);
                 }
                 self.opened_as.clone_from(&self.named);
+                self.kept_neighbours = None;
                 self.forget_next();
                 self.current = Some(entry.clone());
                 self.loading = Some(Loading::Current);
-                Some(Change::Show { entry, clip, transition: Transition::Open })
+                let transition = if is_beside { Transition::Follow } else { Transition::Open };
+                Some(Change::Show { entry, clip, transition })
             }
             Some(Loading::Next(_)) if is_first || matches!(self.next, Next::Ready(..)) => {
                 self.next = Next::Ready(entry, clip);
@@ -254,6 +272,9 @@ impl<C> QueueState<C> {
         if let (Some(Loading::Opening), None) = (&self.loading, &self.current) {
             // The viewer may have the playlist tried again.
             self.queue = self.opened.take();
+        }
+        if let Some(kept) = self.kept_neighbours.take() {
+            self.neighbours = kept;
         }
         self.finish();
         if is_last_candidate { skipped(&fault) } else { Change::Failed(fault) }
@@ -377,7 +398,7 @@ impl<C> QueueState<C> {
     fn load(&mut self, loading: Loading, selection: Selection) {
         let is_blocking = match &loading {
             Loading::Next(is_blocking) => is_blocking.clone(),
-            Loading::Opening | Loading::Current => Arc::new(true.into()),
+            Loading::Opening | Loading::Beside | Loading::Current => Arc::new(true.into()),
         };
         self.loading = Some(loading);
         self.request = Some((selection, is_blocking));
@@ -570,7 +591,7 @@ mod tests {
         assert_eq!(candidates(&mut state).unwrap(), [2, 1], "from the first one to the last");
         assert!(state.follow().is_none(), "the clip after is forgotten");
         assert_eq!(short(state.on_event(LoadEvent::Skipped(Fault::Data("bad".into())))), "bad; skipped");
-        assert_eq!(short(state.on_event(clip(1, true, "b"))), "Open 1 b");
+        assert_eq!(short(state.on_event(clip(1, true, "b"))), "Follow 1 b");
         assert_eq!(state.queue().unwrap().position(), 1);
         assert_eq!(state.named(), Some("list"));
         state.on_event(LoadEvent::Done);
@@ -605,6 +626,27 @@ mod tests {
             assert!(matches!(opened, Selection::Named(Some(name)) if name == beside));
             state.skip(direction);
             assert!(state.take_request().is_none(), "it is being loaded");
+        }
+    }
+
+    #[test]
+    fn what_fails_to_open_leaves_the_neighbours_of_the_clip_on_display() {
+        let folder = tempfile::tempdir().unwrap();
+        let [a, b] = ["a", "b"].map(|stem| {
+            let path = folder.path().join(stem).with_extension("aarc");
+            std::fs::write(&path, "").unwrap();
+            path.to_str().unwrap().to_owned()
+        });
+        let mut state = State::new(true);
+        state.open(Some(a.clone()));
+        state.on_event(LoadEvent::Neighbours(Neighbours::of(Some(&a))));
+        state.on_event(clip(0, true, "a"));
+        state.on_event(LoadEvent::Done);
+        for event in [LoadEvent::Neighbours(Neighbours::default()), LoadEvent::Playlist(queue(2))] {
+            state.open(Some("elsewhere".into()));
+            state.on_event(event);
+            state.on_event(failed("missing"));
+            assert_eq!(state.neighbours.get(Direction::Forward), Some(&b));
         }
     }
 

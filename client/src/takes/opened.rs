@@ -4,7 +4,7 @@ use std::num::NonZero;
 use std::path::Path;
 use std::thread;
 
-use codec::{Clip, Error, FormatError, Layers, Limits, Package, Poster, Take, Viewpoint, package};
+use codec::{Clip, Error, FormatError, Layers, Limits, Package, Take, Viewpoint, package};
 use glam::DVec3;
 use program::{Fault, Subject};
 
@@ -152,7 +152,8 @@ impl OpenTake {
     }
 
     /// The time and view that stand for the take; `None` if it states none that can be read.
-    pub(crate) fn poster(&self) -> Option<Poster> {
+    #[cfg(not(target_os = "android"))]
+    pub(crate) fn poster(&self) -> Option<codec::Poster> {
         let first = self.take.segments.first()?;
         let length = first.layers.first()?.bytes as u64;
         let start = self.source.read(0..first.offset.saturating_add(length)).ok()?;

@@ -3,8 +3,8 @@
 use codec::Viewpoint;
 use egui::containers::menu::{MenuButton, MenuConfig};
 use egui::{
-    Align, Frame, Layout, Margin, Panel, PopupCloseBehavior, Rect, Response, RichText, Sense, Slider, Ui,
-    vec2,
+    Align, Frame, Layout, Margin, Panel, PopupCloseBehavior, Rect, Response, RichText, ScrollArea, Sense,
+    Slider, Ui, vec2,
 };
 
 use super::icons::{Symbol, symbol_button};
@@ -136,10 +136,17 @@ fn transport(ui: &mut Ui, player: &Player, commands: &mut Vec<Command>) {
     }
     ui.add_space(10.0);
     ui.label(RichText::new(time_text(player)).monospace());
-    ui.add_space(8.0);
-    let frames = format!("frame {} / {}", player.frame(), player.last_frame());
-    ui.label(RichText::new(frames).monospace().color(style::QUIET));
+    if ui.available_width() > MENUS_WIDTH + FRAMES_WIDTH {
+        ui.add_space(8.0);
+        let frames = format!("frame {} / {}", player.frame(), player.last_frame());
+        ui.label(RichText::new(frames).monospace().color(style::QUIET));
+    }
 }
+
+/// Width of the menus, and most that the count of frames takes, in points. A narrow bar leaves out the count, then the
+/// slider of the volume.
+const MENUS_WIDTH: f32 = 410.0;
+const FRAMES_WIDTH: f32 = 190.0;
 
 /// Width of the slider of the volume, in points.
 const VOLUME_WIDTH: f32 = 80.0;
@@ -153,6 +160,9 @@ fn sound(ui: &mut Ui, volume: &mut Volume, player: &Player, commands: &mut Vec<C
     };
     if symbol_button(ui, symbol, hint).clicked() {
         commands.push(Command::ToggleMuted);
+    }
+    if ui.available_width() < MENUS_WIDTH + VOLUME_WIDTH {
+        return;
     }
     let mut level = if volume.is_muted() { 0.0 } else { volume.level() };
     ui.spacing_mut().slider_width = VOLUME_WIDTH;
@@ -251,11 +261,15 @@ fn clips_menu(ui: &mut Ui, choices: &Choices, opening: &mut Option<Opening>, com
     }
     ui.separator();
     ui.label(RichText::new("Opened last").color(style::QUIET));
-    for name in &choices.recent {
-        if ui.button(short_title(name)).on_hover_text(redacted(name)).clicked() {
-            *opening = Some(Opening::Clip(name.clone()));
+    // The rest of the menu and the bar take the rest of the window.
+    let height = (ui.ctx().content_rect().height() - 330.0).max(60.0);
+    ScrollArea::vertical().max_height(height).show(ui, |ui| {
+        for name in &choices.recent {
+            if ui.button(short_title(name)).on_hover_text(redacted(name)).clicked() {
+                *opening = Some(Opening::Clip(name.clone()));
+            }
         }
-    }
+    });
 }
 
 fn view_menu(ui: &mut Ui, controls: &Controls<'_>, commands: &mut Vec<Command>) {

@@ -1,6 +1,6 @@
 //! The desktop's dialog that chooses a file.
 
-use std::path::{Path, PathBuf};
+use std::path::{Path, PathBuf, absolute};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -35,10 +35,15 @@ pub(super) fn open(window: &Window, folder: Option<&Path>, done: impl FnOnce(Pic
         .set_parent(window)
         .add_filter("Clips, playlists and fields", &[&CLIPS, FIELDS].concat())
         .add_filter("All files", &["*"]);
-    if let Some(folder) = folder {
+    if let Some(folder) = folder.and_then(|folder| absolute(folder).ok()) {
+        // zenity takes the folder from the name.
+        #[cfg(target_os = "linux")]
+        {
+            dialog = dialog.set_file_name(format!("{}/", folder.display()));
+        }
         dialog = dialog.set_directory(folder);
     }
-    // Some systems want the dialog to be made on this thread, and none that it is waited for here.
+    // macOS wants the dialog to be made on this thread; waiting for it here would stop the window.
     let start = Instant::now();
     let chosen = dialog.pick_file();
     thread::spawn(move || {

@@ -23,7 +23,7 @@ impl PosterChange {
     /// Writes the poster into the package, whose place the new one takes when it is complete.
     ///
     /// # Errors
-    /// Why not.
+    /// [`Fault::Usage`] if the host tool cannot be run, or with its own error.
     pub(super) fn write(&self) -> Result<(), Fault> {
         self.write_by(&studio())
     }

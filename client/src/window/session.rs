@@ -45,7 +45,7 @@ use program::Fault;
 
 /// Default size of the window in points, and the least one that holds the controls.
 const DEFAULT_SIZE: LogicalSize<u32> = LogicalSize::new(1280, 720);
-const LEAST_SIZE: LogicalSize<u32> = LogicalSize::new(720, 360);
+const LEAST_SIZE: LogicalSize<u32> = LogicalSize::new(800, 400);
 
 /// Interval between looks whether a hidden window is visible again.
 const HIDDEN_RETRY: Duration = Duration::from_millis(200);
@@ -377,7 +377,7 @@ impl Session {
             has_previous: self.clips.has_neighbour(Direction::Back),
             has_next: self.clips.has_neighbour(Direction::Forward),
             is_package: self.shown_file().is_some_and(|path| path.extension() == Some("aarc".as_ref())),
-            recent: self.library.recent(),
+            recent: self.library.recent().to_vec(),
         }
     }
 
@@ -414,7 +414,7 @@ impl Session {
             Change::Progress(progress) => {
                 self.set_message(Message::Working(format!("Loading: {}", progress.text())));
             }
-            Change::Waiting => self.set_message(Message::Working("Loading the next clip".into())),
+            Change::Waiting => self.set_message(Message::Working("Loading another clip".into())),
             Change::Note(note) => {
                 self.reporter.print(&LoadEvent::Note(note.clone()));
                 self.note(note);
@@ -445,6 +445,7 @@ impl Session {
             Transition::Refine => self.viewer.update_clip(viewed),
         }
         self.window.set_title(&playing.title);
+        self.library.mark(&mut self.viewer.gallery, self.clips.current_name());
         self.viewer.buffered.clear();
         self.playing = playing;
         self.drawn = None;

@@ -162,7 +162,7 @@ pub(crate) struct EncodedChunk {
     chunk: Chunk,
     /// Source rows of the Gaussians, in coded order.
     rows: Vec<usize>,
-    /// Of each of these rows.
+    /// Steps of the Gaussians of these rows.
     steps: Vec<Steps>,
     /// Symbols where neighbours predict, and where they do not.
     with_neighbors: Option<Vec<u8>>,

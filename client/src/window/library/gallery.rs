@@ -61,6 +61,11 @@ impl Gallery {
         self.is_open = true;
     }
 
+    /// Marks the clip on display.
+    pub(super) fn mark(&mut self, current: Option<String>) {
+        self.current = current;
+    }
+
     pub(crate) fn close(&mut self) {
         self.is_open = false;
         self.wanted = None;

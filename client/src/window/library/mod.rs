@@ -32,6 +32,8 @@ const LISTED: usize = 8;
 /// The clips to choose from.
 pub(super) struct Library {
     recent: RecentClips,
+    /// Those of them that are there, as many as menus list.
+    listed: Vec<String>,
     thumbnails: Thumbnails,
 }
 
@@ -43,8 +45,10 @@ impl Library {
     /// If the system refuses another thread.
     pub(super) fn open(wake: impl Fn() + Send + 'static) -> io::Result<Library> {
         let folder = folders::cache().map(|folder| folder.join("thumbnails"));
+        let recent = RecentClips::open(folders::state());
         Ok(Library {
-            recent: RecentClips::open(folders::state()),
+            listed: recent.that_are_there().take(LISTED).cloned().collect(),
+            recent,
             thumbnails: Thumbnails::start(std::env::current_exe()?, folder, wake)?,
         })
     }
@@ -52,11 +56,12 @@ impl Library {
     /// Remembers that a clip or a playlist was opened.
     pub(super) fn remember(&mut self, name: &str) {
         self.recent.add(name);
+        self.listed = self.recent.that_are_there().take(LISTED).cloned().collect();
     }
 
     /// The clips and playlists opened last, the last one first, for a menu.
-    pub(super) fn recent(&self) -> Vec<String> {
-        self.recent.names().iter().take(LISTED).cloned().collect()
+    pub(super) fn recent(&self) -> &[String] {
+        &self.listed
     }
 
     /// Opens the gallery. `current` is the clip on display.
@@ -67,8 +72,7 @@ impl Library {
             Some(file) => folder_of(Path::new(file)).to_owned(),
             None => std::env::current_dir().unwrap_or_else(|_| PathBuf::from(".")),
         };
-        let there = |name: &&String| is_url(name) || Path::new(name.as_str()).exists();
-        let recent = self.recent.names().iter().filter(there).cloned().collect();
+        let recent = self.recent.that_are_there().cloned().collect();
         let inside = clips_in(&folder).iter().filter_map(|path| path.to_str().map(String::from)).collect();
         gallery.open(
             vec![
@@ -77,6 +81,11 @@ impl Library {
             ],
             current,
         );
+    }
+
+    /// Takes in that another clip is on display.
+    pub(super) fn mark(&self, gallery: &mut Gallery, current: Option<&str>) {
+        gallery.mark(current.map(absolute_name));
     }
 
     /// Takes in thumbnails that are ready, and asks for those in sight.

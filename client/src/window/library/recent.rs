@@ -11,7 +11,7 @@ use crate::state_file;
 /// Name of the file in its folder, its version and its largest size.
 const FILE: &str = "recent.json";
 const VERSION: u32 = 1;
-const FILE_BYTES: u64 = 1 << 18;
+const FILE_BYTES: u64 = 1 << 20;
 
 /// Most names that are remembered, and most bytes of one. All of them fit the file.
 const NAMES: usize = 24;
@@ -34,13 +34,19 @@ struct Contents {
 impl RecentClips {
     /// Reads the file in `folder`; without one, nothing outlives the window.
     pub(super) fn open(folder: Option<PathBuf>) -> RecentClips {
-        let names = folder.as_deref().map(read).unwrap_or_default();
+        let names = folder.as_deref().and_then(read).unwrap_or_default();
         RecentClips { folder, names }
     }
 
     /// Absolute paths and URLs, the last one first.
-    pub(super) fn names(&self) -> &[String] {
+    #[cfg(test)]
+    fn names(&self) -> &[String] {
         &self.names
+    }
+
+    /// Those that can be opened, as far as is known without the network.
+    pub(super) fn that_are_there(&self) -> impl Iterator<Item = &String> {
+        self.names.iter().filter(|name| is_url(name) || Path::new(name).exists())
     }
 
     /// Remembers that a path or a URL was opened, also in the file. A URL with a password or a key in it is not
@@ -50,9 +56,9 @@ impl RecentClips {
         if name.len() > NAME_BYTES || is_url(&name) && redacted(&name) != name {
             return;
         }
-        // Other windows have written since.
-        if let Some(folder) = &self.folder {
-            self.names = read(folder);
+        // Other windows may have written since.
+        if let Some(names) = self.folder.as_deref().and_then(read) {
+            self.names = names;
         }
         self.names.retain(|known| *known != name);
         self.names.insert(0, name);
@@ -71,23 +77,23 @@ pub(super) fn absolute_name(name: &str) -> String {
     path.and_then(|path| path.to_str().map(String::from)).unwrap_or_else(|| name.into())
 }
 
-/// The names in the file.
-fn read(folder: &Path) -> Vec<String> {
+/// The names in the file, if it is there and whole.
+fn read(folder: &Path) -> Option<Vec<String>> {
     let path = folder.join(FILE);
     let contents =
         state_file::read(&path, FILE_BYTES).and_then(|contents: Contents| match contents.version {
             VERSION => Ok(contents.clips),
             version => Err(io::Error::other(format!("version {version} instead of {VERSION}"))),
         });
-    let mut names = contents.unwrap_or_else(|error| {
+    let fault = |error: &io::Error| {
         if error.kind() != io::ErrorKind::NotFound {
             log::warn!("{}: {error}: the list of clips opened last starts anew", path.display());
         }
-        Vec::new()
-    });
+    };
+    let mut names = contents.inspect_err(fault).ok()?;
     names.retain(|name| name.len() <= NAME_BYTES);
     names.truncate(NAMES);
-    names
+    Some(names)
 }
 
 #[cfg(test)]
@@ -105,6 +111,7 @@ mod tests {
         one.add("/clips/a.aarc");
         assert_eq!(one.names(), ["/clips/a.aarc", "/clips/c.aarc", "https://host/b.aarc"]);
         assert_eq!(open().names(), one.names());
+        assert!(one.that_are_there().eq(["https://host/b.aarc"]), "no such files");
         one.add("d.aarc");
         assert!(Path::new(&one.names()[0]).is_absolute(), "{:?}", one.names());
         (0..2 * NAMES).for_each(|i| one.add(&format!("/clips/{i}.aarc")));
@@ -137,8 +144,11 @@ mod tests {
         let mut recent = RecentClips::open(Some(folder.path().into()));
         recent.add("/a.aarc");
         assert_eq!(RecentClips::open(Some(folder.path().into())).names(), ["/a.aarc"]);
-        let mut nowhere = RecentClips::open(None);
-        nowhere.add("/a.aarc");
-        assert_eq!(nowhere.names(), ["/a.aarc"]);
+        for nowhere in [None, Some("/proc/nowhere".into())] {
+            let mut recent = RecentClips::open(nowhere);
+            recent.add("/a.aarc");
+            recent.add("/b.aarc");
+            assert_eq!(recent.names(), ["/b.aarc", "/a.aarc"]);
+        }
     }
 }

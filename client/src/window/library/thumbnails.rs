@@ -101,7 +101,8 @@ impl Maker {
         if let Ok(picture) = read(&path) {
             return Ok(picture);
         }
-        fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+        fs::create_dir_all(folder)
+            .map_err(|error| format!("{}: no folder can be made there ({error})", folder.display()))?;
         self.render(name, &path)?;
         remove_oldest(folder, MAX_CACHED);
         read(&path)
@@ -116,7 +117,8 @@ impl Maker {
         let mut command = Command::new(&self.program);
         command.args(["--headless", "--poster", "--size", &format!("{width}x{height}"), "--out"]);
         command.arg(path).arg("--").arg(name);
-        command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped());
+        // The pipe of its errors is read at the end, and must not fill.
+        command.env_remove("RUST_LOG").stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped());
         let mut child = command.spawn().map_err(|error| format!("{}: {error}", self.program.display()))?;
         let is_done = self.wait(&mut child);
         if is_done == Ok(true) {
@@ -225,7 +227,7 @@ mod tests {
         assert!(homeless.picture("/nowhere/a.aarc").unwrap_err().contains("set HOME"));
     }
 
-    #[cfg(unix)]
+    #[cfg(target_os = "linux")]
     #[test]
     fn a_program_that_does_not_end_is_stopped_with_the_window() {
         let folder = tempfile::tempdir().unwrap();

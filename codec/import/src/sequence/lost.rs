@@ -19,29 +19,38 @@ impl LostRows {
         rows.iter().for_each(|row| self.frames.entry(*row).or_default().push(frame));
     }
 
-    /// Number of rows, one in each frame counted.
-    pub(super) fn count(&self) -> usize {
-        self.frames.values().map(Vec::len).sum()
-    }
-
     /// Number of frames in which a row cannot be used.
     pub(super) fn of_row(&self, row: usize) -> usize {
         self.frames.get(&row).map_or(0, Vec::len)
     }
 
-    /// Gives the rows, which are constant in colour, values between those of the frames beside, at `times`; before the
-    /// first and after the last they are those of the nearest. Rows that no frame has stay as they are.
-    pub(super) fn fill(&self, times: &[f64], frames: &mut [Field]) {
-        for (&row, lost) in &self.frames {
-            let is_there = |frame: &usize| lost.binary_search(frame).is_err();
-            for &frame in lost {
-                let before = (0..frame).rev().find(is_there);
-                let after = (frame + 1..times.len()).find(is_there);
-                let Some((a, b)) = before.or(after).zip(after.or(before)) else { break };
-                let fraction = if a == b { 0.0 } else { (times[frame] - times[a]) / (times[b] - times[a]) };
-                fill(frames, row, frame, [a, b], fraction as f32);
+    /// Gives the rows, which are constant in colour, values between those of the frames beside, at `times`. Before the
+    /// first frame that has a row, and after the last, it stands still and is invisible. Rows that no frame has stay as
+    /// they are. Returns how many rows were filled, one in each frame counted.
+    pub(super) fn fill(&self, times: &[f64], frames: &mut [Field]) -> usize {
+        let (mut filled, count) = (0, frames.len());
+        for (&row, lost) in self.frames.iter().filter(|(_, lost)| lost.len() < count) {
+            filled += lost.len();
+            for run in lost.chunk_by(|a, b| a + 1 == *b) {
+                let (first, last) = (run[0], run[run.len() - 1]);
+                let before = first.checked_sub(1);
+                let after = Some(last + 1).filter(|after| *after < count);
+                for &frame in run {
+                    match before.zip(after) {
+                        Some((a, b)) => {
+                            let fraction = (times[frame] - times[a]) / (times[b] - times[a]);
+                            fill(frames, row, frame, [a, b], fraction as f32);
+                        }
+                        None => {
+                            let nearest = before.or(after).expect("a frame has the row");
+                            fill(frames, row, frame, [nearest; 2], 0.0);
+                            frames[frame].opacities[row] = 0.0;
+                        }
+                    }
+                }
             }
         }
+        filled
     }
 }
 
@@ -90,8 +99,8 @@ mod tests {
         let mut lost = LostRows::default();
         lost.add(2, &[1]);
         lost.add(3, &[1]);
-        assert_eq!((lost.count(), lost.of_row(0), lost.of_row(1)), (2, 0, 2));
-        lost.fill(&[0.0, 0.25, 0.5, 0.75, 1.0], &mut frames);
+        assert_eq!((lost.of_row(0), lost.of_row(1)), (0, 2));
+        assert_eq!(lost.fill(&[0.0, 0.25, 0.5, 0.75, 1.0], &mut frames), 2);
         assert_eq!((frames[2].centers[0], frames[2].centers[1]), ([9.0, 0.0, -9.0], [2.0, 0.0, -2.0]));
         assert_eq!((frames[3].centers[1], frames[3].sh[1]), ([3.0, 0.0, -3.0], [6.0; 3]));
         assert_eq!(frames[3].rotations[1], [1.0, 0.0, 0.0, 0.0]);
@@ -101,14 +110,16 @@ mod tests {
     }
 
     #[test]
-    fn at_the_ends_they_are_those_of_the_nearest_frame_and_one_that_is_nowhere_stays() {
-        let mut frames = [0.0, 1.0, 2.0].map(frame);
+    fn beyond_the_frames_that_have_them_they_are_invisible_and_one_that_is_nowhere_stays() {
+        let mut frames = [1.0, 2.0, 3.0, 4.0].map(frame);
         let mut lost = LostRows::default();
         lost.add(0, &[0, 1]);
         lost.add(1, &[1]);
         lost.add(2, &[1]);
-        lost.fill(&[0.0, 0.5, 1.0], &mut frames);
-        assert_eq!(frames.each_ref().map(|frame| frame.centers[0][0]), [1.0, 1.0, 2.0]);
-        assert_eq!(frames.each_ref().map(|frame| frame.centers[1][0]), [0.0, 1.0, 2.0]);
+        lost.add(3, &[0, 1]);
+        assert_eq!(lost.fill(&[0.0, 0.3, 0.6, 1.0], &mut frames), 2);
+        assert_eq!(frames.each_ref().map(|frame| frame.centers[0][0]), [2.0, 2.0, 3.0, 3.0]);
+        assert_eq!(frames.each_ref().map(|frame| frame.opacities[0]), [0.0, 0.2, 0.3, 0.0]);
+        assert_eq!(frames.each_ref().map(|frame| frame.centers[1][0]), [1.0, 2.0, 3.0, 4.0]);
     }
 }

@@ -141,8 +141,8 @@ impl Sequence {
             ));
         }
         let Frames { times, frames, lost, .. } = &mut sequence.frames;
-        lost.fill(times, frames);
-        sequence.repairs.repair_rows("not usable in a frame, filled from those beside", lost.count());
+        let filled = lost.fill(times, frames);
+        sequence.repairs.repair_rows("not usable in a frame, filled from those beside", filled);
         Ok(sequence)
     }
 

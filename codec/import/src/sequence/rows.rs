@@ -27,7 +27,7 @@ pub(super) fn correspond(a: &Field, b: &Field, is_lost: impl Fn(usize) -> bool) 
     };
     let compared: Vec<usize> = (0..rows).step_by(step).filter(|&row| !is_lost(row)).collect();
     let alike = compared.iter().filter(|row| resembles_its_own(row)).count();
-    alike as f64 >= SHARE_MIN * compared.len() as f64
+    !compared.is_empty() && alike as f64 >= SHARE_MIN * compared.len() as f64
 }
 
 /// Squared difference of two rows: positions by the size of the field, sizes and colours.

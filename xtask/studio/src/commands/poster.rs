@@ -111,7 +111,7 @@ fn start(file: &TakeFile, source: &mut File) -> Result<Vec<u8>, Fault> {
 /// The poster that the options ask for.
 ///
 /// # Errors
-/// [`Fault::Usage`] for a time outside the clip, or a viewpoint that it lacks.
+/// [`Fault::Usage`] for a time outside the clip, a viewpoint that it lacks, or a view without a direction.
 fn chosen(args: &Args, file: &TakeFile, before: Option<Poster>) -> Result<Poster, Fault> {
     let take = file.take();
     let time_s = args.time.or(before.map(|poster| poster.time_s)).unwrap_or(0.0);
@@ -123,6 +123,9 @@ fn chosen(args: &Args, file: &TakeFile, before: Option<Poster>) -> Result<Poster
     let Viewpoint { position, target, fov_y, .. } = match (&args.view, args.eye, args.target, before) {
         (Some(name), ..) => viewpoint(&viewpoints, name)?.clone(),
         (None, Some(position), Some(target), _) => {
+            if position == target {
+                return Err(Fault::Usage("--target is --eye: choose a point in front of it".into()));
+            }
             let fov_y = args.fov.map_or(viewpoints[0].fov_y, f32::to_radians);
             Viewpoint { position, target, fov_y, name: String::new() }
         }

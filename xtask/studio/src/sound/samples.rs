@@ -169,7 +169,7 @@ pub(super) fn probe(path: &Path) -> Result<u32, Fault> {
     let bad = |what: String| Fault::Data(format!("{}: {what}", path.display()));
     let output = ffmpeg::output("ffprobe", |command| {
         command.args(["-v", "error", "-select_streams", "a:0", "-show_entries", "stream=channels"]);
-        command.args(["-of", "json"]).arg(path);
+        command.args(["-of", "json", "-i"]).arg(path);
     })?;
     if !output.status.success() {
         let said = ffmpeg::last_line(&String::from_utf8_lossy(&output.stderr), path);
