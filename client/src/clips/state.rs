@@ -90,7 +90,7 @@ pub(super) struct QueueState<C> {
     /// Without a playlist, the clips that a skip opens.
     neighbours: Neighbours,
     /// Those of the clip on display while another one is opened by name: they remain if it fails.
-    kept_neighbours: Option<Neighbours>,
+    neighbours_before: Option<Neighbours>,
     /// The clip on display.
     current: Option<Entry>,
     next: Next<C>,
@@ -110,7 +110,7 @@ impl<C> QueueState<C> {
             queue: None,
             opened: None,
             neighbours: Neighbours::default(),
-            kept_neighbours: None,
+            neighbours_before: None,
             current: None,
             next: Next::Pending,
             loading: None,
@@ -121,8 +121,8 @@ impl<C> QueueState<C> {
 
     /// Opens a clip or a playlist, which replaces everything once a clip of it can be shown.
     pub(super) fn open(&mut self, name: Option<String>) {
-        if self.current.is_some() && self.kept_neighbours.is_none() {
-            self.kept_neighbours = Some(self.neighbours.clone());
+        if self.current.is_some() && self.neighbours_before.is_none() {
+            self.neighbours_before = Some(self.neighbours.clone());
         }
         self.open_named(name);
     }
@@ -252,7 +252,7 @@ impl<C> QueueState<C> {
                     queue.go_to(entry.number);
                 }
                 self.opened_as.clone_from(&self.named);
-                self.kept_neighbours = None;
+                self.neighbours_before = None;
                 self.forget_next();
                 self.current = Some(entry.clone());
                 self.loading = Some(Loading::Current);
@@ -273,8 +273,8 @@ impl<C> QueueState<C> {
             // The viewer may have the playlist tried again.
             self.queue = self.opened.take();
         }
-        if let Some(kept) = self.kept_neighbours.take() {
-            self.neighbours = kept;
+        if let Some(before) = self.neighbours_before.take() {
+            self.neighbours = before;
         }
         self.finish();
         if is_last_candidate { skipped(&fault) } else { Change::Failed(fault) }

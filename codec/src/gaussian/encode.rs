@@ -91,18 +91,18 @@ fn choose_indices<A: Arithmetic>(
     chunk: &mut Chunk,
     finest: i32,
 ) -> Vec<Indices> {
-    let wanted: Vec<[f64; 2]> = rows
+    let ideal: Vec<[f64; 2]> = rows
         .iter()
         .map(|&i| {
             let Sensitivity { color, geometry } = source.sensitivities[i];
             [color, geometry].map(|number| half_octaves_below_1::<A>(number) - f64::from(finest))
         })
         .collect();
-    let nearest: Vec<Indices> = wanted.iter().map(|&wanted| indices::nearest::<A>(wanted)).collect();
+    let nearest: Vec<Indices> = ideal.iter().map(|&ideal| indices::nearest::<A>(ideal)).collect();
     let order = in_order::<A>(chunk, &targets::<A>(source, rows, columns, chunk, &nearest));
-    let wanted: Vec<[f64; 2]> = order.iter().map(|&(_, at)| wanted[at]).collect();
+    let ideal: Vec<[f64; 2]> = order.iter().map(|&(_, at)| ideal[at]).collect();
     let mut chosen = nearest;
-    for (&(_, at), indices) in order.iter().zip(indices::choose::<A>(&wanted, numbers_of(columns))) {
+    for (&(_, at), indices) in order.iter().zip(indices::choose::<A>(&ideal, numbers_of(columns))) {
         chosen[at] = indices;
     }
     chosen

@@ -31,18 +31,18 @@ const SEARCHES: usize = 2;
 /// Count of an index that does not occur. Bits of counts are finite then.
 const UNSEEN_COUNT: f64 = 0.15;
 
-/// The indices nearest to the `wanted` colour step and geometry step, in half octaves from the finest colour step.
+/// The indices nearest to the `ideal` colour step and geometry step, in half octaves from the finest colour step.
 pub(super) fn nearest<A: Arithmetic>([color, geometry]: [f64; 2]) -> Indices {
     let visibility = A::round(color).clamp(0.0, VISIBILITY_MAX);
     [visibility as u32, A::round(geometry - visibility).clamp(0.0, GEOMETRY_MAX) as u32]
 }
 
-/// Chooses the indices of Gaussians in the order in which they are coded. `wanted` are their steps, as [`nearest`] takes
+/// Chooses the indices of Gaussians in the order in which they are coded. `ideal` are their steps, as [`nearest`] takes
 /// them; `numbers` is how many numbers of a Gaussian are coded with each of the two steps.
-pub(super) fn choose<A: Arithmetic>(wanted: &[[f64; 2]], numbers: [f64; 2]) -> Vec<Indices> {
-    let first = wanted.iter().map(|&wanted| nearest::<A>(wanted)).collect();
+pub(super) fn choose<A: Arithmetic>(ideal: &[[f64; 2]], numbers: [f64; 2]) -> Vec<Indices> {
+    let first = ideal.iter().map(|&ideal| nearest::<A>(ideal)).collect();
     (0..SEARCHES)
-        .fold(first, |indices: Vec<Indices>, _| cheapest::<A>(wanted, numbers, &IndexBits::of::<A>(&indices)))
+        .fold(first, |indices: Vec<Indices>, _| cheapest::<A>(ideal, numbers, &IndexBits::of::<A>(&indices)))
 }
 
 /// A choice for a Gaussian.
@@ -55,25 +55,25 @@ struct Candidate {
 }
 
 /// The indices of the least cost, given the bits of each.
-fn cheapest<A: Arithmetic>(wanted: &[[f64; 2]], numbers: [f64; 2], bits: &IndexBits) -> Vec<Indices> {
+fn cheapest<A: Arithmetic>(ideal: &[[f64; 2]], numbers: [f64; 2], bits: &IndexBits) -> Vec<Indices> {
     // Coding starts as if after a Gaussian with these indices.
     let mut path = vec![Candidate { indices: [0; 2], cost: 0.0, before: 0 }];
     let mut last = 0..1;
-    for wanted in wanted {
-        for indices in candidates::<A>(*wanted) {
+    for ideal in ideal {
+        for indices in candidates::<A>(*ideal) {
             let costs = last.clone().map(|before| {
                 let Candidate { indices: last, cost, .. } = path[before];
                 (before, cost + bits.of_next(last, indices))
             });
             let (before, cost) = costs.min_by(|a, b| a.1.total_cmp(&b.1)).expect("there are candidates");
             let steps = [f64::from(indices[0]), f64::from(indices[0] + indices[1])];
-            let excess: f64 = (0..2).map(|k| numbers[k] * excess_bits::<A>(steps[k] - wanted[k])).sum();
+            let excess: f64 = (0..2).map(|k| numbers[k] * excess_bits::<A>(steps[k] - ideal[k])).sum();
             path.push(Candidate { indices, cost: cost + excess, before });
         }
         last = last.end..path.len();
     }
     let mut at = last.min_by(|&a, &b| path[a].cost.total_cmp(&path[b].cost)).expect("there are candidates");
-    let mut chosen = Vec::with_capacity(wanted.len());
+    let mut chosen = Vec::with_capacity(ideal.len());
     while at > 0 {
         chosen.push(path[at].indices);
         at = path[at].before;
@@ -82,10 +82,10 @@ fn cheapest<A: Arithmetic>(wanted: &[[f64; 2]], numbers: [f64; 2], bits: &IndexB
     chosen
 }
 
-/// The visibility indices next to the wanted one, each with the geometry indices on both sides of the wanted one.
+/// The visibility indices next to the ideal one, each with the geometry indices on both sides of the ideal one.
 fn candidates<A: Arithmetic>([color, geometry]: [f64; 2]) -> impl Iterator<Item = Indices> {
-    let middle = A::round(color).clamp(0.0, VISIBILITY_MAX);
-    let visibilities = [-1.0, 0.0, 1.0].map(|by| middle + by).into_iter();
+    let rounded = A::round(color).clamp(0.0, VISIBILITY_MAX);
+    let visibilities = [-1.0, 0.0, 1.0].map(|by| rounded + by).into_iter();
     visibilities.filter(|visibility| (0.0..=VISIBILITY_MAX).contains(visibility)).flat_map(
         move |visibility| {
             let below = (geometry - visibility).clamp(0.0, GEOMETRY_MAX) as u32;
@@ -143,14 +143,14 @@ mod tests {
     use crate::rans::Math;
 
     /// Bits of indices and of steps that are off.
-    fn cost(wanted: &[[f64; 2]], numbers: [f64; 2], indices: &[Indices]) -> f64 {
+    fn cost(ideal: &[[f64; 2]], numbers: [f64; 2], indices: &[Indices]) -> f64 {
         let bits = IndexBits::of::<Math>(indices);
         let mut last = [0; 2];
         let mut sum = 0.0;
-        for (wanted, &next) in wanted.iter().zip(indices) {
+        for (ideal, &next) in ideal.iter().zip(indices) {
             sum += bits.of_next(last, next);
-            sum += numbers[0] * excess_bits::<Math>(f64::from(next[0]) - wanted[0]);
-            sum += numbers[1] * excess_bits::<Math>(f64::from(next[0] + next[1]) - wanted[1]);
+            sum += numbers[0] * excess_bits::<Math>(f64::from(next[0]) - ideal[0]);
+            sum += numbers[1] * excess_bits::<Math>(f64::from(next[0] + next[1]) - ideal[1]);
             last = next;
         }
         sum
@@ -166,34 +166,34 @@ mod tests {
     }
 
     #[test]
-    fn indices_near_the_wanted_ones_cost_less_than_the_nearest() {
-        let wanted = noise(2000);
+    fn indices_near_the_ideal_ones_cost_less_than_the_nearest() {
+        let ideal = noise(2000);
         let numbers = [3.0, 10.0];
-        let nearest: Vec<Indices> = wanted.iter().map(|&wanted| nearest::<Math>(wanted)).collect();
-        let chosen = choose::<Math>(&wanted, numbers);
-        assert_eq!(chosen.len(), wanted.len());
-        let [before, after] = [&nearest, &chosen].map(|indices| cost(&wanted, numbers, indices));
+        let nearest: Vec<Indices> = ideal.iter().map(|&ideal| nearest::<Math>(ideal)).collect();
+        let chosen = choose::<Math>(&ideal, numbers);
+        assert_eq!(chosen.len(), ideal.len());
+        let [before, after] = [&nearest, &chosen].map(|indices| cost(&ideal, numbers, indices));
         assert!(after < 0.8 * before, "{before} {after}");
-        for (wanted, [visibility, geometry]) in wanted.iter().zip(chosen) {
-            let off = [f64::from(visibility) - wanted[0], f64::from(visibility + geometry) - wanted[1]];
-            assert!(off[0].abs() <= 1.5 && off[1].abs() <= 1.0, "{wanted:?} {off:?}");
+        for (ideal, [visibility, geometry]) in ideal.iter().zip(chosen) {
+            let off = [f64::from(visibility) - ideal[0], f64::from(visibility + geometry) - ideal[1]];
+            assert!(off[0].abs() <= 1.5 && off[1].abs() <= 1.0, "{ideal:?} {off:?}");
         }
     }
 
     #[test]
     fn many_numbers_take_the_best_steps() {
-        let wanted = noise(500);
-        for (wanted, [visibility, geometry]) in wanted.iter().zip(choose::<Math>(&wanted, [1e6, 1e6])) {
-            let off = [f64::from(visibility) - wanted[0], f64::from(visibility + geometry) - wanted[1]];
+        let ideal = noise(500);
+        for (ideal, [visibility, geometry]) in ideal.iter().zip(choose::<Math>(&ideal, [1e6, 1e6])) {
+            let off = [f64::from(visibility) - ideal[0], f64::from(visibility + geometry) - ideal[1]];
             // Coarser steps lose a little more than finer ones.
-            assert!(off.iter().all(|halves| (-0.6..0.5).contains(halves)), "{wanted:?} {off:?}");
+            assert!(off.iter().all(|halves| (-0.6..0.5).contains(halves)), "{ideal:?} {off:?}");
         }
     }
 
     #[test]
     fn any_steps_have_indices_in_range() {
-        let wanted = [[-3.0, -9.0], [40.0, -9.0], [40.0, 90.0], [0.0, 90.0], [31.0, 31.4]];
-        for [visibility, geometry] in choose::<Math>(&wanted, [3.0, 10.0]) {
+        let ideal = [[-3.0, -9.0], [40.0, -9.0], [40.0, 90.0], [0.0, 90.0], [31.0, 31.4]];
+        for [visibility, geometry] in choose::<Math>(&ideal, [3.0, 10.0]) {
             assert!(visibility < 32 && geometry < 16);
         }
         assert!(choose::<Math>(&[], [3.0, 10.0]).is_empty());
