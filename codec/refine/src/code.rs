@@ -352,8 +352,9 @@ mod tests {
         assert!(added < fresh, "{added} trials of {fresh}");
     }
 
-    /// A package of a dense cloud with its numbers rounded jointly, on `threads` threads; and one with each alone.
-    fn jointly(threads: usize) -> [Coded; 2] {
+    /// A package of a dense cloud at `psnr` with its numbers rounded jointly, on `threads` threads; and one with each
+    /// alone.
+    fn jointly(psnr: f64, threads: usize) -> [Coded; 2] {
         let field = cloud(1, 3000);
         let plate = Field { temporal: None, ..cloud(2, 200) };
         let info = ClipInfo::default();
@@ -372,19 +373,25 @@ mod tests {
             let mut backend = crate::fit::Cpu::default();
             let mut joint = JointRounding::new(views(0.25), rounds, &mut backend);
             let mut steps = 0;
-            let coded = coder.code_jointly(45.0, &mut joint, || steps += 1).unwrap();
+            let coded = coder.code_jointly(psnr, &mut joint, || steps += 1).unwrap();
             assert_eq!(steps, code_steps(rounds.get()));
-            [coded, coder.code(45.0, || ()).unwrap()]
+            [coded, coder.code(psnr, || ()).unwrap()]
         })
     }
 
     #[test]
     fn joint_rounding_saves_bytes_at_the_same_quality_on_any_number_of_threads() {
-        let [coded, alone] = jointly(1);
-        assert_eq!((coded.bytes_alone, alone.bytes_alone), (Some(alone.bytes.len()), None));
-        assert_ne!(coded.miss, Some(Miss::Below));
-        let saved = 1.0 - coded.bytes.len() as f64 / alone.bytes.len() as f64;
-        assert!(saved > 0.005, "{saved}: {} of {}", coded.bytes.len(), alone.bytes.len());
-        assert!(jointly(3)[0].bytes == coded.bytes);
+        // What it saves at one quality is partly chance.
+        let packages = [43.0, 45.0, 47.0].map(|psnr| jointly(psnr, 1));
+        let (mut jointly_bytes, mut alone_bytes) = (0, 0);
+        for [coded, alone] in &packages {
+            assert_eq!((coded.bytes_alone, alone.bytes_alone), (Some(alone.bytes.len()), None));
+            assert_ne!(coded.miss, Some(Miss::Below));
+            jointly_bytes += coded.bytes.len();
+            alone_bytes += alone.bytes.len();
+        }
+        let saved = 1.0 - jointly_bytes as f64 / alone_bytes as f64;
+        assert!(saved > 0.005, "{saved}: {jointly_bytes} of {alone_bytes}");
+        assert!(jointly(45.0, 3)[0].bytes == packages[1][0].bytes);
     }
 }
