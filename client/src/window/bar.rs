@@ -1,5 +1,7 @@
 //! The bar at the bottom: timeline, transport and menus. A static clip has menus alone.
 
+use std::sync::Arc;
+
 use codec::Viewpoint;
 use egui::containers::menu::{MenuButton, MenuConfig};
 use egui::{
@@ -24,7 +26,7 @@ pub(crate) struct Choices {
     /// Whether the clip is a package on disk, which can have another poster.
     pub(crate) is_package: bool,
     /// What was opened last, the last one first.
-    pub(crate) recent: Vec<String>,
+    pub(crate) recent: Arc<[String]>,
 }
 
 /// The state that the bar shows and changes.
@@ -264,7 +266,7 @@ fn clips_menu(ui: &mut Ui, choices: &Choices, opening: &mut Option<Opening>, com
     // The rest of the menu and the bar take the rest of the window.
     let height = (ui.ctx().content_rect().height() - 330.0).max(60.0);
     ScrollArea::vertical().max_height(height).show(ui, |ui| {
-        for name in &choices.recent {
+        for name in choices.recent.iter() {
             if ui.button(short_title(name)).on_hover_text(redacted(name)).clicked() {
                 *opening = Some(Opening::Clip(name.clone()));
             }

@@ -377,7 +377,7 @@ impl Session {
             has_previous: self.clips.has_neighbour(Direction::Back),
             has_next: self.clips.has_neighbour(Direction::Forward),
             is_package: self.shown_file().is_some_and(|path| path.extension() == Some("aarc".as_ref())),
-            recent: self.library.recent().to_vec(),
+            recent: self.library.recent(),
         }
     }
 

@@ -169,8 +169,7 @@ impl Gallery {
     /// A picture with a title, as a button.
     fn tile(&self, ui: &mut Ui, name: &str) -> Response {
         let (rect, response) = ui.allocate_exact_size(PICTURE + vec2(0.0, TITLE_HEIGHT), Sense::click());
-        let title = short_title(name);
-        response.widget_info(|| WidgetInfo::labeled(Role::Button, ui.is_enabled(), &title));
+        response.widget_info(|| WidgetInfo::labeled(Role::Button, ui.is_enabled(), short_title(name)));
         if !ui.is_rect_visible(rect) {
             return response;
         }
@@ -198,7 +197,12 @@ impl Gallery {
         };
         ui.painter().rect_stroke(picture, corners, stroke, StrokeKind::Inside);
         let below = Rect::from_min_max(pos2(rect.left(), picture.bottom()), rect.max);
-        text(ui, below, &title, if is_current { style::ACCENT } else { ui.visuals().text_color() });
+        text(
+            ui,
+            below,
+            &short_title(name),
+            if is_current { style::ACCENT } else { ui.visuals().text_color() },
+        );
         response.on_hover_text(hint)
     }
 }

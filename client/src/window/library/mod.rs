@@ -14,6 +14,7 @@ mod thumbnails;
 
 use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use egui::Context;
 
@@ -33,7 +34,7 @@ const LISTED: usize = 8;
 pub(super) struct Library {
     recent: RecentClips,
     /// Those of them that are there, as many as menus list.
-    listed: Vec<String>,
+    listed: Arc<[String]>,
     thumbnails: Thumbnails,
 }
 
@@ -60,8 +61,8 @@ impl Library {
     }
 
     /// The clips and playlists opened last, the last one first, for a menu.
-    pub(super) fn recent(&self) -> &[String] {
-        &self.listed
+    pub(super) fn recent(&self) -> Arc<[String]> {
+        self.listed.clone()
     }
 
     /// Opens the gallery. `current` is the clip on display.

@@ -412,7 +412,7 @@ fn keys_and_the_menu_choose_other_clips() {
         has_previous: true,
         has_next: true,
         is_package: true,
-        recent: vec!["/clips/dance.aarc".into(), "https://host/a.aarc".into()],
+        recent: ["/clips/dance.aarc".into(), "https://host/a.aarc".into()].into(),
     };
     assert_eq!(bench.click("Clips"), Requests::default());
     bench.frame(0.0, vec![]);
