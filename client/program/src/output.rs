@@ -172,7 +172,7 @@ impl OutputFolder {
         if !is_free {
             return Err(cannot_write(path, "there is something already, name another folder"));
         }
-        let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let parent = folder_of(path);
         if !parent.is_dir() {
             return Err(cannot_write(
                 path,
@@ -275,11 +275,16 @@ fn temporary(path: &Path) -> Result<(NamedTempFile, PathBuf), Fault> {
     if target.is_dir() || target.file_name().is_none() {
         return Err(cannot_write(path, "it is a folder, name a file"));
     }
-    let folder = target.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let folder = folder_of(&target);
     if !folder.is_dir() {
         return Err(cannot_write(path, format!("there is no folder {}, make it first", folder.display())));
     }
     Ok((temporary_in(folder, path, target.metadata().ok())?, target))
+}
+
+/// The folder that holds the file at `path`.
+pub fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
 /// An empty file in the folder, for an output at `path`, with the permissions of the file that it replaces.

@@ -8,8 +8,8 @@ use codec::{SOUND_RATE_HZ, Sound};
 #[cfg(feature = "audio")]
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Most bytes of sounds of a take in memory: an hour of stereo. The latest one stays whatever it has; limits of the
-/// decoder bound it.
+/// Most bytes of sounds of a take in memory: an hour of stereo. The latest sound stays even if it is larger; the limits of
+/// the decoder bound it.
 #[cfg(feature = "audio")]
 const BYTES_MAX: usize = 64 << 20;
 

@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use program::output::folder_of;
+
 use super::url::is_url;
 
 /// Which way to go through clips.
@@ -46,11 +48,6 @@ impl Neighbours {
             Direction::Forward => self.next.as_ref(),
         }
     }
-}
-
-/// The folder that holds the file at `path`.
-pub(crate) fn folder_of(path: &Path) -> &Path {
-    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
 /// The paths of the clips in a folder, sorted by name.

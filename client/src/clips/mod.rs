@@ -53,8 +53,6 @@ pub(crate) use folder::Direction;
 pub use folder::Neighbours;
 #[cfg(any(feature = "window", all(feature = "xr", any(target_os = "android", test))))]
 pub(crate) use folder::clips_in;
-#[cfg(feature = "window")]
-pub(crate) use folder::folder_of;
 #[cfg(not(target_os = "android"))]
 pub(crate) use loader::too_few_layers;
 pub(crate) use loader::{Beginning, ClipTarget, LoadOptions};

@@ -32,7 +32,7 @@ use super::viewer::{FrameSeconds, Requests, Viewer};
 use crate::audio::{SoundTrack, Speaker};
 use crate::clips::{
     Arrival, Beginning, Change, ClipController, ClipTarget, Content, Direction, Entry, LoadEvent,
-    LoadOptions, Queue, SourceOptions, Transition, folder_of, is_url, title,
+    LoadOptions, Queue, SourceOptions, Transition, is_url, title,
 };
 use crate::folders;
 use crate::gpu::{
@@ -42,6 +42,7 @@ use crate::takes::TakePlayer;
 use crate::terminal::Reporter;
 use crate::view::View;
 use program::Fault;
+use program::output::folder_of;
 
 /// Default size of the window in points, and the least one that holds the controls.
 const DEFAULT_SIZE: LogicalSize<u32> = LogicalSize::new(1280, 720);

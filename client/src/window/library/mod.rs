@@ -17,6 +17,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use egui::Context;
+use program::output::folder_of;
 
 use choice::Section;
 pub(super) use choice::{Opening, short_title};
@@ -24,7 +25,7 @@ pub(super) use gallery::Gallery;
 use recent::{RecentClips, absolute_name};
 use thumbnails::Thumbnails;
 
-use crate::clips::{clips_in, folder_of, is_url};
+use crate::clips::{clips_in, is_url};
 use crate::folders;
 
 /// Most clips opened last that menus list.

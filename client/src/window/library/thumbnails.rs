@@ -42,7 +42,7 @@ pub(super) struct Thumbnails {
 }
 
 impl Thumbnails {
-    /// Starts the thread. `program` renders pictures, which are kept in `folder`; without one, there are none. The
+    /// Starts the thread. `program` renders the pictures, and `folder` keeps them; without a folder there are none. The
     /// thread calls `wake` for every picture.
     ///
     /// # Errors

@@ -584,7 +584,7 @@ impl Captured {
         let sound = self.capture_files.sound.clone()?;
         let path = if self.is_scene { field_path(args) } else { args.scene().to_owned() };
         let fitted = FitSource::of_scene(&path, scene).record.frames.clone();
-        // With --frames, the first frame of the selection is that of the field.
+        // --frames selects the frames of the field: its first frame is the first one selected.
         let first = fitted.filter(|_| args.selection.is_whole()).map_or(0, |frames| frames.start);
         Some((sound, self.capture_files.second_of(first)))
     }

@@ -137,11 +137,7 @@ fn run_take(
 ) -> anyhow::Result<&'static str> {
     // A meta.json needs the images beside it.
     let is_index = take.path.file_name().is_some_and(|name| name == "meta.json");
-    let scene = match take.path.parent().filter(|_| is_index) {
-        Some(folder) if folder.as_os_str().is_empty() => Path::new("."),
-        Some(folder) => folder,
-        None => &take.path,
-    };
+    let scene = if is_index { output::folder_of(&take.path) } else { &take.path };
     check_apart(scene, out)?;
     let inputs: Vec<&Path> = [scene].into_iter().chain(job.inputs.iter().copied()).collect();
     let key = key(job.command, &job.options, &inputs)?;
