@@ -84,9 +84,10 @@ struct Picture {
 pub(super) struct RoundingState {
     /// The numbers given to the coder.
     targets: Field,
-    /// Sum of the squared derivatives over the pixels of all pictures seen, the diagonal of the Gauss-Newton matrix.
+    /// Sum of the squared derivatives over the pixels of the first part of the views, the diagonal of the Gauss-Newton
+    /// matrix. Those of the other parts take as long again as the gradients, and the packages came out the same.
     curvature: Numbers,
-    /// Number of rounds so far. Each looks at the next part of the views; the first ones of each part are in the sum.
+    /// Number of rounds so far. Each looks at the next part of the views.
     rounds: usize,
     /// Choices of the first package, which do not depend on the precision; others would round all numbers anew.
     forms: Option<ChunkForms>,
@@ -144,16 +145,14 @@ impl<'a> JointRounding<'a> {
         for round in 0..rounds {
             let number = state.rounds % PARTS;
             let part = &mut self.parts[number];
-            let is_first = state.rounds < PARTS;
-            let curvature = is_first.then_some(&mut state.curvature);
+            let curvature = (state.rounds == 0).then_some(&mut state.curvature);
             let gradient = part
                 .take_pictures(number, source, self.backend)
                 .and_then(|()| part.descent(&rounded.field, self.backend, curvature))
                 .map_err(CodeError::Device)?;
             state.rounds += 1;
             let share = SHARE * (rounds - round) as f64 / rounds as f64;
-            let curvature = (&state.curvature, 1.0 / state.rounds.min(PARTS) as f64);
-            move_targets(&mut state.targets, source.field, &gradient, curvature, &errors, share);
+            move_targets(&mut state.targets, source.field, &gradient, &state.curvature, &errors, share);
             rounded = encode(&state.targets, Some(&rounded.forms))?;
             on_round();
         }
@@ -228,22 +227,22 @@ impl ViewPart {
     }
 }
 
-/// Moves targets by a part of their Gauss-Newton steps. `curvature` comes with its factor; `errors` are typical rounding
-/// errors of the numbers.
+/// Moves targets by a part of their Gauss-Newton steps. `errors` are typical rounding errors of the numbers.
 fn move_targets(
     targets: &mut Field,
     field: &Field,
     gradient: &Numbers,
-    (curvature, factor): (&Numbers, f64),
+    curvature: &Numbers,
     errors: &Numbers,
     share: f64,
 ) {
     let means = curvature.means();
     gradient.for_each_in(targets, field, |k, i, target, number| {
         let of = |numbers: &Numbers| numbers.columns[k][i];
-        // A number without curvature is in none of the pictures so far.
-        if of(curvature) > 0.0 {
-            let step = share * of(gradient) / (factor * (of(curvature) + DAMPING * means[k]));
+        // A number in none of the pictures that the curvature is taken from is assumed to have the mean.
+        let curvature = if of(curvature) > 0.0 { of(curvature) } else { means[k] };
+        let step = share * of(gradient) / (curvature + DAMPING * means[k]);
+        if step.is_finite() {
             let (move_max, distance) = (MOVE_MAX * of(errors), DISTANCE_MAX * of(errors));
             let moved = f64::from(*target) - step.clamp(-move_max, move_max);
             let number = f64::from(number);

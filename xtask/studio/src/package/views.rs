@@ -163,7 +163,7 @@ fn view_at(groups: &[Vec<Camera>], field: &Field, t: f64, i: usize) -> Option<Po
 fn static_views(groups: &[Vec<Camera>], field: &Field, count: usize) -> Vec<PosedView> {
     let view = |camera: &Camera| PosedView { camera: camera.clone(), t: 0.0 };
     let informative = |group: &Vec<Camera>| {
-        let views = group.iter().map(view).filter(|view| is_informative(field, view));
+        let views = group.par_iter().map(view).filter(|view| is_informative(field, view));
         views.collect::<Vec<PosedView>>()
     };
     let groups: Vec<Vec<PosedView>> =
