@@ -249,9 +249,16 @@ mod binaural_tests {
             let frames = heard(4_800, |_| sample, |step| dvec3(step as f64 - 5.0, f64::NAN, 0.0));
             assert!(frames.iter().flatten().all(|x| *x == 0.0), "{sample}");
         }
+        // One that is no number leaves nothing behind.
+        let at_left = |_: usize| dvec3(-1.0, 0.0, 0.0);
+        let click = |first: f32| move |i: usize| if i == 70 { first } else { f32::from(i == 80) };
+        let expected = heard(600, click(0.0), at_left);
+        for sample in [f32::NAN, f32::INFINITY] {
+            assert!(heard(600, click(sample), at_left) == expected, "{sample}");
+        }
         // Once a sound has died away, nothing is left of it; after silence it sounds as before.
         let bursts = |i: usize| if i % 4_800 < 100 { 0.5 } else { 0.0 };
-        let frames = heard(9_600, bursts, |_| dvec3(-1.0, 0.0, 0.0));
+        let frames = heard(9_600, bursts, at_left);
         assert!(frames[1_000..4_800].iter().flatten().all(|x| x.abs() < 1e-6));
         assert!(frames[2_000..4_800].iter().flatten().all(|x| *x == 0.0));
         assert!(frames[..600].iter().zip(&frames[4_800..]).all(|(a, b)| (a[0] - b[0]).abs() < 1e-6));

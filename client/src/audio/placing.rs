@@ -124,6 +124,44 @@ mod placing_tests {
     }
 
     #[test]
+    fn a_source_around_the_head_takes_a_small_part_of_a_callback() {
+        let (mut source, arriving) = BinauralSource::new(48_000);
+        let mut placing = Placing::new(arriving, 48_000);
+        let begun = std::time::Instant::now();
+        for call in 0..1_000 {
+            let angle = 0.05 * f64::from(call);
+            let source_m = dvec3(angle.sin(), 0.3, angle.cos());
+            source.follow(source_m);
+            let target = Placement::new(Some(source_m));
+            placing.begin(target);
+            (0..480).for_each(|i| {
+                std::hint::black_box(placing.place(wave(i), target));
+            });
+        }
+        let share = begun.elapsed().as_secs_f64() / 10.0;
+        println!("{:.0} us of a callback of 10 ms", share * 1e4);
+        assert!(share < 0.5, "{share}");
+    }
+
+    #[test]
+    fn a_place_that_comes_again_begins_anew() {
+        let (begin, end) = (Placement::new(Some(dvec3(-1.0, 0.0, 0.0))), Placement::new(None));
+        let [once, again] = [0, 5_000].map(|visit| {
+            let (mut source, arriving) = BinauralSource::new(48_000);
+            source.follow(dvec3(-1.0, 0.0, 0.0));
+            let mut placing = Placing::new(arriving, 48_000);
+            let mut frames = Vec::new();
+            for i in 0..12_000 {
+                let target = if i < visit || i >= 8_000 { begin } else { end };
+                placing.begin(target);
+                frames.push(placing.place([0.5 - wave(i)[0]; 2], target));
+            }
+            frames.split_off(8_000)
+        });
+        assert!(once == again);
+    }
+
+    #[test]
     fn it_goes_to_a_place_and_back_without_a_step() {
         let (mut source, arriving) = BinauralSource::new(48_000);
         let mut placing = Placing::new(arriving, 48_000);
