@@ -225,7 +225,7 @@ mod binaural_tests {
         };
         let through = |step: usize| dvec3(0.01 * step as f64 - 1.0, 1e-9, 0.0);
         // From one side to the other.
-        let jumps = |step: usize| dvec3(if step / 7 % 2 == 0 { -1.0 } else { 1.0 }, 0.0, 0.3);
+        let jumps = |step: usize| dvec3(if (step / 7).is_multiple_of(2) { -1.0 } else { 1.0 }, 0.0, 0.3);
         for (name, frames, bound) in [
             ("around", heard(96_000, wave, around), 0.001),
             ("through", heard(96_000, wave, through), 0.001),
