@@ -10,6 +10,7 @@ use cpal::{
     SupportedStreamConfigRange, U24,
 };
 
+use super::binaural::BinauralSource;
 use super::filler::{RING_S, RingFiller};
 use super::link::Link;
 use super::output::RingOutput;
@@ -33,6 +34,7 @@ const FORMATS: [SampleFormat; 12] = [
 /// A device that plays.
 pub(super) struct OpenDevice {
     pub(super) filler: RingFiller,
+    pub(super) binaural: BinauralSource,
     /// Plays until it is dropped.
     _stream: cpal::Stream,
 }
@@ -47,11 +49,12 @@ impl OpenDevice {
         let (config, format) = config(&device)?;
         let (producer, consumer) = rtrb::RingBuffer::new((RING_S * f64::from(config.sample_rate)) as usize);
         link.begin_device();
-        let output = RingOutput::new(consumer, link.clone(), config.sample_rate);
+        let (binaural, placed) = BinauralSource::new(config.sample_rate);
+        let output = RingOutput::new(consumer, placed, link.clone(), config.sample_rate);
         let filler = RingFiller::new(producer, link.clone(), config.sample_rate);
         let player = DevicePlayer { device, config, output, lost: link.clone(), epoch };
         let stream = player.play(format)?;
-        Ok(OpenDevice { filler, _stream: stream })
+        Ok(OpenDevice { filler, binaural, _stream: stream })
     }
 }
 
@@ -147,7 +150,6 @@ mod tests {
     use cpal::SupportedBufferSize;
 
     use super::*;
-    use crate::audio::panner::Pan;
 
     fn range(channels: u16, rates_hz: [u32; 2], format: SampleFormat) -> SupportedStreamConfigRange {
         let [least, most] = rates_hz;
@@ -173,11 +175,12 @@ mod tests {
     fn played<S: SizedSample + FromSample<f32> + PartialEq>() -> [S; 3] {
         let link = Arc::new(Link::default());
         link.set_gain(1.0);
-        link.set_pan(&Pan::default());
+        link.set_source_m(None);
         let (mut producer, consumer) = rtrb::RingBuffer::new(2_000);
         (0..2_000).for_each(|_| producer.push([1.0, -0.5]).unwrap());
         let mut out = vec![S::EQUILIBRIUM; 3 * 2_000];
-        let mut output = RingOutput::new(consumer, link, SOUND_RATE_HZ);
+        let (_, placed) = BinauralSource::new(SOUND_RATE_HZ);
+        let mut output = RingOutput::new(consumer, placed, link, SOUND_RATE_HZ);
         output.render(&mut out, S::from_sample, 3, 0.0, 0.0);
         *out.last_chunk().unwrap()
     }

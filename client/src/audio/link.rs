@@ -3,16 +3,21 @@
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering, fence};
 use std::sync::{Mutex, PoisonError};
 
-use super::panner::Pan;
+use glam::DVec3;
+
+use super::placing::Placement;
 
 /// What the device's thread plays, and how.
 #[derive(Default)]
 pub(super) struct Link {
     /// Number of the first frame of the ring that is to be played; those before are dropped.
     skip_to: AtomicU64,
-    /// Bits of the gain of all sound, and of [`Pan`].
+    /// Bits of the gain of all sound, and of the level of [`Placement`].
     gain: AtomicU32,
-    pan: [AtomicU32; 4],
+    level: AtomicU32,
+    is_placed: AtomicBool,
+    /// Where the sound comes from, in metres from the listener. The device's thread does not look.
+    source_m: Mutex<Option<DVec3>>,
     heard: HeardCell,
     /// Whether the device was lost.
     is_lost: AtomicBool,
@@ -125,18 +130,25 @@ impl Link {
         self.gain.store(gain.to_bits(), Ordering::Relaxed);
     }
 
-    pub(super) fn pan(&self) -> Pan {
-        let [a, b, c, d] = [0, 1, 2, 3].map(|i: usize| f32::from_bits(self.pan[i].load(Ordering::Relaxed)));
-        Pan { gain: [a, b], delay_s: [c, d] }
+    /// How the sound is to be heard.
+    pub(super) fn placement(&self) -> Placement {
+        let level = f32::from_bits(self.level.load(Ordering::Relaxed));
+        Placement { level, is_placed: self.is_placed.load(Ordering::Relaxed) }
     }
 
-    /// Sets the pan. A reader in between may meet parts of two pans, which the smoothing of [`super::panner::Placing`]
-    /// hides.
-    pub(super) fn set_pan(&self, pan: &Pan) {
-        let numbers = [pan.gain[0], pan.gain[1], pan.delay_s[0], pan.delay_s[1]];
-        for (cell, number) in self.pan.iter().zip(numbers) {
-            cell.store(number.to_bits(), Ordering::Relaxed);
-        }
+    /// Where the sound comes from, in metres from the listener: x to the right, y up, z backwards. `None` if it has no
+    /// place.
+    pub(super) fn source_m(&self) -> Option<DVec3> {
+        *self.source_m.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Sets where the sound comes from. The device's thread may meet the level of one place and the direction of another,
+    /// which the fades of [`super::placing::Placing`] hide.
+    pub(super) fn set_source_m(&self, source_m: Option<DVec3>) {
+        *self.source_m.lock().unwrap_or_else(PoisonError::into_inner) = source_m;
+        let Placement { level, is_placed } = Placement::new(source_m);
+        self.level.store(level.to_bits(), Ordering::Relaxed);
+        self.is_placed.store(is_placed, Ordering::Relaxed);
     }
 
     /// The frames that were handed to the device last; `None` before the first.

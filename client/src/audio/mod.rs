@@ -10,10 +10,13 @@
 //!
 //! The audio device is the master clock while a clip plays forward at its captured rate: `timing` turns what is heard
 //! into the seconds by which a frame advances the player. At other speeds, backwards, and while the timeline is held,
-//! nothing is heard and the display's clock counts. `packets` decodes, `filler` keeps a ring of samples filled ahead, on the thread of `parts`,
-//! `output` is the callback of the device: it fades, places and measures, and neither locks nor allocates. Only
-//! `device` names the audio library. Without the feature `audio` there is the track alone, always empty.
+//! nothing is heard and the display's clock counts. `packets` decodes, `filler` keeps a ring of samples filled ahead, on
+//! the thread of `parts`, `output` is the callback of the device: it fades, places and measures, and neither locks nor
+//! allocates. `binaural` is a source as the ears of a head hear it, by the `responses` of a measured one, and `placing`
+//! applies it to samples. Only `device` names the audio library. Without the feature `audio` there is the track alone, always empty.
 
+#[cfg(all(feature = "audio", any(feature = "window", feature = "xr")))]
+mod binaural;
 #[cfg(all(feature = "audio", any(feature = "window", feature = "xr")))]
 mod device;
 #[cfg(all(feature = "audio", any(feature = "window", feature = "xr")))]
@@ -25,11 +28,13 @@ mod output;
 #[cfg(all(feature = "audio", any(feature = "window", feature = "xr")))]
 mod packets;
 #[cfg(all(feature = "audio", any(feature = "window", feature = "xr")))]
-mod panner;
-#[cfg(all(feature = "audio", any(feature = "window", feature = "xr")))]
 mod parts;
 #[cfg(all(feature = "audio", any(feature = "window", feature = "xr")))]
+mod placing;
+#[cfg(all(feature = "audio", any(feature = "window", feature = "xr")))]
 mod rate;
+#[cfg(all(feature = "audio", any(feature = "window", feature = "xr")))]
+mod responses;
 #[cfg(any(feature = "window", feature = "xr"))]
 mod speaker;
 #[cfg(all(test, feature = "audio", any(feature = "window", feature = "xr")))]

@@ -6,9 +6,10 @@ use std::sync::Arc;
 
 use rtrb::Consumer;
 
+use super::binaural::BinauralOutput;
 use super::link::{Heard, Link};
 use super::packets::Frame;
-use super::panner::{Pan, Placing};
+use super::placing::{Placement, Placing};
 
 /// Seconds of a fade.
 const FADE_S: f32 = 0.005;
@@ -34,7 +35,13 @@ pub(super) struct RingOutput {
 }
 
 impl RingOutput {
-    pub(super) fn new(ring: Consumer<Frame>, link: Arc<Link>, rate_hz: u32) -> RingOutput {
+    /// The callback of a device. `placed` is where the output of a [`super::binaural::BinauralSource`] arrives.
+    pub(super) fn new(
+        ring: Consumer<Frame>,
+        placed: Consumer<BinauralOutput>,
+        link: Arc<Link>,
+        rate_hz: u32,
+    ) -> RingOutput {
         let fade = ((FADE_S * rate_hz as f32) as usize).max(1);
         RingOutput {
             ring,
@@ -45,7 +52,7 @@ impl RingOutput {
             fade,
             faded_in: 0,
             last: [0.0; 2],
-            placing: Placing::new(rate_hz),
+            placing: Placing::new(placed, rate_hz),
         }
     }
 
@@ -61,8 +68,9 @@ impl RingOutput {
     ) {
         let channels = channels.max(1);
         let count = out.len() / channels;
-        let (target, pan) = (self.link.gain(), self.link.pan());
-        let skipped = self.skip(out, &convert, channels, target, &pan);
+        let (target, placement) = (self.link.gain(), self.link.placement());
+        let latency_s = latency_s + self.placing.begin(placement);
+        let skipped = self.skip(out, &convert, channels, target, placement);
         let first = self.index;
         for samples in out.chunks_exact_mut(channels).skip(skipped) {
             let frame = match self.ring.pop() {
@@ -72,7 +80,7 @@ impl RingOutput {
                 }
                 Err(_) => self.fall_silent(),
             };
-            spread(self.placed(frame, target, &pan), samples, &convert);
+            spread(self.placed(frame, target, placement), samples, &convert);
         }
         let at_s = now_s + latency_s + skipped as f64 / f64::from(self.rate_hz);
         debug_assert!(skipped <= count);
@@ -86,7 +94,7 @@ impl RingOutput {
         convert: impl Fn(f32) -> S,
         channels: usize,
         target: f32,
-        pan: &Pan,
+        placement: Placement,
     ) -> usize {
         // Read once: a further start between would leave frames of the ring that no skip drops.
         let skip_to = self.link.skip_to();
@@ -101,7 +109,7 @@ impl RingOutput {
             let left = 1.0 - (i + 1) as f32 / faded as f32;
             self.index += 1;
             let frame = self.fade_in(frame).map(|x| x * left);
-            spread(self.placed(frame, target, pan), samples, &convert);
+            spread(self.placed(frame, target, placement), samples, &convert);
         }
         if let Ok(chunk) = self.ring.read_chunk(there - faded) {
             chunk.commit_all();
@@ -130,9 +138,9 @@ impl RingOutput {
     }
 
     /// A frame as it is heard: placed, at the gain, within [-1, 1).
-    fn placed(&mut self, frame: Frame, target: f32, pan: &Pan) -> Frame {
+    fn placed(&mut self, frame: Frame, target: f32, placement: Placement) -> Frame {
         self.gain += (target - self.gain) / self.fade as f32;
-        self.placing.place(frame, pan).map(|x| (x * self.gain).clamp(-1.0, SAMPLE_MAX))
+        self.placing.place(frame, placement).map(|x| (x * self.gain).clamp(-1.0, SAMPLE_MAX))
     }
 }
 

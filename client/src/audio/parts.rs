@@ -98,17 +98,20 @@ impl DeviceKeeper {
                 log::debug!("the audio device is closed until the next frame");
             }
             let every = if self.device.is_some() { FILL_EVERY } else { LOOK_EVERY };
-            match commands.recv_timeout(every) {
-                Ok(command) => {
-                    if let Some(device) = &mut self.device {
-                        device.filler.take(command);
-                    }
-                }
-                Err(RecvTimeoutError::Timeout) => {}
+            let command = match commands.recv_timeout(every) {
+                Ok(command) => Some(command),
+                Err(RecvTimeoutError::Timeout) => None,
                 Err(RecvTimeoutError::Disconnected) => return,
-            }
+            };
             let frameless_s = self.frameless_s();
             let Some(device) = &mut self.device else { continue };
+            // Before a start: its first sample is heard where it comes from.
+            if let Some(source_m) = self.link.source_m() {
+                device.binaural.follow(source_m);
+            }
+            if let Some(command) = command {
+                device.filler.take(command);
+            }
             if frameless_s > FRAMELESS_S && device.filler.is_playing() {
                 device.filler.take(SoundCommand::Stop);
             }

@@ -115,14 +115,11 @@ impl Speaker {
         self.parts.send(command);
     }
 
-    /// Places the sound at the position of `player`. `hears` turns a point of the clip into metres from the listener: x to
+    /// Places the sound at the position of `player`, before [`Speaker::step`]. `hears` turns a point of the clip into metres from the listener: x to
     /// the right, y up, z backwards.
     pub(crate) fn place(&mut self, player: &Player, hears: impl Fn(DVec3) -> DVec3) {
         let position = self.track.position_at(player.position_s());
-        let pan = position.map_or(super::panner::Pan::default(), |position| {
-            super::panner::pan(hears(DVec3::from(position.map(f64::from))))
-        });
-        self.parts.link.set_pan(&pan);
+        self.parts.link.set_source_m(position.map(|position| hears(DVec3::from(position.map(f64::from)))));
     }
 
     /// What there is to say, once: that there is no device, that it was lost, or that the sound is damaged.

@@ -566,12 +566,12 @@ impl Session {
         let Session { speaker, viewer, playing, .. } = self;
         // A frame is seen about as long after it is drawn as frames are apart.
         let ahead_s = elapsed_s.min(AHEAD_MAX_S);
-        let played_s = speaker.step(&viewer.player, viewer.is_scrubbing(), elapsed_s, ahead_s);
         let camera_from_world = DMat4::from_cols_array_2d(&viewer.camera(1, 1).camera_from_world).transpose();
         speaker.place(&viewer.player, |point| {
             let seen = playing.metres_per_unit * camera_from_world.transform_point3(point);
             DVec3::new(seen.x, -seen.y, -seen.z)
         });
+        let played_s = speaker.step(&viewer.player, viewer.is_scrubbing(), elapsed_s, ahead_s);
         if let Some(note) = self.speaker.take_note() {
             self.apply(Change::Note(note));
         }

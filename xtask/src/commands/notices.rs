@@ -1,5 +1,7 @@
 //! `cargo xtask notices`: names, licences and licence texts of all packages that the programs contain.
 //!
+//! The data of others that a program contains is named with the package that uses it.
+//!
 //! `cargo tree` lists the packages, `cargo metadata` locates their sources. Licence texts are the
 //! files of a source that are named like one; texts that differ in white space only are printed once.
 
@@ -38,6 +40,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     Ok(output::write(&args.out, text.as_bytes())?)
 }
 
+/// Start of the name of the package that the player has for the responses of a head, and the file of their licence.
+const HEAD: [&str; 2] = ["sofar v", "assets/LICENSE-HEAD"];
+
 /// A package of a program.
 pub(super) struct Package {
     /// Name and version: `name v1.2.3`.
@@ -73,6 +78,10 @@ pub(super) fn notices(selection: &[&str], target: &str) -> anyhow::Result<String
             found.push(standard_text(package, &apache)?);
         }
         found.iter().for_each(|text| add(text, package.name.as_str()));
+    }
+    if packages.iter().any(|package| package.name.starts_with(HEAD[0])) {
+        let licence = fs::read_to_string(workspace::root().join(HEAD[1]))?;
+        texts.entry(String::new()).or_insert((licence.trim().to_owned(), BTreeSet::from(["head.bin"])));
     }
     for (licence, packages) in texts.values() {
         let packages: Vec<&str> = packages.iter().copied().collect();
@@ -182,6 +191,9 @@ mod tests {
             "UBUNTU FONT LICENCE",
             "Apache License",
             "Copyright (c) 2026 the aarc authors",
+            "\nsofar ",
+            "==== head.bin ====\n\nThe responses in head.bin",
+            "MIT Media Laboratory",
         ] {
             assert!(text.contains(expected), "{expected:?} is not in the notices");
         }

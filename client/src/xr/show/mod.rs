@@ -290,10 +290,10 @@ impl Show {
             self.speaker.stop();
             return elapsed_s;
         }
-        let played_s = self.speaker.step(&self.player, scrubbing, elapsed_s, AHEAD_S);
         if let Some(stage_from_clip) = self.place.interaction.stage_from_clip() {
             self.speaker.place(&self.player, |point| heard_at(head, stage_from_clip.point(point)));
         }
+        let played_s = self.speaker.step(&self.player, scrubbing, elapsed_s, AHEAD_S);
         if let Some(note) = self.speaker.take_note() {
             self.notices.note(note);
         }
