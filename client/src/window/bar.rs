@@ -11,7 +11,7 @@ use egui::{
 
 use super::icons::{Symbol, symbol_button};
 use super::keys::Command;
-use super::library::{Opening, short_title};
+use super::library::{ListedClip, Opening};
 use super::style;
 use crate::audio::Volume;
 use crate::clips::redacted;
@@ -26,7 +26,7 @@ pub(crate) struct Choices {
     /// Whether the clip is a package on disk, which can have another poster.
     pub(crate) is_package: bool,
     /// What was opened last, the last one first.
-    pub(crate) recent: Arc<[String]>,
+    pub(crate) recent: Arc<[ListedClip]>,
 }
 
 /// The state that the bar shows and changes.
@@ -34,8 +34,8 @@ pub(crate) struct Controls<'a> {
     pub(crate) player: &'a mut Player,
     pub(crate) settings: &'a mut RenderSettings,
     pub(crate) choices: &'a Choices,
-    /// What is to be opened, if a menu says so.
-    pub(crate) opening: &'a mut Option<Opening>,
+    /// What menus say is to be opened.
+    pub(crate) opening: &'a mut Vec<Opening>,
     /// Whether the pointer holds the timeline.
     pub(crate) is_scrubbing: &'a mut bool,
     /// Whether the clip has no timeline.
@@ -237,7 +237,7 @@ fn speed_text(speed: f64) -> String {
     format!("{speed}x")
 }
 
-fn clips_menu(ui: &mut Ui, choices: &Choices, opening: &mut Option<Opening>, commands: &mut Vec<Command>) {
+fn clips_menu(ui: &mut Ui, choices: &Choices, opening: &mut Vec<Opening>, commands: &mut Vec<Command>) {
     ui.set_min_width(220.0);
     for (name, key, command, is_enabled) in [
         ("Open a file", "O", Command::OpenFile, true),
@@ -266,9 +266,9 @@ fn clips_menu(ui: &mut Ui, choices: &Choices, opening: &mut Option<Opening>, com
     // The rest of the menu and the bar take the rest of the window.
     let height = (ui.ctx().content_rect().height() - 330.0).max(60.0);
     ScrollArea::vertical().max_height(height).show(ui, |ui| {
-        for name in choices.recent.iter() {
-            if ui.button(short_title(name)).on_hover_text(redacted(name)).clicked() {
-                *opening = Some(Opening::Clip(name.clone()));
+        for ListedClip { name, title } in choices.recent.iter() {
+            if ui.button(title).on_hover_text(redacted(name)).clicked() {
+                opening.push(Opening::Clip(name.clone()));
             }
         }
     });

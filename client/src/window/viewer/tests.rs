@@ -5,6 +5,7 @@ use egui::{Event, Key, Modifiers, MouseWheelUnit, Pos2, RawInput, pos2, vec2};
 use codec::Viewpoint;
 
 use super::*;
+use crate::window::library::listed;
 
 /// A viewer with an interface and without a window.
 struct Bench {
@@ -32,6 +33,10 @@ fn clip() -> ViewedClip {
         viewpoints: vec![viewpoint("front", 0.0), viewpoint("side", 3.0)],
         layers: 3,
     }
+}
+
+fn key_event(key: Key, pressed: bool) -> Event {
+    Event::Key { key, physical_key: Some(key), pressed, repeat: false, modifiers: Modifiers::NONE }
 }
 
 impl Bench {
@@ -66,14 +71,7 @@ impl Bench {
     }
 
     fn press(&mut self, key: Key) -> Requests {
-        let event = |pressed| Event::Key {
-            key,
-            physical_key: Some(key),
-            pressed,
-            repeat: false,
-            modifiers: Modifiers::NONE,
-        };
-        self.frame(0.0, vec![event(true), event(false)])
+        self.frame(0.0, vec![key_event(key, true), key_event(key, false)])
     }
 
     /// Clicks where the interface shows this text.
@@ -404,21 +402,31 @@ fn a_clip_with_sound_goes_on_by_what_is_heard_and_has_a_volume() {
 fn keys_and_the_menu_choose_other_clips() {
     let mut bench = Bench::new();
     let opened = |requests: Requests| requests.open;
-    assert_eq!(opened(bench.press(Key::O)), Some(Opening::Picker));
-    assert_eq!(opened(bench.press(Key::PageUp)), Some(Opening::Beside(Direction::Back)));
-    assert_eq!(opened(bench.press(Key::PageDown)), Some(Opening::Beside(Direction::Forward)));
+    assert_eq!(opened(bench.press(Key::O)), [Opening::Picker]);
+    assert_eq!(opened(bench.press(Key::PageUp)), [Opening::Beside(Direction::Back)]);
+    assert_eq!(opened(bench.press(Key::PageDown)), [Opening::Beside(Direction::Forward)]);
+    let twice = [true, false, true, false].map(|pressed| key_event(Key::PageUp, pressed)).to_vec();
+    assert_eq!(
+        opened(bench.frame(0.0, twice)),
+        [const { Opening::Beside(Direction::Back) }; 2],
+        "in one frame"
+    );
     assert!(bench.press(Key::G).show_gallery);
     bench.viewer.choices = Choices {
         has_previous: true,
         has_next: true,
         is_package: true,
-        recent: ["/clips/dance.aarc".into(), "https://host/a.aarc".into()].into(),
+        recent: listed(["/clips/dance.aarc", "/x/a.aarc", "/y/a.aarc"].map(String::from).to_vec()).into(),
     };
     assert_eq!(bench.click("Clips"), Requests::default());
     bench.frame(0.0, vec![]);
-    assert_eq!(opened(bench.click("dance.aarc")), Some(Opening::Clip("/clips/dance.aarc".into())));
+    assert_eq!(opened(bench.click("dance.aarc")), [Opening::Clip("/clips/dance.aarc".into())]);
+    bench.frame(0.0, vec![]);
+    bench.click("Clips");
+    bench.frame(0.0, vec![]);
+    assert_eq!(opened(bench.click("y/a.aarc")), [Opening::Clip("/y/a.aarc".into())], "x/a.aarc is another");
     for (item, expected) in [
-        ("Next", Requests { open: Some(Opening::Beside(Direction::Forward)), ..Requests::default() }),
+        ("Next", Requests { open: vec![Opening::Beside(Direction::Forward)], ..Requests::default() }),
         ("Use this frame as the poster", Requests { set_poster: true, ..Requests::default() }),
     ] {
         bench.frame(0.0, vec![]);
