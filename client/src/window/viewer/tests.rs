@@ -13,6 +13,7 @@ struct Bench {
     viewer: Viewer,
     volume: Option<Volume>,
     time_s: f64,
+    size: egui::Vec2,
 }
 
 const SIZE: egui::Vec2 = vec2(1000.0, 700.0);
@@ -48,15 +49,36 @@ impl Bench {
         let ctx = Context::default();
         crate::window::style::apply(&ctx);
         let viewer = Viewer::new(clip, 0, RenderSettings::default());
-        let mut bench = Bench { ctx, viewer, volume: None, time_s: 0.0 };
+        let mut bench = Bench { ctx, viewer, volume: None, time_s: 0.0, size: SIZE };
         // The first frame lays the controls out.
         bench.frame(0.0, vec![]);
         bench
     }
 
+    /// The texts of the interface that are visible as a whole.
+    fn texts(&mut self) -> Vec<(String, Rect)> {
+        let screen = Rect::from_min_size(Pos2::ZERO, self.size);
+        let input = RawInput {
+            screen_rect: Some(screen),
+            time: Some(self.time_s),
+            focused: true,
+            ..RawInput::default()
+        };
+        let seconds = FrameSeconds { elapsed_s: 0.0, played_s: 0.0 };
+        let output = self.ctx.run_ui(input, |ui| {
+            self.viewer.frame(ui, seconds, self.volume.as_mut(), &[]);
+        });
+        let mut texts = Vec::new();
+        for shape in &output.shapes {
+            collect_texts(&shape.shape, shape.clip_rect.intersect(screen), &mut texts);
+        }
+        output.drop_without_applying_deltas();
+        texts
+    }
+
     fn frame(&mut self, elapsed_s: f64, events: Vec<Event>) -> Requests {
         self.time_s += elapsed_s;
-        let screen_rect = Some(Rect::from_min_size(Pos2::ZERO, SIZE));
+        let screen_rect = Some(Rect::from_min_size(Pos2::ZERO, self.size));
         let time = Some(self.time_s);
         let input = RawInput { screen_rect, time, focused: true, events, ..RawInput::default() };
         let mut requests = Requests::default();
@@ -76,11 +98,11 @@ impl Bench {
 
     /// Clicks where the interface shows this text.
     fn click(&mut self, text: &str) -> Requests {
-        let screen_rect = Some(Rect::from_min_size(Pos2::ZERO, SIZE));
+        let screen_rect = Some(Rect::from_min_size(Pos2::ZERO, self.size));
         let input = RawInput { screen_rect, time: Some(self.time_s), focused: true, ..RawInput::default() };
         let seconds = FrameSeconds { elapsed_s: 0.0, played_s: 0.0 };
         let output = self.ctx.run_ui(input, |ui| {
-            self.viewer.frame(ui, seconds, None, &[]);
+            self.viewer.frame(ui, seconds, self.volume.as_mut(), &[]);
         });
         let found = output.shapes.iter().find_map(|shape| place(&shape.shape, text));
         output.drop_without_applying_deltas();
@@ -105,6 +127,17 @@ impl Bench {
 
     fn eye(&self) -> [f64; 3] {
         self.viewer.camera(100, 100).position()
+    }
+}
+
+/// The texts of a shape that lie in `visible`.
+fn collect_texts(shape: &egui::Shape, visible: Rect, texts: &mut Vec<(String, Rect)>) {
+    match shape {
+        egui::Shape::Vec(shapes) => shapes.iter().for_each(|shape| collect_texts(shape, visible, texts)),
+        egui::Shape::Text(shape) if visible.contains_rect(shape.visual_bounding_rect()) => {
+            texts.push((shape.galley.text().into(), shape.visual_bounding_rect()));
+        }
+        _ => {}
     }
 }
 
@@ -439,4 +472,65 @@ fn keys_and_the_menu_choose_other_clips() {
     bench.click("Clips");
     bench.frame(0.0, vec![]);
     assert!(!bench.click("Use this frame as the poster").set_poster, "it has no file to change");
+}
+
+/// A window of `size` with the widest bar: a clip of minutes with sound, backwards, slowly, and with many viewpoints.
+fn crowded(size: egui::Vec2, duration_s: f64) -> Bench {
+    let mut viewpoints = clip().viewpoints;
+    viewpoints.extend((2..20).map(|i| Viewpoint { name: format!("camera {i}"), ..viewpoints[0].clone() }));
+    let mut bench = Bench::with(ViewedClip { duration_s, viewpoints, ..clip() });
+    bench.size = size;
+    bench.volume = Some(Volume::open(None));
+    bench.viewer.player.set_speed(0.25);
+    bench.viewer.player.set_reversed(true);
+    let names = (0..8).map(|i| format!("/clips/clip-{i}.aarc")).collect();
+    bench.viewer.choices =
+        Choices { has_previous: true, has_next: true, is_package: true, recent: listed(names).into() };
+    (0..3).for_each(|_| drop(bench.frame(0.0, vec![])));
+    bench
+}
+
+const LEAST_SIZE: egui::Vec2 = vec2(800.0, 400.0);
+
+#[test]
+fn nothing_in_the_bar_overlaps_or_is_cut_off() {
+    for (size, duration_s, time) in [
+        (LEAST_SIZE, 3.0, " 0.00 / 3.00 s"),
+        (LEAST_SIZE, 690.0, " 0:00.00 / 11:30.00"),
+        (LEAST_SIZE, 6000.0, "  0:00.00"),
+        (vec2(1280.0, 800.0), 6000.0, "  0:00.00 / 100:00.00"),
+    ] {
+        let texts = crowded(size, duration_s).texts();
+        for text in [time, "-0.25x", "Loop", "Clips", "View", "Rendering", "Snapshot", "Keys"] {
+            assert!(texts.iter().any(|(there, _)| there == text), "{text} of {size}: {texts:?}");
+        }
+        for (i, (text, rect)) in texts.iter().enumerate() {
+            let other = texts[..i].iter().find(|(_, other)| other.intersects(*rect));
+            assert!(other.is_none(), "{text} and {other:?}");
+        }
+    }
+}
+
+#[test]
+fn menus_fit_the_window_and_their_lists_scroll() {
+    for (size, clips, cameras) in [(LEAST_SIZE, 3, 4), (vec2(1280.0, 800.0), 8, 15)] {
+        let opened = |menu: &str| {
+            let mut bench = crowded(size, 3.0);
+            bench.click(menu);
+            (0..3).for_each(|_| drop(bench.frame(0.0, vec![])));
+            bench.texts()
+        };
+        let count = |texts: &[(String, Rect)], of: &str| {
+            texts.iter().filter(|(text, _)| text.starts_with(of)).count()
+        };
+        let texts = opened("Clips");
+        assert_eq!(count(&texts, "Open a file"), 1, "{texts:?}");
+        assert!(count(&texts, "clip-") >= clips, "{size}: {texts:?}");
+        let texts = opened("View");
+        for entry in ["front", "Recentre", "Hide controls"] {
+            assert_eq!(count(&texts, entry), 1, "{entry} of {size}: {texts:?}");
+        }
+        assert!(count(&texts, "camera ") >= cameras, "{size}: {texts:?}");
+        assert!(count(&opened("-0.25x"), "Backwards") == 1 && count(&opened("Rendering"), "Sort by") == 1);
+    }
 }
