@@ -1,44 +1,119 @@
-//! Small JSON files of what the player remembers from run to run. Each is a convenience: a missing or damaged one is a
-//! fresh start.
+//! [`StateFile`]: a small JSON file of what the player remembers from run to run, `{"version": 1, ...}`.
+//!
+//! Each is a convenience: a missing or damaged one, or one of another version, is a fresh start.
 
 use std::fs::File;
 use std::io::{self, Read, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use serde::Serialize;
 use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
 use tempfile::NamedTempFile;
 
-/// Reads a file of at most `max_bytes`.
-///
-/// # Errors
-/// If it is missing, larger, or does not hold a `T`.
-pub(crate) fn read<T: DeserializeOwned>(path: &Path, max_bytes: u64) -> io::Result<T> {
-    let mut text = String::new();
-    File::open(path)?.take(max_bytes + 1).read_to_string(&mut text)?;
-    if text.len() as u64 > max_bytes {
-        return Err(io::Error::other(format!("larger than {max_bytes} bytes")));
+/// A file, by its name in the folder of the player's state.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct StateFile {
+    pub(crate) name: &'static str,
+    /// Version of its format. A file of another version is not read.
+    pub(crate) version: u32,
+    /// Most bytes that are read.
+    pub(crate) max_bytes: u64,
+}
+
+/// What is written.
+#[derive(Serialize)]
+struct Versioned<'a, T> {
+    version: u32,
+    #[serde(flatten)]
+    contents: &'a T,
+}
+
+/// What every version has.
+#[derive(Deserialize)]
+struct Version {
+    version: u32,
+}
+
+impl StateFile {
+    /// Its path.
+    pub(crate) fn path(&self, folder: &Path) -> PathBuf {
+        folder.join(self.name)
     }
-    Ok(serde_json::from_str(&text)?)
+
+    /// Reads the file in `folder`.
+    ///
+    /// # Errors
+    /// If it is missing, too large, of another version, or does not hold a `T`.
+    pub(crate) fn read<T: DeserializeOwned>(&self, folder: &Path) -> io::Result<T> {
+        let mut text = String::new();
+        File::open(self.path(folder))?.take(self.max_bytes + 1).read_to_string(&mut text)?;
+        if text.len() as u64 > self.max_bytes {
+            return Err(io::Error::other(format!("larger than {} bytes", self.max_bytes)));
+        }
+        // First the version: another one may hold something else.
+        let Version { version } = serde_json::from_str(&text)?;
+        if version != self.version {
+            return Err(io::Error::other(format!("version {version} instead of {}", self.version)));
+        }
+        Ok(serde_json::from_str(&text)?)
+    }
+
+    /// The bytes of the file with these contents, a structure with named fields.
+    pub(crate) fn encode(&self, contents: &impl Serialize) -> Vec<u8> {
+        let versioned = Versioned { version: self.version, contents };
+        let mut bytes = serde_json::to_vec_pretty(&versioned).expect("numbers and strings serialise");
+        bytes.push(b'\n');
+        bytes
+    }
+
+    /// Writes the file in `folder`, which is made if it is missing, whole or not at all. Waits for the disk.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub(crate) fn write(&self, folder: &Path, bytes: &[u8]) -> io::Result<()> {
+        std::fs::create_dir_all(folder)?;
+        let mut file = NamedTempFile::new_in(folder)?;
+        file.write_all(bytes)?;
+        // A headset may lose power at any time: first the bytes, then the name.
+        file.as_file().sync_all()?;
+        file.persist(self.path(folder))?;
+        Ok(())
+    }
 }
 
-/// The bytes of a file with these contents.
-pub(crate) fn encode(contents: &impl Serialize) -> Vec<u8> {
-    let mut bytes = serde_json::to_vec_pretty(contents).expect("numbers and strings serialise");
-    bytes.push(b'\n');
-    bytes
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
 
-/// Writes the file `name` in `folder`, which is made if it is missing, whole or not at all.
-///
-/// # Errors
-/// If it cannot be written.
-pub(crate) fn write(folder: &Path, name: &str, bytes: &[u8]) -> io::Result<()> {
-    std::fs::create_dir_all(folder)?;
-    let mut file = NamedTempFile::new_in(folder)?;
-    file.write_all(bytes)?;
-    // A headset may lose power at any time: first the bytes, then the name.
-    file.as_file().sync_all()?;
-    file.persist(folder.join(name))?;
-    Ok(())
+    #[derive(Debug, PartialEq, Serialize, Deserialize)]
+    struct Contents {
+        level: f32,
+    }
+
+    const FILE: StateFile = StateFile { name: "test.json", version: 3, max_bytes: 100 };
+
+    #[test]
+    fn a_file_comes_back_unless_it_is_large_or_of_another_version() {
+        let folder = tempfile::tempdir().unwrap();
+        let inner = folder.path().join("new");
+        FILE.write(&inner, &FILE.encode(&Contents { level: 0.1 })).unwrap();
+        assert_eq!(
+            std::fs::read_to_string(FILE.path(&inner)).unwrap(),
+            "{\n  \"version\": 3,\n  \"level\": 0.1\n}\n"
+        );
+        assert_eq!(FILE.read::<Contents>(&inner).unwrap(), Contents { level: 0.1 });
+        assert_eq!(inner.read_dir().unwrap().count(), 1, "nothing but the file is left");
+        let long = format!(r#"{{"version": 3, "level": 1, "more": "{}"}}"#, "x".repeat(100));
+        for (text, expected) in [
+            (r#"{"version": 2, "other": 7}"#, "version 2 instead of 3"),
+            (r#"{"level": 1}"#, "missing field `version`"),
+            (r#"{"version": 3}"#, "missing field `level`"),
+            ("", "EOF"),
+            (&long, "larger than 100 bytes"),
+        ] {
+            std::fs::write(FILE.path(&inner), text).unwrap();
+            let error = FILE.read::<Contents>(&inner).unwrap_err().to_string();
+            assert!(error.contains(expected), "{text}: {error}");
+        }
+    }
 }

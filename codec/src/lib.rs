@@ -145,6 +145,7 @@ mod section;
 mod sound;
 mod take;
 mod time_index;
+mod visibility;
 
 pub use camera::Camera;
 pub use clip::{Clip, ClipInfo, LayerEnd, Layers, Viewpoint};
@@ -175,3 +176,4 @@ pub use take::{Package, Resident, SPAN_TOLERANCE_S, Segment, SegmentLayer, Take,
 #[cfg(feature = "encode")]
 pub use take::{SegmentGrid, SegmentPackage, SplitSegment, encode_take_head, retime, split, take_order};
 pub use time_index::TimeIndex;
+pub use visibility::Visibility;

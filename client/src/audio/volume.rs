@@ -7,12 +7,10 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use crate::state_file;
+use crate::state_file::StateFile;
 
-/// Name of the file in its folder, its version and its largest size.
-const FILE: &str = "sound.json";
-const VERSION: u32 = 1;
-const FILE_BYTES: u64 = 4096;
+/// The file.
+const FILE: StateFile = StateFile { name: "sound.json", version: 1, max_bytes: 4096 };
 
 /// How loud sound is. The part that is remembered is written when it is dropped.
 #[derive(Debug)]
@@ -24,25 +22,24 @@ pub(crate) struct Volume {
 
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Loudness {
-    version: u32,
     level: f32,
     is_muted: bool,
 }
 
 impl Default for Loudness {
     fn default() -> Loudness {
-        Loudness { version: VERSION, level: 1.0, is_muted: false }
+        Loudness { level: 1.0, is_muted: false }
     }
 }
 
 impl Volume {
     /// Reads the file in `folder`; without one, nothing is remembered.
     pub(crate) fn open(folder: Option<PathBuf>) -> Volume {
-        let remembered = folder.as_deref().and_then(|folder| match read(&folder.join(FILE)) {
+        let remembered = folder.as_deref().and_then(|folder| match read(folder) {
             Ok(loudness) => Some(loudness),
             Err(error) => {
                 if error.kind() != io::ErrorKind::NotFound {
-                    log::warn!("{}: {error}: sound is as loud as recorded", folder.join(FILE).display());
+                    log::warn!("{}: {error}: sound is as loud as recorded", FILE.path(folder).display());
                 }
                 None
             }
@@ -60,7 +57,7 @@ impl Volume {
     #[cfg(any(test, feature = "window"))]
     pub(crate) fn set_level(&mut self, level: f32) {
         if level.is_finite() {
-            self.remembered = Loudness { level: level.clamp(0.0, 1.0), is_muted: false, ..self.remembered };
+            self.remembered = Loudness { level: level.clamp(0.0, 1.0), is_muted: false };
         }
     }
 
@@ -82,8 +79,8 @@ impl Volume {
     pub(crate) fn save(&mut self) {
         let Some(folder) = self.folder.as_deref().filter(|_| self.remembered != self.written) else { return };
         self.written = self.remembered;
-        if let Err(error) = state_file::write(folder, FILE, &state_file::encode(&self.remembered)) {
-            log::warn!("cannot remember how loud sound is: {}: {error}", folder.join(FILE).display());
+        if let Err(error) = FILE.write(folder, &FILE.encode(&self.remembered)) {
+            log::warn!("cannot remember how loud sound is: {}: {error}", FILE.path(folder).display());
         }
     }
 }
@@ -94,10 +91,10 @@ impl Drop for Volume {
     }
 }
 
-fn read(path: &Path) -> io::Result<Loudness> {
-    let loudness: Loudness = state_file::read(path, FILE_BYTES)?;
-    if loudness.version != VERSION || !(0.0..=1.0).contains(&loudness.level) {
-        return Err(io::Error::other(format!("version {}, level {}", loudness.version, loudness.level)));
+fn read(folder: &Path) -> io::Result<Loudness> {
+    let loudness: Loudness = FILE.read(folder)?;
+    if !(0.0..=1.0).contains(&loudness.level) {
+        return Err(io::Error::other(format!("level {}", loudness.level)));
     }
     Ok(loudness)
 }
@@ -129,7 +126,7 @@ mod volume_tests {
             r#"{"version": 2, "level": 1, "is_muted": false}"#,
             r#"{"version": 1, "level": 1e9, "is_muted": false}"#,
         ] {
-            std::fs::write(folder.path().join("new").join(FILE), damaged).unwrap();
+            std::fs::write(FILE.path(&folder.path().join("new")), damaged).unwrap();
             assert_eq!(open().level(), 1.0, "{damaged}");
         }
         assert_eq!(Volume::open(None).level(), 1.0);

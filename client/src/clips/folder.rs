@@ -1,6 +1,7 @@
 //! The clips of a folder, and [`Neighbours`]: those before and after one of them.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use program::output::folder_of;
 
@@ -18,8 +19,10 @@ pub(crate) enum Direction {
 /// The clips before and after one in its folder, by name: after the last comes the first.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Neighbours {
-    previous: Option<String>,
-    next: Option<String>,
+    /// All clips of the folder, and the one.
+    clips: Arc<[String]>,
+    /// Number of the one among them.
+    position: usize,
 }
 
 impl Neighbours {
@@ -32,21 +35,31 @@ impl Neighbours {
         let mut clips = clips_in(folder_of(path));
         // One whose name is not text cannot be opened.
         clips.retain(|clip| clip.file_name() != path.file_name() && clip.to_str().is_some());
-        let after = clips.iter().position(|clip| clip.file_name() > path.file_name());
-        let before = after.unwrap_or(clips.len()).checked_sub(1);
-        let name = |clip: Option<&PathBuf>| clip?.to_str().map(String::from);
-        Neighbours {
-            previous: name(before.map_or(clips.last(), |before| clips.get(before))),
-            next: name(after.map_or(clips.first(), |after| clips.get(after))),
-        }
+        let position = clips.partition_point(|clip| clip.file_name() < path.file_name());
+        clips.insert(position, path.into());
+        let clips = clips.iter().filter_map(|clip| clip.to_str().map(String::from)).collect();
+        Neighbours { clips, position }
     }
 
     /// The neighbour in a direction.
     pub(super) fn get(&self, direction: Direction) -> Option<&String> {
-        match direction {
-            Direction::Back => self.previous.as_ref(),
-            Direction::Forward => self.next.as_ref(),
-        }
+        Some(&self.clips[self.number(direction)?])
+    }
+
+    /// The neighbour in a direction, and its neighbours as far as is known.
+    pub(super) fn step(&self, direction: Direction) -> Option<(String, Neighbours)> {
+        let position = self.number(direction)?;
+        Some((self.clips[position].clone(), Neighbours { clips: self.clips.clone(), position }))
+    }
+
+    /// Number of the neighbour in a direction.
+    fn number(&self, direction: Direction) -> Option<usize> {
+        let count = self.clips.len();
+        let distance = match direction {
+            Direction::Back => count.checked_sub(1)?,
+            Direction::Forward => 1,
+        };
+        (count > 1).then(|| (self.position + distance) % count)
     }
 }
 
@@ -74,20 +87,32 @@ mod tests {
         }
         std::fs::create_dir(path("d.aarc")).unwrap();
         let beside = |name: &str| {
-            let Neighbours { previous, next } = Neighbours::of(path(name).to_str());
-            [previous, next].map(|name| name.map(PathBuf::from))
+            let neighbours = Neighbours::of(path(name).to_str());
+            [Direction::Back, Direction::Forward]
+                .map(|direction| neighbours.get(direction).map(PathBuf::from))
         };
         let both = |names: [&str; 2]| names.map(|name| Some(path(name)));
         assert_eq!(beside("a.aarc"), both(["c.aarc", "b.aarc"]));
         assert_eq!(beside("b.aarc"), both(["a.aarc", "c.aarc"]));
         assert_eq!(beside("c.aarc"), both(["b.aarc", "a.aarc"]));
         assert_eq!(beside("b.other"), both(["b.aarc", "c.aarc"]), "of whatever name");
+        // From step to step as from listing to listing.
+        let mut neighbours = Neighbours::of(path("b.aarc").to_str());
+        for expected in ["a.aarc", "c.aarc", "b.aarc", "a.aarc"] {
+            let (name, next) = neighbours.step(Direction::Back).unwrap();
+            assert_eq!(Path::new(&name), path(expected));
+            assert_eq!(next, Neighbours::of(Some(&name)));
+            neighbours = next;
+        }
         for name in ["a.aarc", "b.aarc"] {
             std::fs::remove_file(path(name)).unwrap();
         }
         assert_eq!(beside("c.aarc"), [None, None]);
         for none in [None, Some("/nowhere/a.aarc"), Some("http://host/a.aarc")] {
-            assert_eq!(Neighbours::of(none), Neighbours::default());
+            let neighbours = Neighbours::of(none);
+            assert!(
+                neighbours.get(Direction::Back).is_none() && neighbours.step(Direction::Forward).is_none()
+            );
         }
     }
 }

@@ -10,6 +10,7 @@
 //! shown <--- follow <--- Ready <--first version-- Next <--------------+
 //! ```
 
+use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -51,8 +52,8 @@ pub(crate) enum Transition {
 /// What the loader works on.
 #[derive(Debug)]
 enum Loading {
-    /// What the viewer opened.
-    Opening,
+    /// What the viewer opened; the flag says whether [`QueueState::neighbours`] are those of it already.
+    Opening { has_neighbours: bool },
     /// Another clip of the playlist on display.
     Beside,
     /// Versions of the clip on display.
@@ -91,6 +92,8 @@ pub(super) struct QueueState<C> {
     neighbours: Neighbours,
     /// Those of the clip on display while another one is opened by name: they remain if it fails.
     neighbours_before: Option<Neighbours>,
+    /// The clips of the playlist that the loader tries, from the one that it tries now.
+    candidates: VecDeque<Entry>,
     /// The clip on display.
     current: Option<Entry>,
     next: Next<C>,
@@ -111,6 +114,7 @@ impl<C> QueueState<C> {
             opened: None,
             neighbours: Neighbours::default(),
             neighbours_before: None,
+            candidates: VecDeque::new(),
             current: None,
             next: Next::Pending,
             loading: None,
@@ -124,14 +128,14 @@ impl<C> QueueState<C> {
         if self.current.is_some() && self.neighbours_before.is_none() {
             self.neighbours_before = Some(self.neighbours.clone());
         }
-        self.open_named(name);
+        self.open_named(name, false);
     }
 
-    fn open_named(&mut self, name: Option<String>) {
+    fn open_named(&mut self, name: Option<String>, has_neighbours: bool) {
         self.named.clone_from(&name);
         self.forget_next();
         self.opened = None;
-        self.load(Loading::Opening, Selection::Named(name));
+        self.load(Loading::Opening { has_neighbours }, Selection::Named(name));
     }
 
     /// Takes over a clip that is on display already, its playlist, and its better versions. `named` is the clip or
@@ -174,30 +178,61 @@ impl<C> QueueState<C> {
     }
 
     /// Goes to the next clip or the one before: of the playlist, the next one as soon as it is ready; else of the
-    /// folder. Where no clip of the playlist could be shown, all are tried again.
+    /// folder. Counts from the clip that is being opened, if there is one: two skips in quick succession are two clips.
+    /// Where no clip of the playlist could be shown, all are tried again.
     pub(super) fn skip(&mut self, direction: Direction) -> Option<Change<C>> {
+        if let Some(Loading::Opening { has_neighbours }) = self.loading {
+            return if has_neighbours { self.skip_in_folder(direction) } else { None };
+        }
         match (&self.queue, &self.current) {
-            (Some(_), Some(_)) if direction == Direction::Forward => {
-                self.skip_requested = true;
-                return None;
-            }
             (Some(queue), Some(_)) => {
-                let entries = queue.candidates_before();
-                self.go_to_first_of(entries);
+                let target = self.skip_target();
+                if direction == Direction::Forward && target.is_none() {
+                    self.skip_requested = true;
+                    return None;
+                }
+                let mut queue = queue.clone();
+                queue.go_to(target.unwrap_or(queue.position()));
+                self.go_to_first_of(match direction {
+                    Direction::Back => queue.candidates_before(),
+                    Direction::Forward => queue.candidates(true),
+                })
             }
-            _ if self.loading.is_some() => return None,
             (Some(queue), None) => {
                 let entries = queue.all();
-                self.go_to_first_of(entries);
+                self.go_to_first_of(entries)
             }
-            // Past one that cannot be read, skips go on.
-            (None, _) => self.open_named(Some(self.neighbours.get(direction)?.clone())),
+            (None, _) => self.skip_in_folder(direction),
         }
+    }
+
+    /// Number of the clip of the playlist that the skips so far lead to, if it is not on display yet.
+    fn skip_target(&self) -> Option<usize> {
+        let entry = match (&self.loading, &self.next) {
+            (Some(Loading::Beside), _) => self.candidates.front().cloned(),
+            _ if !self.skip_requested => None,
+            (_, Next::Ready(entry, _)) => Some(entry.clone()),
+            (Some(Loading::Next(_)), _) => self.candidates.front().cloned(),
+            (_, Next::Pending) => self.queue.as_ref()?.candidates(true).into_iter().next(),
+            (_, Next::Unavailable) => None,
+        };
+        Some(entry?.number)
+    }
+
+    /// Opens the neighbour in a direction.
+    fn skip_in_folder(&mut self, direction: Direction) -> Option<Change<C>> {
+        let (name, neighbours) = self.neighbours.step(direction)?;
+        // Past one that cannot be read, skips go on.
+        (self.neighbours, self.neighbours_before) = (neighbours, None);
+        self.open_named(Some(name), true);
         Some(Change::Waiting)
     }
 
-    /// Opens the first of `entries` of the playlist that can be loaded.
-    fn go_to_first_of(&mut self, entries: Vec<Entry>) {
+    /// Opens the first of `entries` of the playlist that can be loaded, if there are some.
+    fn go_to_first_of(&mut self, entries: Vec<Entry>) -> Option<Change<C>> {
+        if entries.is_empty() {
+            return None;
+        }
         self.forget_next();
         self.opened = self.queue.clone();
         let is_beside = self.current.is_some();
@@ -205,8 +240,9 @@ impl<C> QueueState<C> {
             // Something else may have failed to open since.
             self.named.clone_from(&self.opened_as);
         }
-        let loading = if is_beside { Loading::Beside } else { Loading::Opening };
+        let loading = if is_beside { Loading::Beside } else { Loading::Opening { has_neighbours: false } };
         self.load(loading, Selection::FirstOf(entries));
+        Some(Change::Waiting)
     }
 
     /// Whether there is a clip to go to in a direction, as far as is known.
@@ -223,13 +259,19 @@ impl<C> QueueState<C> {
         match event {
             LoadEvent::Progress(progress) => self.shows_progress().then_some(Change::Progress(progress)),
             LoadEvent::Note(note) => Some(Change::Note(note)),
-            LoadEvent::Skipped(fault) => Some(skipped(&fault)),
+            LoadEvent::Skipped(fault) => {
+                self.candidates.pop_front();
+                Some(skipped(&fault))
+            }
             LoadEvent::Playlist(queue) => {
                 (self.opened, self.neighbours) = (Some(queue), Neighbours::default());
                 None
             }
             LoadEvent::Neighbours(neighbours) => {
                 self.neighbours = neighbours;
+                if let Some(Loading::Opening { has_neighbours }) = &mut self.loading {
+                    *has_neighbours = true;
+                }
                 None
             }
             LoadEvent::Clip(version) => self.on_version(version),
@@ -245,7 +287,7 @@ impl<C> QueueState<C> {
 
     fn on_version(&mut self, Version { entry, is_first, clip }: Version<C>) -> Option<Change<C>> {
         match self.loading {
-            Some(Loading::Opening | Loading::Beside) => {
+            Some(Loading::Opening { .. } | Loading::Beside) => {
                 let is_beside = matches!(self.loading, Some(Loading::Beside));
                 self.queue = self.opened.take();
                 if let Some(queue) = &mut self.queue {
@@ -269,7 +311,7 @@ impl<C> QueueState<C> {
 
     fn on_failure(&mut self, fault: Fault) -> Change<C> {
         let is_last_candidate = self.is_next_coming();
-        if let (Some(Loading::Opening), None) = (&self.loading, &self.current) {
+        if let (Some(Loading::Opening { .. }), None) = (&self.loading, &self.current) {
             // The viewer may have the playlist tried again.
             self.queue = self.opened.take();
         }
@@ -398,7 +440,11 @@ impl<C> QueueState<C> {
     fn load(&mut self, loading: Loading, selection: Selection) {
         let is_blocking = match &loading {
             Loading::Next(is_blocking) => is_blocking.clone(),
-            Loading::Opening | Loading::Beside | Loading::Current => Arc::new(true.into()),
+            Loading::Opening { .. } | Loading::Beside | Loading::Current => Arc::new(true.into()),
+        };
+        self.candidates = match &selection {
+            Selection::FirstOf(entries) => entries.clone().into(),
+            _ => VecDeque::new(),
         };
         self.loading = Some(loading);
         self.request = Some((selection, is_blocking));
@@ -607,25 +653,73 @@ mod tests {
     }
 
     #[test]
+    fn skips_in_quick_succession_count_from_the_clip_that_is_being_opened() {
+        let (back, forward) = (Direction::Back, Direction::Forward);
+        let mut state = playing(4);
+        candidates(&mut state).unwrap();
+        state.skip(back);
+        assert_eq!(candidates(&mut state).unwrap(), [3, 2, 1]);
+        assert_eq!(short(state.skip(back)), "waiting");
+        assert_eq!(candidates(&mut state).unwrap(), [2, 1, 0]);
+        assert_eq!(short(state.on_event(LoadEvent::Skipped(Fault::Data("bad".into())))), "bad; skipped");
+        state.skip(back);
+        assert_eq!(candidates(&mut state).unwrap(), [0, 3, 2], "from the one after the damaged one");
+        state.skip(forward);
+        assert_eq!(candidates(&mut state).unwrap(), [1, 2, 3]);
+        assert_eq!(short(state.on_event(clip(1, true, "b"))), "Follow 1 b");
+        // Before the next clip is there, while it is loaded, and once it is ready.
+        assert_eq!(short(state.skip(forward)), "", "its better versions come first");
+        assert_eq!(short(state.skip(forward)), "waiting");
+        assert_eq!(candidates(&mut state).unwrap(), [3, 0, 1]);
+        for is_ready in [false, true] {
+            let mut state = playing(4);
+            assert_eq!(candidates(&mut state).unwrap(), [1, 2, 3]);
+            if is_ready {
+                state.on_event(clip(1, true, "b"));
+            }
+            assert_eq!(short(state.skip(forward)), "");
+            assert_eq!(short(state.skip(forward)), "waiting");
+            assert_eq!(candidates(&mut state).unwrap(), [2, 3, 0]);
+            assert!(state.follow().is_none(), "not the clip between");
+            assert_eq!(short(state.on_event(clip(2, true, "c"))), "Follow 2 c");
+        }
+        let mut single = playing(1);
+        assert!(single.skip(back).is_none() && single.take_request().is_none() && !single.is_loading());
+    }
+
+    #[test]
     fn without_a_playlist_a_skip_opens_the_clips_beside_it_in_the_folder() {
         let folder = tempfile::tempdir().unwrap();
-        let [a, b, c] = ["a", "b", "c"].map(|stem| {
+        let [a, b, c, d] = ["a", "b", "c", "d"].map(|stem| {
             let path = folder.path().join(stem).with_extension("aarc");
             std::fs::write(&path, "").unwrap();
             path.to_str().unwrap().to_owned()
         });
-        for (direction, beside) in [(Direction::Forward, c), (Direction::Back, a)] {
+        let opened = |state: &mut State| match state.take_request() {
+            Some((Selection::Named(name), _)) => name,
+            _ => None,
+        };
+        for (direction, beside, second) in [(Direction::Forward, &c, &d), (Direction::Back, &a, &d)] {
             let mut state = State::new(true);
             state.open(Some(b.clone()));
             state.take_request();
+            state.skip(direction);
+            assert!(state.take_request().is_none(), "its folder is not known yet");
             state.on_event(LoadEvent::Neighbours(Neighbours::of(Some(&b))));
             assert_eq!(short(state.on_event(failed("damaged"))), "failed: damaged");
             assert!(state.has_neighbour(direction) && state.take_request().is_none());
             state.skip(direction);
-            let opened = state.take_request().unwrap().0;
-            assert!(matches!(opened, Selection::Named(Some(name)) if name == beside));
-            state.skip(direction);
-            assert!(state.take_request().is_none(), "it is being loaded");
+            assert_eq!(opened(&mut state).as_ref(), Some(beside));
+            assert_eq!(short(state.skip(direction)), "waiting");
+            assert_eq!(
+                opened(&mut state).as_ref(),
+                Some(second),
+                "counted from the one that is being opened"
+            );
+            assert_eq!(short(state.on_event(clip(0, true, "d"))), "Open 0 d");
+            // Its better versions are still on their way.
+            state.skip(Direction::Back);
+            assert_eq!(opened(&mut state).as_ref(), Some(&c));
         }
     }
 

@@ -6,12 +6,12 @@ use codec::Viewpoint;
 use egui::containers::menu::{MenuButton, MenuConfig};
 use egui::{
     Align, Frame, Layout, Margin, Panel, PopupCloseBehavior, Rect, Response, RichText, ScrollArea, Sense,
-    Slider, Ui, vec2,
+    Slider, TextStyle, Ui, vec2,
 };
 
 use super::icons::{Symbol, symbol_button};
 use super::keys::Command;
-use super::library::{Opening, short_title};
+use super::library::{ListedClip, Opening};
 use super::style;
 use crate::audio::Volume;
 use crate::clips::redacted;
@@ -26,7 +26,7 @@ pub(crate) struct Choices {
     /// Whether the clip is a package on disk, which can have another poster.
     pub(crate) is_package: bool,
     /// What was opened last, the last one first.
-    pub(crate) recent: Arc<[String]>,
+    pub(crate) recent: Arc<[ListedClip]>,
 }
 
 /// The state that the bar shows and changes.
@@ -34,8 +34,8 @@ pub(crate) struct Controls<'a> {
     pub(crate) player: &'a mut Player,
     pub(crate) settings: &'a mut RenderSettings,
     pub(crate) choices: &'a Choices,
-    /// What is to be opened, if a menu says so.
-    pub(crate) opening: &'a mut Option<Opening>,
+    /// What menus say is to be opened.
+    pub(crate) opening: &'a mut Vec<Opening>,
     /// Whether the pointer holds the timeline.
     pub(crate) is_scrubbing: &'a mut bool,
     /// Whether the clip has no timeline.
@@ -137,7 +137,7 @@ fn transport(ui: &mut Ui, player: &Player, commands: &mut Vec<Command>) {
         }
     }
     ui.add_space(10.0);
-    ui.label(RichText::new(time_text(player)).monospace());
+    time(ui, player);
     if ui.available_width() > MENUS_WIDTH + FRAMES_WIDTH {
         ui.add_space(8.0);
         let frames = format!("frame {} / {}", player.frame(), player.last_frame());
@@ -145,10 +145,26 @@ fn transport(ui: &mut Ui, player: &Player, commands: &mut Vec<Command>) {
     }
 }
 
+/// Shows the position, and the duration where it leaves room for the rest.
+fn time(ui: &mut Ui, player: &Player) {
+    let [position, duration] = time_texts(player);
+    let font = TextStyle::Monospace.resolve(ui.style());
+    let both = format!("{position} / {duration}");
+    let galley = ui.painter().layout_no_wrap(both, font.clone(), ui.visuals().text_color());
+    if ui.available_width() > galley.size().x + MUTE_WIDTH + MENUS_WIDTH {
+        ui.label(galley);
+    } else {
+        ui.label(RichText::new(position).font(font));
+    }
+}
+
 /// Width of the menus, and most that the count of frames takes, in points. A narrow bar leaves out the count, then the
-/// slider of the volume.
+/// slider of the volume, and then the duration.
 const MENUS_WIDTH: f32 = 410.0;
 const FRAMES_WIDTH: f32 = 190.0;
+
+/// Width of the button that mutes, with the space before it, in points.
+const MUTE_WIDTH: f32 = 37.0;
 
 /// Width of the slider of the volume, in points.
 const VOLUME_WIDTH: f32 = 80.0;
@@ -178,17 +194,19 @@ fn sound(ui: &mut Ui, volume: &mut Volume, player: &Player, commands: &mut Vec<C
     }
 }
 
-/// Position and duration to hundredths of a second: `1.25 / 10.00 s`, `0:59.20 / 1:30.00`.
-fn time_text(player: &Player) -> String {
+/// Position and duration to hundredths of a second: `1.25`, `10.00 s`; ` 0:59.20`, `11:30.00`. The position is as wide
+/// everywhere in the clip.
+fn time_texts(player: &Player) -> [String; 2] {
     let (position_s, duration_s) = (player.position_s(), player.duration_s());
     if duration_s < 60.0 {
-        return format!("{position_s:5.2} / {duration_s:.2} s");
+        return [format!("{position_s:5.2}"), format!("{duration_s:.2} s")];
     }
     let minutes = |seconds: f64| {
         let hundredths = (seconds * 100.0).round() as u64;
         format!("{}:{:02}.{:02}", hundredths / 6000, hundredths / 100 % 60, hundredths % 100)
     };
-    format!("{} / {}", minutes(position_s), minutes(duration_s))
+    let duration = minutes(duration_s);
+    [format!("{:>1$}", minutes(position_s), duration.len()), duration]
 }
 
 /// The menus, laid out from right to left.
@@ -237,7 +255,7 @@ fn speed_text(speed: f64) -> String {
     format!("{speed}x")
 }
 
-fn clips_menu(ui: &mut Ui, choices: &Choices, opening: &mut Option<Opening>, commands: &mut Vec<Command>) {
+fn clips_menu(ui: &mut Ui, choices: &Choices, opening: &mut Vec<Opening>, commands: &mut Vec<Command>) {
     ui.set_min_width(220.0);
     for (name, key, command, is_enabled) in [
         ("Open a file", "O", Command::OpenFile, true),
@@ -263,27 +281,35 @@ fn clips_menu(ui: &mut Ui, choices: &Choices, opening: &mut Option<Opening>, com
     }
     ui.separator();
     ui.label(RichText::new("Opened last").color(style::QUIET));
-    // The rest of the menu and the bar take the rest of the window.
-    let height = (ui.ctx().content_rect().height() - 330.0).max(60.0);
-    ScrollArea::vertical().max_height(height).show(ui, |ui| {
-        for name in choices.recent.iter() {
-            if ui.button(short_title(name)).on_hover_text(redacted(name)).clicked() {
-                *opening = Some(Opening::Clip(name.clone()));
+    scrolled(ui, 265.0, |ui| {
+        for ListedClip { name, title } in choices.recent.iter() {
+            if ui.button(title).on_hover_text(redacted(name)).clicked() {
+                opening.push(Opening::Clip(name.clone()));
             }
         }
     });
 }
 
+/// Shows entries of a menu, which scroll if the window is too low. Its other entries and the bar take `rest` points.
+fn scrolled(ui: &mut Ui, rest: f32, contents: impl FnOnce(&mut Ui)) {
+    let height = ui.ctx().content_rect().height();
+    // Else 400 points, the default height of what is above others, are the most.
+    ui.set_max_height(height);
+    ScrollArea::vertical().max_height((height - rest).max(60.0)).show(ui, contents);
+}
+
 fn view_menu(ui: &mut Ui, controls: &Controls<'_>, commands: &mut Vec<Command>) {
     ui.set_min_width(180.0);
-    for (number, viewpoint) in controls.viewpoints.iter().enumerate() {
-        let key = if number < 9 { format!("{}", number + 1) } else { String::new() };
-        let chosen = number == controls.viewpoint;
-        let entry = egui::Button::selectable(chosen, viewpoint.name.as_str()).shortcut_text(key);
-        if ui.add(entry).clicked() {
-            commands.push(Command::GoToViewpoint(number));
+    scrolled(ui, 175.0, |ui| {
+        for (number, viewpoint) in controls.viewpoints.iter().enumerate() {
+            let key = if number < 9 { format!("{}", number + 1) } else { String::new() };
+            let chosen = number == controls.viewpoint;
+            let entry = egui::Button::selectable(chosen, viewpoint.name.as_str()).shortcut_text(key);
+            if ui.add(entry).clicked() {
+                commands.push(Command::GoToViewpoint(number));
+            }
         }
-    }
+    });
     ui.separator();
     for (name, key, command) in [
         ("Recentre", "R", Command::Recentre),

@@ -486,11 +486,11 @@ impl Session {
         }
 
         self.update_take(now);
+        let ctx = self.screen.input.egui_ctx().clone();
+        self.library.update(&ctx, &mut self.viewer.gallery);
         self.viewer.choices = self.choices();
         let looping = self.viewer.player.is_looping();
         self.viewer.player.set_has_next(self.clips.is_followed(looping));
-        let ctx = self.screen.input.egui_ctx().clone();
-        self.library.update(&ctx, &mut self.viewer.gallery);
         let input = self.screen.input.take_egui_input(&self.window);
         let statistics = self.statistics(frame.size);
         let mut requests = Requests::default();
@@ -546,7 +546,7 @@ impl Session {
             self.library.show(&mut self.viewer.gallery, self.clips.current_name());
             self.window.request_redraw();
         }
-        if let Some(opening) = requests.open {
+        for opening in requests.open {
             self.open_chosen(opening);
         }
     }

@@ -38,7 +38,8 @@ pub(crate) struct Requests {
     pub(crate) show_gallery: bool,
     /// Make this frame the poster of the clip.
     pub(crate) set_poster: bool,
-    pub(crate) open: Option<Opening>,
+    /// What to open, in the order of the wishes: keys pressed between two frames are several.
+    pub(crate) open: Vec<Opening>,
 }
 
 /// The state of the interface.
@@ -207,7 +208,7 @@ impl Viewer {
             overlay::keys(&ctx);
         }
         if let Some(opening) = self.gallery.show(&ctx, bar_height) {
-            requests.open = Some(opening);
+            requests.open.push(opening);
         }
         overlay::message(&ctx, bar_height, &mut self.message);
         if ctx.input(|input| !input.raw.hovered_files.is_empty()) {
@@ -279,11 +280,11 @@ impl Viewer {
             Command::GoToViewpoint(number) => self.go_to_viewpoint(number),
             Command::Recentre => self.go_to_viewpoint(self.viewpoint),
             Command::Screenshot => requests.screenshot = true,
-            Command::OpenFile => requests.open = Some(Opening::Picker),
+            Command::OpenFile => requests.open.push(Opening::Picker),
             Command::ToggleGallery if self.gallery.is_open() => self.gallery.close(),
             Command::ToggleGallery => requests.show_gallery = true,
-            Command::PreviousClip => requests.open = Some(Opening::Beside(Direction::Back)),
-            Command::NextClip => requests.open = Some(Opening::Beside(Direction::Forward)),
+            Command::PreviousClip => requests.open.push(Opening::Beside(Direction::Back)),
+            Command::NextClip => requests.open.push(Opening::Beside(Direction::Forward)),
             Command::SetPoster => requests.set_poster = true,
             Command::ToggleKeys => self.show_keys = !self.show_keys,
             Command::ToggleStatistics => self.show_statistics = !self.show_statistics,

@@ -5,7 +5,7 @@
 
 use std::borrow::Cow;
 
-use codec::{ALPHA_MIN, Camera, Field};
+use codec::{ALPHA_MIN, Camera, Field, Visibility};
 
 use crate::budget::ImportBudget;
 
@@ -20,15 +20,6 @@ const BYTES_PER_ROW: u64 = 512;
 
 /// Width and height of the picture in pixels.
 const SIZE: (u32, u32) = (32, 24);
-
-/// A view shows the field if at least this fraction of its pixels is covered ...
-const COVERED_MIN: f64 = 0.01;
-
-/// ... by at least so many Gaussians, or half of those alive where there are fewer than twice as many ...
-const GAUSSIANS_MIN: usize = 50;
-
-/// ... of which none has more than this share of the picture.
-const SHARE_MAX: f64 = 0.5;
 
 /// Smallest radius of a disc in pixels.
 const RADIUS_MIN: f64 = 0.5;
@@ -75,11 +66,15 @@ impl<'a> Probe<'a> {
         let weights: Vec<f64> = discs.iter().map(|disc| disc.draw(&mut transmittance)).collect();
         let total: f64 = weights.iter().sum();
         let covered = transmittance.iter().filter(|&&rest| rest < 1.0).count() as f64;
-        let seen = weights.iter().filter(|&&weight| weight >= ALPHA_MIN).count();
-        let enough = GAUSSIANS_MIN.min(alive.len().div_ceil(2)).max(1);
         let largest = weights.iter().copied().fold(0.0, f64::max);
-        let is_alone = largest > SHARE_MAX * total && alive.len() >= 2 * GAUSSIANS_MIN;
-        covered >= COVERED_MIN * f64::from(SIZE.0 * SIZE.1) && seen >= enough && !is_alone
+        let visibility = Visibility {
+            alive: alive.len(),
+            gaussians: weights.iter().filter(|&&weight| weight >= ALPHA_MIN).count(),
+            covered: covered / f64::from(SIZE.0 * SIZE.1),
+            // Without weights nothing is covered either.
+            largest_share: if total > 0.0 { largest / total } else { 0.0 },
+        };
+        visibility.is_informative()
     }
 
     /// The disc of a row, unless it lies behind the camera or outside the image.

@@ -29,6 +29,7 @@ pub(crate) fn trials() -> Vec<Trial> {
         trial("a clip plays, pauses, steps and is saved as an image", plays),
         trial("a static clip rests", rests),
         trial("other clips are opened from the folder, from pictures and by a dialog", opens_others),
+        trial("a window closes while its dialog is open", closes_with_dialog),
         trial("a broken clip opens no window", bad_clip),
         Trial::test("without a display", || without_display().map_err(Failed::from)),
     ]
@@ -122,17 +123,8 @@ fn opens_others(display: &Display) -> Result<(), String> {
     for name in ["a.aarc", "b.aarc", "c.aarc"] {
         write_clip(&root.join(name));
     }
-    // In place of the desktop's dialog.
-    let program = root.join("zenity");
-    let chosen = root.join("c.aarc");
-    fs::write(&program, format!("#!/bin/sh\necho '{}'\n", chosen.display()))
-        .map_err(|error| error.to_string())?;
-    fs::set_permissions(&program, fs::Permissions::from_mode(0o755)).map_err(|error| error.to_string())?;
-    let mut command = display.command(client());
-    let path = std::env::var("PATH").unwrap_or_default();
-    command.arg("a.aarc").args(["--size", "800x600"]).current_dir(root);
-    command.env("PATH", format!("{}:{path}", root.display())).env_remove("DBUS_SESSION_BUS_ADDRESS");
-    command.env("XDG_CACHE_HOME", root.join("cache")).env("XDG_STATE_HOME", root.join("state"));
+    let chosen = format!("echo '{}'", root.join("c.aarc").display());
+    let mut command = with_dialog(display, root, &chosen)?;
     let player = display.open(&mut command, "a.aarc")?;
     let window = player.window;
     display.wait_until(window, |screen| screen.colors() > 500).ok_or("it shows no image")?;
@@ -142,6 +134,12 @@ fn opens_others(display: &Display) -> Result<(), String> {
         shown.ok_or_else(|| format!("{} instead of {title}", display.title(window)))
     };
     display.press(PAGE_DOWN);
+    shows("b.aarc")?;
+    display.press(PAGE_UP);
+    shows("a.aarc")?;
+    // The second counts from the clip that the first opens.
+    display.press(PAGE_UP);
+    display.press(PAGE_UP);
     shows("b.aarc")?;
     display.press(PAGE_UP);
     shows("a.aarc")?;
@@ -164,6 +162,38 @@ fn opens_others(display: &Display) -> Result<(), String> {
         return Err(format!("it remembers {recent}"));
     }
     Ok(())
+}
+
+/// The program waits neither for the dialog nor for what is chosen in it.
+fn closes_with_dialog(display: &Display) -> Result<(), String> {
+    let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
+    let root = folder.path();
+    write_clip(&root.join("a.aarc"));
+    let opened = root.join("opened");
+    // Open for as long as this test runs.
+    let dialog = format!("touch '{0}'; while [ -e '{0}' ]; do sleep 0.1; done", opened.display());
+    let mut command = with_dialog(display, root, &dialog)?;
+    let player = display.open(&mut command, "a.aarc")?;
+    display.wait_until(player.window, |screen| screen.colors() > 500).ok_or("it shows no image")?;
+    display.focus(player.window);
+    display.press(O);
+    display.wait_until(player.window, |_| opened.exists()).ok_or("no dialog opens")?;
+    let closed = player.close();
+    fs::remove_file(&opened).map_err(|error| error.to_string())?;
+    closed
+}
+
+/// A command that plays `a.aarc` in `root`, with a script in place of the desktop's dialog and with folders of its own.
+fn with_dialog(display: &Display, root: &Path, script: &str) -> Result<Command, String> {
+    let program = root.join("zenity");
+    fs::write(&program, format!("#!/bin/sh\n{script}\n")).map_err(|error| error.to_string())?;
+    fs::set_permissions(&program, fs::Permissions::from_mode(0o755)).map_err(|error| error.to_string())?;
+    let mut command = display.command(client());
+    let path = std::env::var("PATH").unwrap_or_default();
+    command.arg("a.aarc").args(["--size", "800x600"]).current_dir(root);
+    command.env("PATH", format!("{}:{path}", root.display())).env_remove("DBUS_SESSION_BUS_ADDRESS");
+    command.env("XDG_CACHE_HOME", root.join("cache")).env("XDG_STATE_HOME", root.join("state"));
+    Ok(command)
 }
 
 fn is_picture(entry: &fs::DirEntry) -> bool {

@@ -8,7 +8,7 @@ use egui::{
     vec2,
 };
 
-use super::choice::{Opening, Section, short_title};
+use super::choice::{ListedClip, Opening, Section};
 use super::thumbnails::{self, Picture};
 use crate::clips::redacted;
 use crate::window::icons::{Symbol, symbol_button};
@@ -135,20 +135,20 @@ impl Gallery {
 
     /// Shows the clips, and notes those in sight.
     fn sections(&mut self, ui: &mut Ui) -> Option<Opening> {
-        if self.sections.iter().all(|section| section.names.is_empty()) {
+        if self.sections.iter().all(|section| section.clips.is_empty()) {
             ui.label(
                 RichText::new("There is no clip here: open a file, or drop one on the window")
                     .color(style::QUIET),
             );
         }
         let (mut choice, mut visible) = (None, Vec::new());
-        for section in self.sections.iter().filter(|section| !section.names.is_empty()) {
+        for section in self.sections.iter().filter(|section| !section.clips.is_empty()) {
             ui.add_space(4.0);
             ui.label(RichText::new(&section.title).color(style::QUIET));
             ui.horizontal_wrapped(|ui| {
                 ui.spacing_mut().item_spacing = Vec2::splat(SPACE);
-                for name in &section.names {
-                    let response = self.tile(ui, name);
+                for clip in &section.clips {
+                    let (name, response) = (&clip.name, self.tile(ui, clip));
                     if ui.is_rect_visible(response.rect) && !visible.contains(name) {
                         visible.push(name.clone());
                     }
@@ -167,9 +167,9 @@ impl Gallery {
     }
 
     /// A picture with a title, as a button.
-    fn tile(&self, ui: &mut Ui, name: &str) -> Response {
+    fn tile(&self, ui: &mut Ui, ListedClip { name, title }: &ListedClip) -> Response {
         let (rect, response) = ui.allocate_exact_size(PICTURE + vec2(0.0, TITLE_HEIGHT), Sense::click());
-        response.widget_info(|| WidgetInfo::labeled(Role::Button, ui.is_enabled(), short_title(name)));
+        response.widget_info(|| WidgetInfo::labeled(Role::Button, ui.is_enabled(), title));
         if !ui.is_rect_visible(rect) {
             return response;
         }
@@ -189,7 +189,7 @@ impl Gallery {
             }
             None => text(ui, picture, "...", style::QUIET),
         }
-        let is_current = self.current.as_deref() == Some(name);
+        let is_current = self.current.as_ref() == Some(name);
         let stroke = match (is_current, response.hovered() || response.has_focus()) {
             (_, true) => Stroke::new(2.0, Color32::WHITE),
             (true, false) => Stroke::new(2.0, style::ACCENT),
@@ -197,12 +197,7 @@ impl Gallery {
         };
         ui.painter().rect_stroke(picture, corners, stroke, StrokeKind::Inside);
         let below = Rect::from_min_max(pos2(rect.left(), picture.bottom()), rect.max);
-        text(
-            ui,
-            below,
-            &short_title(name),
-            if is_current { style::ACCENT } else { ui.visuals().text_color() },
-        );
+        text(ui, below, title, if is_current { style::ACCENT } else { ui.visuals().text_color() });
         response.on_hover_text(hint)
     }
 }
@@ -220,6 +215,7 @@ const _: () = assert!(thumbnails::SIZE[0] * 108 == thumbnails::SIZE[1] * 192);
 mod tests {
     use egui::{ColorImage, Event, Modifiers, PointerButton, Pos2, RawInput};
 
+    use super::super::choice::listed;
     use super::*;
 
     const SCREEN: Vec2 = vec2(900.0, 600.0);
@@ -232,8 +228,8 @@ mod tests {
     impl Bench {
         fn with(names: &[&str]) -> Bench {
             let mut gallery = Gallery::default();
-            let names = names.iter().map(|name| (*name).to_owned()).collect();
-            gallery.open(vec![Section { title: "Here".into(), names }], Some("/a.aarc".into()));
+            let clips = listed(names.iter().map(|name| (*name).to_owned()).collect());
+            gallery.open(vec![Section { title: "Here".into(), clips }], Some("/a.aarc".into()));
             let mut bench = Bench { ctx: Context::default(), gallery };
             style::apply(&bench.ctx);
             bench.frame(vec![]);

@@ -20,7 +20,7 @@ use egui::Context;
 use program::output::folder_of;
 
 use choice::Section;
-pub(super) use choice::{Opening, short_title};
+pub(super) use choice::{ListedClip, Opening, listed};
 pub(super) use gallery::Gallery;
 use recent::{RecentClips, absolute_name};
 use thumbnails::Thumbnails;
@@ -35,7 +35,7 @@ const LISTED: usize = 8;
 pub(super) struct Library {
     recent: RecentClips,
     /// Those of them that are there, as many as menus list.
-    listed: Arc<[String]>,
+    listed: Arc<[ListedClip]>,
     thumbnails: Thumbnails,
 }
 
@@ -49,7 +49,7 @@ impl Library {
         let folder = folders::cache().map(|folder| folder.join("thumbnails"));
         let recent = RecentClips::open(folders::state());
         Ok(Library {
-            listed: recent.that_are_there().take(LISTED).cloned().collect(),
+            listed: for_menu(&recent),
             recent,
             thumbnails: Thumbnails::start(std::env::current_exe()?, folder, wake)?,
         })
@@ -58,11 +58,10 @@ impl Library {
     /// Remembers that a clip or a playlist was opened.
     pub(super) fn remember(&mut self, name: &str) {
         self.recent.add(name);
-        self.listed = self.recent.that_are_there().take(LISTED).cloned().collect();
     }
 
     /// The clips and playlists opened last, the last one first, for a menu.
-    pub(super) fn recent(&self) -> Arc<[String]> {
+    pub(super) fn recent(&self) -> Arc<[ListedClip]> {
         self.listed.clone()
     }
 
@@ -74,12 +73,12 @@ impl Library {
             Some(file) => folder_of(Path::new(file)).to_owned(),
             None => std::env::current_dir().unwrap_or_else(|_| PathBuf::from(".")),
         };
-        let recent = self.recent.that_are_there().cloned().collect();
+        let recent = self.recent.that_are_there();
         let inside = clips_in(&folder).iter().filter_map(|path| path.to_str().map(String::from)).collect();
         gallery.open(
             vec![
-                Section { title: "Opened last".into(), names: recent },
-                Section { title: folder.display().to_string(), names: inside },
+                Section { title: "Opened last".into(), clips: listed(recent) },
+                Section { title: folder.display().to_string(), clips: listed(inside) },
             ],
             current,
         );
@@ -90,8 +89,11 @@ impl Library {
         gallery.mark(current.map(absolute_name));
     }
 
-    /// Takes in thumbnails that are ready, and asks for those in sight.
+    /// Takes in thumbnails that are ready and clips that were opened, and asks for thumbnails of clips in sight.
     pub(super) fn update(&mut self, ctx: &Context, gallery: &mut Gallery) {
+        if self.recent.take_changed() {
+            self.listed = for_menu(&self.recent);
+        }
         while let Some((name, picture)) = self.thumbnails.poll() {
             gallery.set_picture(ctx, name, picture);
         }
@@ -99,4 +101,11 @@ impl Library {
             self.thumbnails.request(wanted);
         }
     }
+}
+
+/// The clips opened last that a menu lists.
+fn for_menu(recent: &RecentClips) -> Arc<[ListedClip]> {
+    let mut names = recent.that_are_there();
+    names.truncate(LISTED);
+    listed(names).into()
 }

@@ -1,33 +1,55 @@
 //! [`RecentClips`]: the clips and playlists that were opened last, remembered in a small file.
+//!
+//! A thread reads and writes the file, so that no frame waits for the disk. It adds what was opened to what is in the
+//! file by then, since other windows write it, too, and the whole list is seen in this window afterwards.
 
 use std::io;
 use std::path::{Path, PathBuf, absolute};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
 
 use serde::{Deserialize, Serialize};
 
 use crate::clips::{is_url, redacted};
-use crate::state_file;
+use crate::state_file::StateFile;
 
-/// Name of the file in its folder, its version and its largest size.
-const FILE: &str = "recent.json";
-const VERSION: u32 = 1;
-const FILE_BYTES: u64 = 1 << 20;
+/// The file. All names fit it.
+const FILE: StateFile = StateFile { name: "recent.json", version: 1, max_bytes: 1 << 20 };
 
-/// Most names that are remembered, and most bytes of one. All of them fit the file.
+/// Most names that are remembered, and most bytes of one.
 const NAMES: usize = 24;
 const NAME_BYTES: usize = 4096;
 
-/// What was opened last. The file is a convenience: a missing or damaged one is an empty list.
+/// What was opened last. The file is a convenience: a missing or damaged one is an empty list. Dropping the list waits
+/// until the file is written.
 #[derive(Debug)]
 pub(super) struct RecentClips {
-    folder: Option<PathBuf>,
+    list: Arc<List>,
+    /// `None` without a folder, or if the system refused a thread.
+    writer: Option<Writer>,
+}
+
+/// The list that the window sees.
+#[derive(Debug)]
+struct List {
     /// Absolute paths and URLs, the last one first.
-    names: Vec<String>,
+    names: Mutex<Vec<String>>,
+    /// Whether it has changed since [`RecentClips::take_changed`].
+    is_changed: AtomicBool,
+}
+
+/// The thread that writes the file.
+#[derive(Debug)]
+struct Writer {
+    /// What was opened.
+    names: Sender<String>,
+    thread: JoinHandle<()>,
 }
 
 #[derive(Serialize, Deserialize)]
 struct Contents {
-    version: u32,
     clips: Vec<String>,
 }
 
@@ -35,38 +57,93 @@ impl RecentClips {
     /// Reads the file in `folder`; without one, nothing outlives the window.
     pub(super) fn open(folder: Option<PathBuf>) -> RecentClips {
         let names = folder.as_deref().and_then(read).unwrap_or_default();
-        RecentClips { folder, names }
+        let list = Arc::new(List { names: Mutex::new(names), is_changed: AtomicBool::new(false) });
+        let writer = folder.and_then(|folder| {
+            let (sender, opened) = channel();
+            let ours = list.clone();
+            let write = move || write_all(&folder, &opened, &ours);
+            let thread = std::thread::Builder::new().name("recent".into()).spawn(write);
+            let thread = thread.inspect_err(|error| log::warn!("cannot remember what is opened: {error}"));
+            Some(Writer { names: sender, thread: thread.ok()? })
+        });
+        RecentClips { list, writer }
     }
 
-    /// Absolute paths and URLs, the last one first.
-    #[cfg(test)]
-    fn names(&self) -> &[String] {
-        &self.names
+    /// Those that can be opened, as far as is known without the network, the last one first.
+    pub(super) fn that_are_there(&self) -> Vec<String> {
+        let mut names = self.list.lock().clone();
+        names.retain(|name| is_url(name) || Path::new(name).exists());
+        names
     }
 
-    /// Those that can be opened, as far as is known without the network.
-    pub(super) fn that_are_there(&self) -> impl Iterator<Item = &String> {
-        self.names.iter().filter(|name| is_url(name) || Path::new(name).exists())
+    /// Whether the list has changed since the last call.
+    pub(super) fn take_changed(&self) -> bool {
+        self.list.is_changed.swap(false, Ordering::AcqRel)
     }
 
-    /// Remembers that a path or a URL was opened, also in the file. A URL with a password or a key in it is not
-    /// remembered.
+    /// Remembers that a path or a URL was opened, in the background also in the file. A URL with a password or a key in
+    /// it is not remembered.
     pub(super) fn add(&mut self, name: &str) {
         let name = absolute_name(name);
         if name.len() > NAME_BYTES || is_url(&name) && redacted(&name) != name {
             return;
         }
-        // Other windows may have written since.
-        if let Some(names) = self.folder.as_deref().and_then(read) {
-            self.names = names;
+        let mut names = self.list.lock();
+        add(&mut names, name.clone());
+        self.list.is_changed.store(true, Ordering::Release);
+        if let Some(writer) = &self.writer {
+            // The thread ends only with the list.
+            let _ = writer.names.send(name);
         }
-        self.names.retain(|known| *known != name);
-        self.names.insert(0, name);
-        self.names.truncate(NAMES);
-        let Some(folder) = &self.folder else { return };
-        let contents = Contents { version: VERSION, clips: self.names.clone() };
-        if let Err(error) = state_file::write(folder, FILE, &state_file::encode(&contents)) {
-            log::warn!("cannot remember what was opened: {}: {error}", folder.join(FILE).display());
+    }
+}
+
+impl Drop for RecentClips {
+    fn drop(&mut self) {
+        let Some(Writer { names, thread }) = self.writer.take() else { return };
+        drop(names);
+        let _ = thread.join();
+    }
+}
+
+impl List {
+    fn lock(&self) -> MutexGuard<'_, Vec<String>> {
+        self.names.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Puts a name in front of the others.
+fn add(names: &mut Vec<String>, name: String) {
+    names.retain(|known| *known != name);
+    names.insert(0, name);
+    names.truncate(NAMES);
+}
+
+/// Writes the file in `folder` after every name that is `opened`, until no more can come. The list gets what other
+/// windows have written.
+fn write_all(folder: &Path, opened: &Receiver<String>, list: &List) {
+    let mut unwritten: Vec<String> = Vec::new();
+    while let Ok(name) = opened.recv() {
+        unwritten.push(name);
+        unwritten.extend(opened.try_iter());
+        while !unwritten.is_empty() {
+            let mut names = read(folder).unwrap_or_else(|| list.lock().clone());
+            unwritten.iter().for_each(|name| add(&mut names, name.clone()));
+            let contents = Contents { clips: names };
+            if let Err(error) = FILE.write(folder, &FILE.encode(&contents)) {
+                log::warn!("cannot remember what was opened: {}: {error}", FILE.path(folder).display());
+                // They are tried again with the next one.
+                break;
+            }
+            let mut names = contents.clips;
+            let mut seen = list.lock();
+            // Opened while the disk was busy: they are in the list already.
+            unwritten = opened.try_iter().collect();
+            unwritten.iter().for_each(|name| add(&mut names, name.clone()));
+            if *seen != names {
+                *seen = names;
+                list.is_changed.store(true, Ordering::Release);
+            }
         }
     }
 }
@@ -79,18 +156,13 @@ pub(super) fn absolute_name(name: &str) -> String {
 
 /// The names in the file, if it is there and whole.
 fn read(folder: &Path) -> Option<Vec<String>> {
-    let path = folder.join(FILE);
-    let contents =
-        state_file::read(&path, FILE_BYTES).and_then(|contents: Contents| match contents.version {
-            VERSION => Ok(contents.clips),
-            version => Err(io::Error::other(format!("version {version} instead of {VERSION}"))),
-        });
     let fault = |error: &io::Error| {
         if error.kind() != io::ErrorKind::NotFound {
+            let path = FILE.path(folder);
             log::warn!("{}: {error}: the list of clips opened last starts anew", path.display());
         }
     };
-    let mut names = contents.inspect_err(fault).ok()?;
+    let Contents { clips: mut names } = FILE.read(folder).inspect_err(fault).ok()?;
     names.retain(|name| name.len() <= NAME_BYTES);
     names.truncate(NAMES);
     Some(names)
@@ -98,24 +170,82 @@ fn read(folder: &Path) -> Option<Vec<String>> {
 
 #[cfg(test)]
 mod tests {
+    use std::time::{Duration, Instant};
+
     use super::*;
+
+    const PATIENCE: Duration = Duration::from_secs(60);
+
+    impl RecentClips {
+        fn names(&self) -> Vec<String> {
+            self.list.lock().clone()
+        }
+
+        /// Waits until the list is this one.
+        fn becomes(&self, expected: &[&str]) -> bool {
+            let start = Instant::now();
+            while self.names() != expected && start.elapsed() < PATIENCE {
+                std::thread::sleep(Duration::from_millis(1));
+            }
+            self.names() == expected
+        }
+    }
+
+    /// Opens the list in a folder, adds names, and closes it.
+    fn add_all(folder: &Path, names: &[&str]) {
+        let mut recent = RecentClips::open(Some(folder.into()));
+        names.iter().for_each(|name| recent.add(name));
+    }
 
     #[test]
     fn what_was_opened_last_comes_first_in_all_windows() {
         let folder = tempfile::tempdir().unwrap();
-        let open = || RecentClips::open(Some(folder.path().join("new")));
-        let (mut one, mut other) = (open(), open());
+        let inner = folder.path().join("new");
+        let open = || RecentClips::open(Some(inner.clone()));
+        let mut one = open();
         one.add("/clips/a.aarc");
-        other.add("https://host/b.aarc");
+        assert_eq!(one.names(), ["/clips/a.aarc"], "the list does not wait for the file");
+        assert!(one.take_changed());
+        drop(one);
+        let mut one = open();
+        add_all(&inner, &["https://host/b.aarc"]);
         one.add("/clips/c.aarc");
+        assert!(one.becomes(&["/clips/c.aarc", "https://host/b.aarc", "/clips/a.aarc"]), "{:?}", one.names());
         one.add("/clips/a.aarc");
         assert_eq!(one.names(), ["/clips/a.aarc", "/clips/c.aarc", "https://host/b.aarc"]);
-        assert_eq!(open().names(), one.names());
-        assert!(one.that_are_there().eq(["https://host/b.aarc"]), "no such files");
+        assert_eq!(one.that_are_there(), ["https://host/b.aarc"], "no such files");
         one.add("d.aarc");
         assert!(Path::new(&one.names()[0]).is_absolute(), "{:?}", one.names());
         (0..2 * NAMES).for_each(|i| one.add(&format!("/clips/{i}.aarc")));
-        assert_eq!((one.names().len(), open().names().len()), (NAMES, NAMES));
+        let names = one.names();
+        drop(one);
+        assert_eq!((names.len(), open().names()), (NAMES, names), "everything is written at the end");
+        assert_eq!(inner.read_dir().unwrap().count(), 1, "nothing but the file is left");
+    }
+
+    /// A file that blocks its reader, as a busy disk does.
+    #[cfg(unix)]
+    #[test]
+    fn a_busy_disk_blocks_no_frame_and_loses_nothing() {
+        use std::process::Command;
+        use std::sync::mpsc::channel;
+
+        let folder = tempfile::tempdir().unwrap();
+        let mut recent = RecentClips::open(Some(folder.path().into()));
+        let path = FILE.path(folder.path());
+        assert!(Command::new("mkfifo").arg(&path).status().unwrap().success());
+        let (done, is_done) = channel();
+        std::thread::spawn(move || {
+            recent.add("/a.aarc");
+            recent.add("/b.aarc");
+            let _ = done.send(recent);
+        });
+        let recent = is_done.recv_timeout(PATIENCE).expect("a frame waits for the disk");
+        assert_eq!(recent.names(), ["/b.aarc", "/a.aarc"]);
+        std::fs::write(&path, r#"{"version": 1, "clips": ["/other.aarc"]}"#).unwrap();
+        drop(recent);
+        let names = RecentClips::open(Some(folder.path().into())).names();
+        assert_eq!(names, ["/b.aarc", "/a.aarc", "/other.aarc"]);
     }
 
     #[test]
@@ -128,27 +258,45 @@ mod tests {
             recent.add(name);
             assert!(recent.names().is_empty(), "{name}");
         }
-        assert!(!folder.path().join(FILE).exists());
+        drop(recent);
+        assert!(!FILE.path(folder.path()).exists());
     }
 
     #[test]
     fn a_file_that_makes_no_sense_is_an_empty_list() {
         let folder = tempfile::tempdir().unwrap();
-        let long = format!(r#"{{"version": 1, "clips": ["{}"]}}"#, "x".repeat(FILE_BYTES as usize));
+        let open = || RecentClips::open(Some(folder.path().into()));
+        let long = format!(r#"{{"version": 1, "clips": ["{}"]}}"#, "x".repeat(FILE.max_bytes as usize));
         for text in
             ["", "{", "null", r#"{"version": 2, "clips": ["a"]}"#, r#"{"version": 1, "clips": 7}"#, &long]
         {
-            std::fs::write(folder.path().join(FILE), text).unwrap();
-            assert!(RecentClips::open(Some(folder.path().into())).names().is_empty(), "{text:.40}");
+            std::fs::write(FILE.path(folder.path()), text).unwrap();
+            assert!(open().names().is_empty(), "{text:.40}");
         }
-        let mut recent = RecentClips::open(Some(folder.path().into()));
-        recent.add("/a.aarc");
-        assert_eq!(RecentClips::open(Some(folder.path().into())).names(), ["/a.aarc"]);
+        add_all(folder.path(), &["/a.aarc"]);
+        assert_eq!(open().names(), ["/a.aarc"]);
         for nowhere in [None, Some("/proc/nowhere".into())] {
             let mut recent = RecentClips::open(nowhere);
             recent.add("/a.aarc");
             recent.add("/b.aarc");
             assert_eq!(recent.names(), ["/b.aarc", "/a.aarc"]);
         }
+    }
+
+    #[test]
+    fn what_could_not_be_written_is_written_with_the_next_clip() {
+        let folder = tempfile::tempdir().unwrap();
+        let blocked = folder.path().join("file");
+        std::fs::write(&blocked, "").unwrap();
+        let mut recent = RecentClips::open(Some(blocked.clone()));
+        recent.add("/a.aarc");
+        std::thread::sleep(Duration::from_millis(50));
+        std::fs::remove_file(&blocked).unwrap();
+        add_all(&blocked, &["/other.aarc"]);
+        recent.add("/b.aarc");
+        drop(recent);
+        let mut names = RecentClips::open(Some(blocked)).names();
+        names.sort();
+        assert_eq!(names, ["/a.aarc", "/b.aarc", "/other.aarc"]);
     }
 }

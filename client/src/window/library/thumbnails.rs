@@ -1,12 +1,15 @@
 //! [`Thumbnails`]: small pictures of clips, each rendered once and kept in a folder.
 //!
 //! A picture is the poster of a clip. Another process of this program renders it, `aarc --headless --poster`, as for
-//! file managers: a damaged or an enormous clip cannot harm the window.
+//! file managers: a damaged or an enormous clip cannot harm the window. One that has no picture is not rendered again
+//! while the window is open, unless its file changes.
 
+use std::cell::RefCell;
+use std::collections::HashMap;
 use std::fs::{self, File};
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::sleep;
@@ -22,8 +25,12 @@ use crate::clips::{Report, Worker, is_url};
 /// Size of a picture in pixels.
 pub(super) const SIZE: [u32; 2] = [320, 180];
 
-/// Most pictures in the folder; the ones made longest ago are removed first.
+/// Most pictures in the folder, of which the ones made longest ago are removed first, and most failures in memory.
 const MAX_CACHED: usize = 1000;
+
+/// Exit codes of the other process that say nothing of the clip: the picture cannot be written, and there is no graphics
+/// device.
+const OTHER_CAUSES: [i32; 2] = [2, 5];
 
 /// Most bytes of an error of the other process that are read.
 const ERROR_BYTES: u64 = 4096;
@@ -53,7 +60,7 @@ impl Thumbnails {
         wake: impl Fn() + Send + 'static,
     ) -> io::Result<Thumbnails> {
         let is_over = Arc::new(AtomicBool::new(false));
-        let maker = Maker { program, folder, is_over: is_over.clone() };
+        let maker = Maker { program, folder, is_over: is_over.clone(), failures: RefCell::default() };
         let work = move |names: Vec<String>, report: Report<'_, (String, Picture)>| {
             for name in names {
                 let picture = maker.picture(&name);
@@ -88,6 +95,15 @@ struct Maker {
     folder: Option<PathBuf>,
     /// Whether nothing is wanted any more.
     is_over: Arc<AtomicBool>,
+    /// Why clips have no pictures, by the names of the files that would hold these.
+    failures: RefCell<HashMap<String, String>>,
+}
+
+/// Why a picture could not be made.
+struct Failure {
+    why: String,
+    /// Whether it would fail again.
+    is_lasting: bool,
 }
 
 impl Maker {
@@ -97,52 +113,74 @@ impl Maker {
             return Err(String::new());
         }
         let folder = self.folder.as_deref().ok_or("there is no folder for pictures: set HOME")?;
-        let path = folder.join(file_name(Path::new(name)).map_err(|error| read_error(&error))?);
+        let file = file_name(Path::new(name)).map_err(|error| read_error(&error))?;
+        let path = folder.join(&file);
         if let Ok(picture) = read(&path) {
             return Ok(picture);
         }
+        if let Some(why) = self.failures.borrow().get(&file) {
+            return Err(why.clone());
+        }
         fs::create_dir_all(folder)
             .map_err(|error| format!("{}: no folder can be made there ({error})", folder.display()))?;
-        self.render(name, &path)?;
+        if let Err(Failure { why, is_lasting }) = self.render(name, &path) {
+            if is_lasting {
+                self.remember(file, why.clone());
+            }
+            return Err(why);
+        }
         remove_oldest(folder, MAX_CACHED);
         read(&path)
+    }
+
+    fn remember(&self, file: String, why: String) {
+        let mut failures = self.failures.borrow_mut();
+        if failures.len() >= MAX_CACHED {
+            failures.clear();
+        }
+        failures.insert(file, why);
     }
 
     /// Renders the picture of a clip into the file `path`.
     ///
     /// # Errors
     /// The error of the program, or that it took too long.
-    fn render(&self, name: &str, path: &Path) -> Result<(), String> {
+    fn render(&self, name: &str, path: &Path) -> Result<(), Failure> {
         let [width, height] = SIZE;
         let mut command = Command::new(&self.program);
         command.args(["--headless", "--poster", "--size", &format!("{width}x{height}"), "--out"]);
         command.arg(path).arg("--").arg(name);
         // The pipe of its errors is read at the end, and must not fill.
         command.env_remove("RUST_LOG").stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped());
-        let mut child = command.spawn().map_err(|error| format!("{}: {error}", self.program.display()))?;
-        let is_done = self.wait(&mut child);
-        if is_done == Ok(true) {
+        let mut child = command.spawn().map_err(|error| {
+            let why = format!("{}: {error}", self.program.display());
+            Failure { why, is_lasting: false }
+        })?;
+        let status = self.wait(&mut child).map_err(|why| {
+            let _ = (child.kill(), child.wait());
+            Failure { why, is_lasting: true }
+        })?;
+        if status.success() {
             return Ok(());
         }
-        let _ = (child.kill(), child.wait());
         let mut error = Vec::new();
         if let Some(stderr) = child.stderr.take() {
             let _ = stderr.take(ERROR_BYTES).read_to_end(&mut error);
         }
         let error = String::from_utf8_lossy(&error);
-        is_done?;
-        Err(error.lines().last().unwrap_or("it cannot be rendered").to_owned())
+        let why = error.lines().last().unwrap_or("it cannot be rendered").to_owned();
+        Err(Failure { why, is_lasting: status.code().is_none_or(|code| !OTHER_CAUSES.contains(&code)) })
     }
 
-    /// Waits for the program to end; returns whether it has succeeded.
+    /// Waits for the program to end.
     ///
     /// # Errors
     /// That it takes too long, or that nothing is wanted any more.
-    fn wait(&self, child: &mut Child) -> Result<bool, String> {
+    fn wait(&self, child: &mut Child) -> Result<ExitStatus, String> {
         let start = Instant::now();
         loop {
             if let Some(status) = child.try_wait().map_err(|error| error.to_string())? {
-                return Ok(status.success());
+                return Ok(status);
             }
             if self.is_over.load(Ordering::Relaxed) || start.elapsed() > PATIENCE {
                 return Err(format!("no picture within {} s", PATIENCE.as_secs()));
@@ -196,7 +234,15 @@ mod tests {
     use super::*;
 
     fn maker(program: &str, folder: &Path) -> Maker {
-        Maker { program: program.into(), folder: Some(folder.into()), is_over: Arc::default() }
+        let (is_over, failures) = (Arc::default(), RefCell::default());
+        Maker { program: program.into(), folder: Some(folder.into()), is_over, failures }
+    }
+
+    /// Writes a program that runs a script.
+    #[cfg(unix)]
+    fn write_program(path: &Path, script: &str) {
+        fs::write(path, format!("#!/bin/sh\n{script}\n")).unwrap();
+        fs::set_permissions(path, std::os::unix::fs::PermissionsExt::from_mode(0o755)).unwrap();
     }
 
     #[test]
@@ -227,6 +273,37 @@ mod tests {
         assert!(homeless.picture("/nowhere/a.aarc").unwrap_err().contains("set HOME"));
     }
 
+    #[cfg(unix)]
+    #[test]
+    fn a_damaged_clip_is_rendered_once_until_its_file_changes() {
+        let folder = tempfile::tempdir().unwrap();
+        let [clip, program, runs] = ["a.aarc", "program", "runs"].map(|name| folder.path().join(name));
+        let maker = maker(program.to_str().unwrap(), folder.path());
+        let picture = || maker.picture(clip.to_str().unwrap()).unwrap_err();
+        let count = || fs::read_to_string(&runs).unwrap().lines().count();
+        let fails_with = |code: u8| {
+            let script =
+                format!("echo >> '{}'\necho 'error: a.aarc: damaged' >&2\nexit {code}", runs.display());
+            write_program(&program, &script);
+        };
+        fs::write(&clip, "damaged").unwrap();
+        fails_with(5);
+        picture();
+        picture();
+        assert_eq!(count(), 2, "without a graphics device it is tried again");
+        fails_with(3);
+        for _ in 0..3 {
+            assert_eq!(picture(), "error: a.aarc: damaged");
+        }
+        assert_eq!(count(), 3);
+        fs::write(&clip, "damaged in another way").unwrap();
+        picture();
+        picture();
+        assert_eq!(count(), 4);
+        (0..2 * MAX_CACHED).for_each(|i| maker.remember(i.to_string(), String::new()));
+        assert!(maker.failures.borrow().len() <= MAX_CACHED, "memory is bounded");
+    }
+
     #[cfg(target_os = "linux")]
     #[test]
     fn a_program_that_does_not_end_is_stopped_with_the_window() {
@@ -234,10 +311,7 @@ mod tests {
         let clip = folder.path().join("a.aarc");
         fs::write(&clip, "a clip").unwrap();
         let program = folder.path().join("program");
-        fs::write(&program, "#!/bin/sh\necho $$ > \"$(dirname \"$0\")/pid\"\nexec sleep 1000\n").unwrap();
-        let mut rights = fs::metadata(&program).unwrap().permissions();
-        std::os::unix::fs::PermissionsExt::set_mode(&mut rights, 0o755);
-        fs::set_permissions(&program, rights).unwrap();
+        write_program(&program, "echo $$ > \"$(dirname \"$0\")/pid\"\nexec sleep 1000");
         let start = Instant::now();
         let mut thumbnails = Thumbnails::start(program, Some(folder.path().join("new")), || ()).unwrap();
         thumbnails.request(vec![clip.to_str().unwrap().into()]);

@@ -5,6 +5,7 @@ use egui::{Event, Key, Modifiers, MouseWheelUnit, Pos2, RawInput, pos2, vec2};
 use codec::Viewpoint;
 
 use super::*;
+use crate::window::library::listed;
 
 /// A viewer with an interface and without a window.
 struct Bench {
@@ -12,6 +13,7 @@ struct Bench {
     viewer: Viewer,
     volume: Option<Volume>,
     time_s: f64,
+    size: egui::Vec2,
 }
 
 const SIZE: egui::Vec2 = vec2(1000.0, 700.0);
@@ -34,6 +36,10 @@ fn clip() -> ViewedClip {
     }
 }
 
+fn key_event(key: Key, pressed: bool) -> Event {
+    Event::Key { key, physical_key: Some(key), pressed, repeat: false, modifiers: Modifiers::NONE }
+}
+
 impl Bench {
     fn new() -> Bench {
         Bench::with(clip())
@@ -43,15 +49,36 @@ impl Bench {
         let ctx = Context::default();
         crate::window::style::apply(&ctx);
         let viewer = Viewer::new(clip, 0, RenderSettings::default());
-        let mut bench = Bench { ctx, viewer, volume: None, time_s: 0.0 };
+        let mut bench = Bench { ctx, viewer, volume: None, time_s: 0.0, size: SIZE };
         // The first frame lays the controls out.
         bench.frame(0.0, vec![]);
         bench
     }
 
+    /// The texts of the interface that are visible as a whole.
+    fn texts(&mut self) -> Vec<(String, Rect)> {
+        let screen = Rect::from_min_size(Pos2::ZERO, self.size);
+        let input = RawInput {
+            screen_rect: Some(screen),
+            time: Some(self.time_s),
+            focused: true,
+            ..RawInput::default()
+        };
+        let seconds = FrameSeconds { elapsed_s: 0.0, played_s: 0.0 };
+        let output = self.ctx.run_ui(input, |ui| {
+            self.viewer.frame(ui, seconds, self.volume.as_mut(), &[]);
+        });
+        let mut texts = Vec::new();
+        for shape in &output.shapes {
+            collect_texts(&shape.shape, shape.clip_rect.intersect(screen), &mut texts);
+        }
+        output.drop_without_applying_deltas();
+        texts
+    }
+
     fn frame(&mut self, elapsed_s: f64, events: Vec<Event>) -> Requests {
         self.time_s += elapsed_s;
-        let screen_rect = Some(Rect::from_min_size(Pos2::ZERO, SIZE));
+        let screen_rect = Some(Rect::from_min_size(Pos2::ZERO, self.size));
         let time = Some(self.time_s);
         let input = RawInput { screen_rect, time, focused: true, events, ..RawInput::default() };
         let mut requests = Requests::default();
@@ -66,23 +93,16 @@ impl Bench {
     }
 
     fn press(&mut self, key: Key) -> Requests {
-        let event = |pressed| Event::Key {
-            key,
-            physical_key: Some(key),
-            pressed,
-            repeat: false,
-            modifiers: Modifiers::NONE,
-        };
-        self.frame(0.0, vec![event(true), event(false)])
+        self.frame(0.0, vec![key_event(key, true), key_event(key, false)])
     }
 
     /// Clicks where the interface shows this text.
     fn click(&mut self, text: &str) -> Requests {
-        let screen_rect = Some(Rect::from_min_size(Pos2::ZERO, SIZE));
+        let screen_rect = Some(Rect::from_min_size(Pos2::ZERO, self.size));
         let input = RawInput { screen_rect, time: Some(self.time_s), focused: true, ..RawInput::default() };
         let seconds = FrameSeconds { elapsed_s: 0.0, played_s: 0.0 };
         let output = self.ctx.run_ui(input, |ui| {
-            self.viewer.frame(ui, seconds, None, &[]);
+            self.viewer.frame(ui, seconds, self.volume.as_mut(), &[]);
         });
         let found = output.shapes.iter().find_map(|shape| place(&shape.shape, text));
         output.drop_without_applying_deltas();
@@ -107,6 +127,17 @@ impl Bench {
 
     fn eye(&self) -> [f64; 3] {
         self.viewer.camera(100, 100).position()
+    }
+}
+
+/// The texts of a shape that lie in `visible`.
+fn collect_texts(shape: &egui::Shape, visible: Rect, texts: &mut Vec<(String, Rect)>) {
+    match shape {
+        egui::Shape::Vec(shapes) => shapes.iter().for_each(|shape| collect_texts(shape, visible, texts)),
+        egui::Shape::Text(shape) if visible.contains_rect(shape.visual_bounding_rect()) => {
+            texts.push((shape.galley.text().into(), shape.visual_bounding_rect()));
+        }
+        _ => {}
     }
 }
 
@@ -404,21 +435,31 @@ fn a_clip_with_sound_goes_on_by_what_is_heard_and_has_a_volume() {
 fn keys_and_the_menu_choose_other_clips() {
     let mut bench = Bench::new();
     let opened = |requests: Requests| requests.open;
-    assert_eq!(opened(bench.press(Key::O)), Some(Opening::Picker));
-    assert_eq!(opened(bench.press(Key::PageUp)), Some(Opening::Beside(Direction::Back)));
-    assert_eq!(opened(bench.press(Key::PageDown)), Some(Opening::Beside(Direction::Forward)));
+    assert_eq!(opened(bench.press(Key::O)), [Opening::Picker]);
+    assert_eq!(opened(bench.press(Key::PageUp)), [Opening::Beside(Direction::Back)]);
+    assert_eq!(opened(bench.press(Key::PageDown)), [Opening::Beside(Direction::Forward)]);
+    let twice = [true, false, true, false].map(|pressed| key_event(Key::PageUp, pressed)).to_vec();
+    assert_eq!(
+        opened(bench.frame(0.0, twice)),
+        [const { Opening::Beside(Direction::Back) }; 2],
+        "in one frame"
+    );
     assert!(bench.press(Key::G).show_gallery);
     bench.viewer.choices = Choices {
         has_previous: true,
         has_next: true,
         is_package: true,
-        recent: ["/clips/dance.aarc".into(), "https://host/a.aarc".into()].into(),
+        recent: listed(["/clips/dance.aarc", "/x/a.aarc", "/y/a.aarc"].map(String::from).to_vec()).into(),
     };
     assert_eq!(bench.click("Clips"), Requests::default());
     bench.frame(0.0, vec![]);
-    assert_eq!(opened(bench.click("dance.aarc")), Some(Opening::Clip("/clips/dance.aarc".into())));
+    assert_eq!(opened(bench.click("dance.aarc")), [Opening::Clip("/clips/dance.aarc".into())]);
+    bench.frame(0.0, vec![]);
+    bench.click("Clips");
+    bench.frame(0.0, vec![]);
+    assert_eq!(opened(bench.click("y/a.aarc")), [Opening::Clip("/y/a.aarc".into())], "x/a.aarc is another");
     for (item, expected) in [
-        ("Next", Requests { open: Some(Opening::Beside(Direction::Forward)), ..Requests::default() }),
+        ("Next", Requests { open: vec![Opening::Beside(Direction::Forward)], ..Requests::default() }),
         ("Use this frame as the poster", Requests { set_poster: true, ..Requests::default() }),
     ] {
         bench.frame(0.0, vec![]);
@@ -431,4 +472,65 @@ fn keys_and_the_menu_choose_other_clips() {
     bench.click("Clips");
     bench.frame(0.0, vec![]);
     assert!(!bench.click("Use this frame as the poster").set_poster, "it has no file to change");
+}
+
+/// A window of `size` with the widest bar: a clip of minutes with sound, backwards, slowly, and with many viewpoints.
+fn crowded(size: egui::Vec2, duration_s: f64) -> Bench {
+    let mut viewpoints = clip().viewpoints;
+    viewpoints.extend((2..20).map(|i| Viewpoint { name: format!("camera {i}"), ..viewpoints[0].clone() }));
+    let mut bench = Bench::with(ViewedClip { duration_s, viewpoints, ..clip() });
+    bench.size = size;
+    bench.volume = Some(Volume::open(None));
+    bench.viewer.player.set_speed(0.25);
+    bench.viewer.player.set_reversed(true);
+    let names = (0..8).map(|i| format!("/clips/clip-{i}.aarc")).collect();
+    bench.viewer.choices =
+        Choices { has_previous: true, has_next: true, is_package: true, recent: listed(names).into() };
+    (0..3).for_each(|_| drop(bench.frame(0.0, vec![])));
+    bench
+}
+
+const LEAST_SIZE: egui::Vec2 = vec2(800.0, 400.0);
+
+#[test]
+fn nothing_in_the_bar_overlaps_or_is_cut_off() {
+    for (size, duration_s, time) in [
+        (LEAST_SIZE, 3.0, " 0.00 / 3.00 s"),
+        (LEAST_SIZE, 690.0, " 0:00.00 / 11:30.00"),
+        (LEAST_SIZE, 6000.0, "  0:00.00"),
+        (vec2(1280.0, 800.0), 6000.0, "  0:00.00 / 100:00.00"),
+    ] {
+        let texts = crowded(size, duration_s).texts();
+        for text in [time, "-0.25x", "Loop", "Clips", "View", "Rendering", "Snapshot", "Keys"] {
+            assert!(texts.iter().any(|(there, _)| there == text), "{text} of {size}: {texts:?}");
+        }
+        for (i, (text, rect)) in texts.iter().enumerate() {
+            let other = texts[..i].iter().find(|(_, other)| other.intersects(*rect));
+            assert!(other.is_none(), "{text} and {other:?}");
+        }
+    }
+}
+
+#[test]
+fn menus_fit_the_window_and_their_lists_scroll() {
+    for (size, clips, cameras) in [(LEAST_SIZE, 3, 4), (vec2(1280.0, 800.0), 8, 15)] {
+        let opened = |menu: &str| {
+            let mut bench = crowded(size, 3.0);
+            bench.click(menu);
+            (0..3).for_each(|_| drop(bench.frame(0.0, vec![])));
+            bench.texts()
+        };
+        let count = |texts: &[(String, Rect)], of: &str| {
+            texts.iter().filter(|(text, _)| text.starts_with(of)).count()
+        };
+        let texts = opened("Clips");
+        assert_eq!(count(&texts, "Open a file"), 1, "{texts:?}");
+        assert!(count(&texts, "clip-") >= clips, "{size}: {texts:?}");
+        let texts = opened("View");
+        for entry in ["front", "Recentre", "Hide controls"] {
+            assert_eq!(count(&texts, entry), 1, "{entry} of {size}: {texts:?}");
+        }
+        assert!(count(&texts, "camera ") >= cameras, "{size}: {texts:?}");
+        assert!(count(&opened("-0.25x"), "Backwards") == 1 && count(&opened("Rendering"), "Sort by") == 1);
+    }
 }

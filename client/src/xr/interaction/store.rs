@@ -15,20 +15,16 @@ use log::warn;
 use serde::{Deserialize, Serialize};
 
 use super::placement::Placement;
-use crate::state_file;
+use crate::state_file::StateFile;
 
-/// Name of the file in its folder.
-const FILE: &str = "placements.json";
+/// The file. [`CLIPS`] of the longest names fit.
+const FILE: StateFile = StateFile { name: "placements.json", version: 1, max_bytes: 1 << 20 };
 
 /// Number of remembered clips: the ones placed last.
 const CLIPS: usize = 64;
 
-/// Largest readable file, and longest name of a clip, in bytes. [`CLIPS`] of the longest names fit.
-const FILE_BYTES: u64 = 1 << 20;
+/// Longest name of a clip, in bytes.
 const KEY_BYTES: usize = 1 << 10;
-
-/// Version of the file format.
-const VERSION: u32 = 1;
 
 /// Placements by the names of clips. Dropping the store waits until the file is written.
 #[derive(Debug)]
@@ -44,7 +40,6 @@ pub struct PlacementStore {
 
 #[derive(Serialize, Deserialize)]
 struct Contents<E> {
-    version: u32,
     placements: E,
 }
 
@@ -66,8 +61,8 @@ impl PlacementStore {
     /// Reads the file in `folder`. A missing file is an empty store, and so is, with a warning, a damaged
     /// one.
     pub fn open(folder: &Path) -> PlacementStore {
-        let path = folder.join(FILE);
-        let entries = match read(&path) {
+        let path = FILE.path(folder);
+        let entries = match read(folder) {
             Ok(entries) => entries,
             Err(error) if error.kind() == io::ErrorKind::NotFound => {
                 log::info!("{}: not there yet: clips start in front of the viewer", path.display());
@@ -110,8 +105,7 @@ impl PlacementStore {
         if !std::mem::take(&mut self.changed) && !failed {
             return;
         }
-        let contents = Contents { version: VERSION, placements: &self.entries };
-        let bytes = state_file::encode(&contents);
+        let bytes = FILE.encode(&Contents { placements: &self.entries });
         let folder = &self.folder;
         // The thread ends only with the store.
         let _ = self.writer.get_or_insert_with(|| Writer::start(folder.clone())).files.send(bytes);
@@ -145,9 +139,8 @@ impl Writer {
         let has_failed = failed.clone();
         let write_all = move || {
             for bytes in arriving {
-                if let Err(error) = state_file::write(&folder, FILE, &bytes) {
-                    let path = folder.join(FILE);
-                    warn!("cannot remember where clips stand: {}: {error}", path.display());
+                if let Err(error) = FILE.write(&folder, &bytes) {
+                    warn!("cannot remember where clips stand: {}: {error}", FILE.path(&folder).display());
                     has_failed.store(true, Ordering::Release);
                 }
             }
@@ -158,12 +151,8 @@ impl Writer {
     }
 }
 
-fn read(path: &Path) -> io::Result<Vec<Entry>> {
-    let contents: Contents<Vec<Entry>> = state_file::read(path, FILE_BYTES)?;
-    if contents.version != VERSION {
-        return Err(io::Error::other(format!("version {} instead of {VERSION}", contents.version)));
-    }
-    let mut entries = contents.placements;
+fn read(folder: &Path) -> io::Result<Vec<Entry>> {
+    let Contents { placements: mut entries } = FILE.read::<Contents<Vec<Entry>>>(folder)?;
     entries.retain(|entry| entry.clip.len() <= KEY_BYTES);
     entries.drain(..entries.len().saturating_sub(CLIPS));
     Ok(entries)
@@ -232,8 +221,8 @@ mod tests {
     #[test]
     fn a_file_that_makes_no_sense_is_a_fresh_start() {
         let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join(FILE);
-        let long = format!("[{}]", "1,".repeat(FILE_BYTES as usize));
+        let path = FILE.path(folder.path());
+        let long = format!("[{}]", "1,".repeat(FILE.max_bytes as usize));
         for bytes in [
             &b""[..],
             b"{",

@@ -3,11 +3,11 @@
 //! If a source suggests viewpoints, they are used together with cameras slightly aside, since a head
 //! moves. Otherwise virtual cameras are placed on a dome around the subject.
 
-use codec::{ALPHA_MIN, Camera, Field, Viewpoint};
+use codec::{ALPHA_MIN, Camera, Field, Viewpoint, Visibility};
 use glam::{DQuat, DVec3};
 
 use super::extent::core_box;
-use crate::reference::shown;
+use crate::reference::{Shown, shown};
 
 /// A picture to take.
 #[derive(Clone, Debug, PartialEq)]
@@ -23,15 +23,6 @@ const DOME_FOV_Y: f64 = 50.0;
 
 /// The dome's rings: elevation in degrees, number of cameras.
 const DOME_RINGS: [(f64, u32); 2] = [(10.0, 5), (45.0, 3)];
-
-/// A view is informative if at least this fraction of its pixels is covered ...
-const COVERED_MIN: f64 = 0.01;
-
-/// ... by at least so many Gaussians, or half of those alive where there are fewer than twice as many ...
-const GAUSSIANS_MIN: usize = 50;
-
-/// ... of which none has more than this share of the picture.
-const SHARE_MAX: f64 = 0.5;
 
 /// Width and height in pixels of the pictures that tell whether a view is informative.
 const PROBE: (u32, u32) = (64, 48);
@@ -55,10 +46,8 @@ fn informative_depth(field: &Field, PosedView { camera, t }: &PosedView) -> Opti
     let alive = (0..field.len()).filter(|&row| field.opacity_at(row, *t) >= ALPHA_MIN).count();
     let camera = camera.resized(PROBE.0, PROBE.1);
     camera.check().ok()?;
-    let shown = shown(field, &camera, *t);
-    let is_alone = shown.largest_share > SHARE_MAX && alive >= 2 * GAUSSIANS_MIN;
-    let enough = GAUSSIANS_MIN.min(alive.div_ceil(2)).max(1);
-    (shown.covered >= COVERED_MIN && shown.gaussians >= enough && !is_alone).then_some(shown.depth)
+    let Shown { covered, gaussians, largest_share, depth } = shown(field, &camera, *t);
+    Visibility { alive, gaussians, covered, largest_share }.is_informative().then_some(depth)
 }
 
 /// Views of every camera at every instant, in clip time.

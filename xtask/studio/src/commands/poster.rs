@@ -8,6 +8,7 @@ use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 use codec::{EncodeError, Limits, Poster, Take, Viewpoint};
+use glam::DVec3;
 use program::{Fault, output};
 use serde_json::json;
 
@@ -19,6 +20,10 @@ const COPIED_BYTES: usize = 1 << 20;
 
 /// Largest magnitude of a coordinate, in units of length.
 const COORDINATE_MAX: f32 = 1e9;
+
+/// Least angle between a view and the up axis, in radians: a tenth of what the player's camera, which turns around that
+/// axis, leaves.
+const TILT_MIN: f64 = 1e-4;
 
 /// Show the poster of a package: the time and view that file managers and lists of clips show. With options: change it.
 #[derive(clap::Args)]
@@ -111,7 +116,8 @@ fn start(file: &TakeFile, source: &mut File) -> Result<Vec<u8>, Fault> {
 /// The poster that the options ask for.
 ///
 /// # Errors
-/// [`Fault::Usage`] for a time outside the clip, a viewpoint that it lacks, or a view without a direction.
+/// [`Fault::Usage`] for a time outside the clip, a viewpoint that it lacks, or a view without a direction or along the up
+/// axis.
 fn chosen(args: &Args, file: &TakeFile, before: Option<Poster>) -> Result<Poster, Fault> {
     let take = file.take();
     let time_s = args.time.or(before.map(|poster| poster.time_s)).unwrap_or(0.0);
@@ -126,6 +132,7 @@ fn chosen(args: &Args, file: &TakeFile, before: Option<Poster>) -> Result<Poster
             if position == target {
                 return Err(Fault::Usage("--target is --eye: choose a point in front of it".into()));
             }
+            check_tilt(position, target, take.info.up)?;
             let fov_y = args.fov.map_or(viewpoints[0].fov_y, f32::to_radians);
             Viewpoint { position, target, fov_y, name: String::new() }
         }
@@ -133,6 +140,24 @@ fn chosen(args: &Args, file: &TakeFile, before: Option<Poster>) -> Result<Poster
         _ => viewpoints[0].clone(),
     };
     Ok(Poster { time_s, position, target, fov_y })
+}
+
+/// # Errors
+/// [`Fault::Usage`] for a view along the up axis, which would be turned around it by chance.
+fn check_tilt(eye: [f32; 3], target: [f32; 3], up: [f32; 3]) -> Result<(), Fault> {
+    let [from, to, axis] = [eye, target, up].map(|point| DVec3::from(point.map(f64::from)));
+    let tilt = (to - from).cross(axis).length();
+    if tilt >= TILT_MIN * (to - from).length() * axis.length() {
+        return Ok(());
+    }
+    let point = |[x, y, z]: [f32; 3]| format!("{x},{y},{z}");
+    Err(Fault::Usage(format!(
+        "--eye {} and --target {}: the view is along the clip's up axis {}, so no side of the picture is up: move one of \
+         them aside",
+        point(eye),
+        point(target),
+        point(up)
+    )))
 }
 
 /// The viewpoints of a take, or one that frames its bounds. Never empty.

@@ -81,6 +81,9 @@ fn what_cannot_be_done_leaves_the_file_as_it_is() {
         ("--view nowhere", 2),
         ("--eye 1,2,3", 2),
         ("--eye 1,2 --target 0,0,0", 2),
+        ("--eye 1,2,3 --target 1,2,3", 2),
+        ("--eye 1,2,3 --target 1,8,-5", 2),
+        ("--eye 1,2,3 --target 1.0001,8,-5", 2),
         ("--time 0 --remove", 2),
         ("-o b.aarc", 2),
         ("--time 0 -o none/b.aarc", 2),
@@ -89,6 +92,12 @@ fn what_cannot_be_done_leaves_the_file_as_it_is() {
         assert_eq!(outcome.code, Some(code), "{args}: {outcome:?}");
         assert!(fs::read(&path).unwrap() == clip(), "{args}");
     }
+    let along = poster(folder, "--eye 1,2,3 --target 1,8,-5");
+    let expected = "error: --eye 1,2,3 and --target 1,8,-5: the view is along the clip's up axis 0,0.6,-0.8, so no side of the \
+                    picture is up: move one of them aside\n";
+    assert_eq!(along.stderr, expected);
+    // As steep as the camera of the player.
+    poster(folder, "--eye 1,2,3 --target 1.01,8,-5 -o b.aarc").success();
     fs::write(&path, &clip()[..clip().len() - 1]).unwrap();
     assert_eq!(poster(folder, "--time 0").code, Some(3));
     fs::write(&path, "nothing").unwrap();
