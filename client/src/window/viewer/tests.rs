@@ -477,7 +477,8 @@ fn keys_and_the_menu_choose_other_clips() {
 /// A window of `size` with the widest bar: a clip of minutes with sound, backwards, slowly, and with many viewpoints.
 fn crowded(size: egui::Vec2, duration_s: f64) -> Bench {
     let mut viewpoints = clip().viewpoints;
-    viewpoints.extend((2..20).map(|i| Viewpoint { name: format!("camera {i}"), ..viewpoints[0].clone() }));
+    let first = viewpoints[0].clone();
+    viewpoints.extend((2..20).map(|i| Viewpoint { name: format!("camera {i}"), ..first.clone() }));
     let mut bench = Bench::with(ViewedClip { duration_s, viewpoints, ..clip() });
     bench.size = size;
     bench.volume = Some(Volume::open(None));
