@@ -256,7 +256,7 @@ fn speed_text(speed: f64) -> String {
 }
 
 fn clips_menu(ui: &mut Ui, choices: &Choices, opening: &mut Vec<Opening>, commands: &mut Vec<Command>) {
-    ui.set_min_width(220.0);
+    begin_menu(ui, 220.0);
     for (name, key, command, is_enabled) in [
         ("Open a file", "O", Command::OpenFile, true),
         ("Choose from pictures", "G", Command::ToggleGallery, true),
@@ -290,16 +290,21 @@ fn clips_menu(ui: &mut Ui, choices: &Choices, opening: &mut Vec<Opening>, comman
     });
 }
 
+/// Begins a menu with a list, at least `width` points wide.
+fn begin_menu(ui: &mut Ui, width: f32) {
+    ui.set_min_width(width);
+    // Else it would be at most 400 points high, the default of areas.
+    ui.set_max_height(ui.ctx().content_rect().height());
+}
+
 /// Shows entries of a menu, which scroll if the window is too low. Its other entries and the bar take `rest` points.
 fn scrolled(ui: &mut Ui, rest: f32, contents: impl FnOnce(&mut Ui)) {
-    let height = ui.ctx().content_rect().height();
-    // Else 400 points, the default height of what is above others, are the most.
-    ui.set_max_height(height);
-    ScrollArea::vertical().max_height((height - rest).max(60.0)).show(ui, contents);
+    let height = (ui.ctx().content_rect().height() - rest).max(60.0);
+    ScrollArea::vertical().max_height(height).show(ui, contents);
 }
 
 fn view_menu(ui: &mut Ui, controls: &Controls<'_>, commands: &mut Vec<Command>) {
-    ui.set_min_width(180.0);
+    begin_menu(ui, 180.0);
     scrolled(ui, 175.0, |ui| {
         for (number, viewpoint) in controls.viewpoints.iter().enumerate() {
             let key = if number < 9 { format!("{}", number + 1) } else { String::new() };

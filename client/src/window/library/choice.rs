@@ -48,9 +48,9 @@ pub(crate) fn listed(names: Vec<String>) -> Vec<ListedClip> {
         let alike: Vec<Vec<String>> =
             by_file[&*files[i]].iter().filter(|&&j| j != i).map(|&j| folders(&names[j])).collect();
         let folders = folders(name);
-        let is_told_apart =
+        let is_distinct =
             |&count: &usize| alike.iter().all(|other| last(other, count) != last(&folders, count));
-        match (0..=folders.len()).find(is_told_apart) {
+        match (0..=folders.len()).find(is_distinct) {
             Some(count) if count > 0 => with_folder(&last(&folders, count).join("/"), &files[i]),
             _ => beginning(&files[i], TITLE_CHARS),
         }

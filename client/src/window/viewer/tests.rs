@@ -477,7 +477,8 @@ fn keys_and_the_menu_choose_other_clips() {
 /// A window of `size` with the widest bar: a clip of minutes with sound, backwards, slowly, and with many viewpoints.
 fn crowded(size: egui::Vec2, duration_s: f64) -> Bench {
     let mut viewpoints = clip().viewpoints;
-    viewpoints.extend((2..20).map(|i| Viewpoint { name: format!("camera {i}"), ..viewpoints[0].clone() }));
+    let first = viewpoints[0].clone();
+    viewpoints.extend((2..20).map(|i| Viewpoint { name: format!("camera {i}"), ..first.clone() }));
     let mut bench = Bench::with(ViewedClip { duration_s, viewpoints, ..clip() });
     bench.size = size;
     bench.volume = Some(Volume::open(None));
@@ -504,10 +505,14 @@ fn nothing_in_the_bar_overlaps_or_is_cut_off() {
         for text in [time, "-0.25x", "Loop", "Clips", "View", "Rendering", "Snapshot", "Keys"] {
             assert!(texts.iter().any(|(there, _)| there == text), "{text} of {size}: {texts:?}");
         }
-        for (i, (text, rect)) in texts.iter().enumerate() {
-            let other = texts[..i].iter().find(|(_, other)| other.intersects(*rect));
-            assert!(other.is_none(), "{text} and {other:?}");
-        }
+        check_overlaps(&texts);
+    }
+}
+
+fn check_overlaps(texts: &[(String, Rect)]) {
+    for (i, (text, rect)) in texts.iter().enumerate() {
+        let other = texts[..i].iter().find(|(_, other)| other.intersects(*rect));
+        assert!(other.is_none(), "{text} and {other:?}");
     }
 }
 
@@ -518,7 +523,9 @@ fn menus_fit_the_window_and_their_lists_scroll() {
             let mut bench = crowded(size, 3.0);
             bench.click(menu);
             (0..3).for_each(|_| drop(bench.frame(0.0, vec![])));
-            bench.texts()
+            let texts = bench.texts();
+            check_overlaps(&texts);
+            texts
         };
         let count = |texts: &[(String, Rect)], of: &str| {
             texts.iter().filter(|(text, _)| text.starts_with(of)).count()
