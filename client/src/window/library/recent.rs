@@ -237,6 +237,8 @@ mod tests {
         let (done, is_done) = channel();
         std::thread::spawn(move || {
             recent.add("/a.aarc");
+            // By now the thread reads the file.
+            std::thread::sleep(Duration::from_millis(50));
             recent.add("/b.aarc");
             let _ = done.send(recent);
         });
