@@ -20,7 +20,7 @@ pub(crate) struct StateFile {
     pub(crate) max_bytes: u64,
 }
 
-/// What is written.
+/// The written form of `contents`.
 #[derive(Serialize)]
 struct Versioned<'a, T> {
     version: u32,
@@ -28,7 +28,7 @@ struct Versioned<'a, T> {
     contents: &'a T,
 }
 
-/// What every version has.
+/// The part that is the same in every version.
 #[derive(Deserialize)]
 struct Version {
     version: u32,

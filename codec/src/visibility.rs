@@ -12,7 +12,7 @@ const GAUSSIANS_MIN: usize = 50;
 /// ... of which none has more than this share of the picture.
 const SHARE_MAX: f64 = 0.5;
 
-/// What a camera sees of a field at an instant.
+/// Measures of what a camera sees of a field at an instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Visibility {
     /// Number of Gaussians that are alive, in the image or not.

@@ -32,7 +32,7 @@ pub(super) struct BinauralSource {
     ears: Option<Ears>,
 }
 
-/// What turns directions into filters.
+/// Makes filters of directions.
 struct Ears {
     responses: HeadResponses,
     publisher: FilterPublisher,
@@ -74,12 +74,13 @@ impl Ears {
         let responses = HeadResponses::new(rate_hz);
         let filter = Filter::new(responses.length());
         let rate = rate_hz as f32;
+        let fading = ((FADE_S * rate) as usize).max(1);
         let plan = RendererPlan::builder(responses.length())
             .with_sample_rate(rate)
             .with_partition_len(BLOCK)
             .build()?;
         let renderer = Renderer::builder(&plan)
-            .with_filter_transition(FilterTransition::crossfade(((FADE_S * rate) as usize).max(1)))
+            .with_filter_transition(FilterTransition::crossfade(fading))
             .with_max_delay(DELAY_MAX_S)
             .build()?;
         let (publisher, renderer) = renderer.into_realtime();
@@ -91,6 +92,7 @@ impl Ears {
             silent: 0,
             taken: 0,
             lasting: responses.length() + (DELAY_MAX_S * rate) as usize + 2 * BLOCK,
+            fading,
             latency_s: BLOCK as f64 / f64::from(rate_hz) + responses.latency_s(),
         };
         let mut ears = Ears { responses, publisher, filter, nearness };
@@ -117,14 +119,19 @@ pub(super) struct BinauralOutput {
     silent: usize,
     taken: usize,
     lasting: usize,
+    /// Frames of a fade from one filter to the next.
+    fading: usize,
     latency_s: f64,
 }
 
 impl BinauralOutput {
-    /// Forgets what it was given.
+    /// Forgets what it was given. The next sample comes from the direction that was published last.
     pub(super) fn restart(&mut self) {
         self.renderer.reset();
-        (self.input, self.output) = ([0.0; BLOCK], [[0.0; BLOCK]; 2]);
+        self.input = [0.0; BLOCK];
+        // The end of a fade, and the fade to the latest filter.
+        (0..2 * self.fading.div_ceil(BLOCK) + 2).for_each(|_| self.convolve());
+        self.output = [[0.0; BLOCK]; 2];
         (self.at, self.silent, self.taken) = (0, 0, 0);
     }
 
@@ -153,10 +160,11 @@ impl BinauralOutput {
         heard
     }
 
+    /// Silence is convolved as well: sound after it comes from where the source is by then.
     fn convolve(&mut self) {
         let [left, right] = &mut self.output;
-        let is_silent = self.silent > self.lasting;
-        if is_silent || self.renderer.process_block(&self.input, left, right).is_err() {
+        let has_failed = self.renderer.process_block(&self.input, left, right).is_err();
+        if has_failed || self.silent > self.lasting {
             self.output = [[0.0; BLOCK]; 2];
         }
     }
@@ -262,6 +270,28 @@ mod binaural_tests {
         assert!(frames[1_000..4_800].iter().flatten().all(|x| x.abs() < 1e-6));
         assert!(frames[2_000..4_800].iter().flatten().all(|x| *x == 0.0));
         assert!(frames[..600].iter().zip(&frames[4_800..]).all(|(a, b)| (a[0] - b[0]).abs() < 1e-6));
+    }
+
+    #[test]
+    fn after_silence_sound_comes_from_where_the_source_is_by_then() {
+        let click = |at: usize| move |i: usize| f32::from(i == at);
+        let at_left = |step: usize| dvec3(if step < 50 { -1.0 } else { 1.0 }, 0.0, 0.0);
+        let moved = heard(49_000, click(48_000), at_left).split_off(47_000);
+        let there = heard(49_000, click(48_000), |_| dvec3(1.0, 0.0, 0.0)).split_off(47_000);
+        let largest =
+            moved.iter().zip(&there).flat_map(|(a, b)| [0, 1].map(|ear: usize| (a[ear] - b[ear]).abs()));
+        assert!(largest.fold(0.0, f32::max) < 1e-6);
+        // Also where it begins anew.
+        let (mut source, mut arriving) = BinauralSource::new(48_000);
+        source.follow(dvec3(-1.0, 0.0, 0.0));
+        let mut output = arriving.pop().unwrap();
+        (0..1_000).for_each(|i| {
+            output.next(click(900)(i));
+        });
+        source.follow(dvec3(1.0, 0.0, 0.0));
+        output.restart();
+        let frames: Vec<Frame> = (0..1_000).map(|i| output.next(click(0)(i))).collect();
+        assert!(energy(&frames, 1) > 8.0 * energy(&frames, 0));
     }
 
     #[test]

@@ -24,7 +24,7 @@ pub(super) struct Placement {
 }
 
 impl Placement {
-    /// That of a source at `source_m` metres from the listener; without one the sound is played as it is.
+    /// Placement of a source at `source_m` metres from the listener; without one the sound is played as it is.
     pub(super) fn new(source_m: Option<DVec3>) -> Placement {
         Placement { level: source_m.map_or(1.0, level), is_placed: source_m.is_some() }
     }

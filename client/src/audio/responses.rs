@@ -55,7 +55,7 @@ pub(super) struct HeadResponses {
     rate_hz: f32,
     /// Taps of one response.
     length: usize,
-    /// Those of all directions, one after another.
+    /// Taps of all directions, one direction after another.
     taps: Vec<f32>,
     /// Delay of each direction in seconds.
     delays_s: Vec<f32>,

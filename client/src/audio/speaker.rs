@@ -115,8 +115,8 @@ impl Speaker {
         self.parts.send(command);
     }
 
-    /// Places the sound at the position of `player`, before [`Speaker::step`]. `hears` turns a point of the clip into metres from the listener: x to
-    /// the right, y up, z backwards.
+    /// Places the sound at the position of `player`, before [`Speaker::step`]. `hears` turns a point of the clip into
+    /// metres from the listener: x to the right, y up, z backwards.
     pub(crate) fn place(&mut self, player: &Player, hears: impl Fn(DVec3) -> DVec3) {
         let position = self.track.position_at(player.position_s());
         self.parts.link.set_source_m(position.map(|position| hears(DVec3::from(position.map(f64::from)))));

@@ -182,7 +182,13 @@ impl<C> QueueState<C> {
     /// Where no clip of the playlist could be shown, all are tried again.
     pub(super) fn skip(&mut self, direction: Direction) -> Option<Change<C>> {
         if let Some(Loading::Opening { has_neighbours }) = self.loading {
-            return if has_neighbours { self.skip_in_folder(direction) } else { None };
+            if has_neighbours && let Some(change) = self.skip_in_folder(direction) {
+                return Some(change);
+            }
+            // A playlist on display goes on in place of what is being opened.
+            if self.queue.is_none() || self.current.is_none() {
+                return None;
+            }
         }
         match (&self.queue, &self.current) {
             (Some(queue), Some(_)) => {

@@ -34,7 +34,7 @@ pub(crate) struct Controls<'a> {
     pub(crate) player: &'a mut Player,
     pub(crate) settings: &'a mut RenderSettings,
     pub(crate) choices: &'a Choices,
-    /// What menus say is to be opened.
+    /// Clips chosen in menus.
     pub(crate) opening: &'a mut Vec<Opening>,
     /// Whether the pointer holds the timeline.
     pub(crate) is_scrubbing: &'a mut bool,

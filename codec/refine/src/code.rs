@@ -27,8 +27,8 @@ pub use error::CodeError;
 use joint::RoundingState;
 pub use joint::{JOINT_ROUNDS, JointRounding};
 use scan::Scan;
+use search::{EQUAL_DB, SLOPE, Search};
 pub use search::{Miss, SURPLUS_MAX_DB, TRIALS, WORST_BELOW_DB};
-use search::{SLOPE, Search};
 use trials::{Trials, decode};
 
 /// A package with its decoded clip and quality.
@@ -107,8 +107,8 @@ pub fn code_steps(rounds: usize) -> usize {
 }
 
 /// Packages a source with target PSNRs, one after another. What a small field's trials for one target
-/// found out is not computed again for the next. Nor is the package of the latest target, with which joint rounding
-/// begins.
+/// found out is not computed again for the next. Nor is the package of the latest target, with which joint rounding of a
+/// small field begins.
 #[derive(Debug)]
 pub struct TargetCoder<'a> {
     /// With the precision of each row by its sensitivity.
@@ -162,7 +162,7 @@ impl<'a> TargetCoder<'a> {
     }
 
     /// Packages the source at `psnr_db` with numbers that are rounded jointly, if that is smaller. `on_step` is called
-    /// after each of [`code_steps`].
+    /// after each of [`code_steps`]; where no rounds of a large field come close, a search follows the last one.
     ///
     /// # Errors
     /// Errors of [`codec::encode`] and [`codec::decode`].
@@ -187,7 +187,7 @@ impl<'a> TargetCoder<'a> {
             })?;
             let clip = decode(&bytes)?;
             let fidelity = judge.compare(&RenderScene::from(&clip), || ());
-            let surplus_db = search::surplus_db(&fidelity, psnr_db);
+            let surplus_db = search::surplus_db(&fidelity, psnr_db).min(EQUAL_DB);
             let miss = search::miss_of(&fidelity, psnr_db);
             let coded = Coded { bytes, clip, fidelity, miss, bytes_alone };
             if best.as_ref().is_none_or(|best| coded.is_better_than(best)) {
@@ -200,7 +200,10 @@ impl<'a> TargetCoder<'a> {
         }
         (TRIALS + steps..code_steps(joint.rounds())).for_each(|_| on_step());
         match best {
-            Some(best) if best.miss != Some(Miss::Below) || bytes_alone.is_some() => Ok(best),
+            // Out of reach of the rounds, a search may be closer.
+            Some(best) if bytes_alone.is_some() || !matches!(best.miss, Some(Miss::Below | Miss::Above)) => {
+                Ok(best)
+            }
             best => {
                 let alone = self.meet(psnr_db, || ())?.coded;
                 Ok(best.filter(|best| best.is_better_than(&alone)).unwrap_or(alone))

@@ -21,7 +21,7 @@ pub(crate) enum Opening {
 pub(crate) struct ListedClip {
     /// A path or URL.
     pub(crate) name: String,
-    /// What menus and the line under its picture call it.
+    /// Title in menus and under the picture.
     pub(crate) title: String,
 }
 
@@ -71,7 +71,7 @@ fn last(folders: &[String], count: usize) -> &[String] {
     &folders[folders.len().saturating_sub(count)..]
 }
 
-/// The title of a file in a folder. The end of the file and the middle of the folder make room for the other.
+/// The title of a file in a folder. A long file name is cut at its end, a long folder in its centre.
 fn with_folder(folder: &str, file: &str) -> String {
     let rest = (TITLE_CHARS - 1).saturating_sub(file.chars().count());
     let folder = ends(folder, rest.max(FOLDER_CHARS));

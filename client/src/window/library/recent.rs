@@ -1,6 +1,6 @@
 //! [`RecentClips`]: the clips and playlists that were opened last, remembered in a small file.
 //!
-//! A thread reads and writes the file, so that no frame waits for the disk. It adds what was opened to what is in the
+//! A thread reads and writes the file, so that no frame waits for it. It adds what was opened to what is in the
 //! file by then, since other windows write it, too, and the whole list is seen in this window afterwards.
 
 use std::io;
@@ -43,7 +43,7 @@ struct List {
 /// The thread that writes the file.
 #[derive(Debug)]
 struct Writer {
-    /// What was opened.
+    /// Names of opened clips.
     names: Sender<String>,
     thread: JoinHandle<()>,
 }
@@ -292,7 +292,8 @@ mod tests {
         std::fs::write(&blocked, "").unwrap();
         let mut recent = RecentClips::open(Some(blocked.clone()));
         recent.add("/a.aarc");
-        std::thread::sleep(Duration::from_millis(50));
+        // The thread fails within microseconds.
+        std::thread::sleep(Duration::from_millis(500));
         std::fs::remove_file(&blocked).unwrap();
         add_all(&blocked, &["/other.aarc"]);
         recent.add("/b.aarc");

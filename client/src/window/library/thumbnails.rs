@@ -28,8 +28,8 @@ pub(super) const SIZE: [u32; 2] = [320, 180];
 /// Most pictures in the folder, of which the ones made longest ago are removed first, and most failures in memory.
 const MAX_CACHED: usize = 1000;
 
-/// Exit codes of the other process that say nothing of the clip: the picture cannot be written, and there is no graphics
-/// device.
+/// Exit codes of the other process that can have another cause than the clip: the picture cannot be written, and there is
+/// no graphics device, or the clip does not fit it.
 const OTHER_CAUSES: [i32; 2] = [2, 5];
 
 /// Most bytes of an error of the other process that are read.

@@ -29,7 +29,7 @@ const CLOSE_DB: f64 = 0.12;
 const CHEAP_TRIALS: usize = 4;
 
 /// Assumed excess in dB where all pictures are equal.
-const EQUAL_DB: f64 = 20.0;
+pub(super) const EQUAL_DB: f64 = 20.0;
 
 /// Distance in dB of precision below which two trials have no other between them.
 const RESOLUTION_DB: f64 = 0.02;

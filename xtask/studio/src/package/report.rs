@@ -53,8 +53,8 @@ pub struct PackageReport {
     pub assumed: Vec<&'static str>,
     /// Size of the package.
     pub bytes: usize,
-    /// Size of the package without joint rounding; `None` where numbers were not rounded jointly, and for fields of more
-    /// than 16,384 Gaussians, for which that package is not made.
+    /// Size of the package without joint rounding; `None` where numbers were not rounded jointly, and for most fields of
+    /// more than 16,384 Gaussians, for which that package is not made.
     pub bytes_alone: Option<usize>,
     /// How the Gaussians are coded.
     pub coder: &'static str,
