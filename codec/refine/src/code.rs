@@ -21,14 +21,14 @@ mod trials;
 use codec::{Clip, Coder, Precision, Sensitivity, Source};
 
 use crate::prune::{Fidelity, Pictures, PosedView};
-use crate::reference::{RenderScene, sensitivities};
+use crate::reference::sensitivities;
 
 pub use error::CodeError;
 use joint::RoundingState;
 pub use joint::{JOINT_ROUNDS, JointRounding};
 use scan::Scan;
-use search::{EQUAL_DB, SLOPE, Search};
 pub use search::{Miss, SURPLUS_MAX_DB, TRIALS, WORST_BELOW_DB};
+use search::{SLOPE, Search};
 use trials::{Trials, decode};
 
 /// A package with its decoded clip and quality.
@@ -173,7 +173,7 @@ impl<'a> TargetCoder<'a> {
         mut on_step: impl FnMut(),
     ) -> Result<Coded, CodeError> {
         let Start { alone, precision, gain_db } = self.start(psnr_db, &mut on_step)?;
-        let Trials { source, judge, .. } = self.own;
+        let source = self.own.source;
         let bytes_alone = alone.as_ref().map(|alone| alone.bytes.len());
         let mut best = alone.map(|alone| Coded { bytes_alone, ..alone });
         let mut options = self.own.options(precision);
@@ -185,9 +185,8 @@ impl<'a> TargetCoder<'a> {
                 steps += 1;
                 on_step();
             })?;
-            let clip = decode(&bytes)?;
-            let fidelity = judge.compare(&RenderScene::from(&clip), || ());
-            let surplus_db = search::surplus_db(&fidelity, psnr_db).min(EQUAL_DB);
+            let (clip, fidelity) = self.own.compare(&bytes)?;
+            let surplus_db = search::surplus_db(&fidelity, psnr_db);
             let miss = search::miss_of(&fidelity, psnr_db);
             let coded = Coded { bytes, clip, fidelity, miss, bytes_alone };
             if best.as_ref().is_none_or(|best| coded.is_better_than(best)) {
@@ -220,8 +219,8 @@ impl<'a> TargetCoder<'a> {
             return Ok(Start { alone: Some(coded), precision, gain_db });
         }
         let mut search = Search::new(psnr_db);
-        let clip = decode(&self.own.encode(psnr_db)?)?;
-        search.record(&self.own.judge.compare(&RenderScene::from(&clip), || ()), usize::MAX);
+        let (_, fidelity) = self.own.compare(&self.own.encode(psnr_db)?)?;
+        search.record(&fidelity, usize::MAX);
         (0..TRIALS).for_each(|_| on_step());
         let precision = self.own.at(search.next().unwrap_or(psnr_db));
         Ok(Start { alone: None, precision, gain_db })
@@ -304,8 +303,7 @@ fn search(trials: &Trials, psnr_db: f64, mut on_step: impl FnMut()) -> Result<Me
     let mut steps = 0;
     while let Some(finer_db) = search.next() {
         let bytes = trials.encode(finer_db)?;
-        let clip = decode(&bytes)?;
-        let fidelity = trials.judge.compare(&RenderScene::from(&clip), || ());
+        let (clip, fidelity) = trials.compare(&bytes)?;
         let miss = search.record(&fidelity, bytes.len());
         let coded = Coded { bytes, clip, fidelity, miss, bytes_alone: None };
         if best.as_ref().is_none_or(|best| coded.is_better_than(&best.coded)) {
@@ -370,6 +368,7 @@ mod tests {
     use super::*;
     use crate::prune::scenes::cloud;
     use crate::prune::{dome, posed_views};
+    use crate::reference::RenderScene;
     use codec::{ClipInfo, Field};
 
     #[test]

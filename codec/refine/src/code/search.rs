@@ -29,7 +29,7 @@ const CLOSE_DB: f64 = 0.12;
 const CHEAP_TRIALS: usize = 4;
 
 /// Assumed excess in dB where all pictures are equal.
-pub(super) const EQUAL_DB: f64 = 20.0;
+const EQUAL_DB: f64 = 20.0;
 
 /// Distance in dB of precision below which two trials have no other between them.
 const RESOLUTION_DB: f64 = 0.02;
@@ -64,10 +64,10 @@ pub(super) fn miss_of(fidelity: &Fidelity, target_db: f64) -> Option<Miss> {
     }
 }
 
-/// PSNR above the target in dB, or that of the worst picture above its own, if it is less.
+/// PSNR above the target in dB, or that of the worst picture above its own, if it is less; [`EQUAL_DB`] at most.
 pub(super) fn surplus_db(fidelity: &Fidelity, target_db: f64) -> f64 {
     let worst = fidelity.worst.as_ref().map_or(f64::INFINITY, |worst| worst.psnr_db + WORST_BELOW_DB);
-    fidelity.psnr_db.min(worst) - target_db
+    (fidelity.psnr_db.min(worst) - target_db).min(EQUAL_DB)
 }
 
 /// A precision that was tried.
@@ -104,7 +104,7 @@ impl Search {
 
     /// Records the result of the trial at [`Search::next`], and tells how it misses the target.
     pub(super) fn record(&mut self, fidelity: &Fidelity, bytes: usize) -> Option<Miss> {
-        let surplus_db = surplus_db(fidelity, self.target_db).min(EQUAL_DB);
+        let surplus_db = surplus_db(fidelity, self.target_db);
         let precision_db = self.next_db.take().expect("the search goes on");
         let trial = Trial { precision_db, surplus_db, bytes };
         self.trials += 1;

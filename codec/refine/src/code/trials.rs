@@ -77,6 +77,13 @@ impl<'a> Trials<'a> {
         encode_parallel(self.source, &options, threads()).map_err(CodeError::Encode)
     }
 
+    /// Decodes a package and compares it with the source.
+    pub(super) fn compare(&self, bytes: &[u8]) -> Result<(Clip, Fidelity), CodeError> {
+        let clip = decode(bytes)?;
+        let fidelity = self.judge.compare(&RenderScene::from(&clip), || ());
+        Ok((clip, fidelity))
+    }
+
     /// The package at a precision in dB.
     pub(super) fn bytes(&mut self, finer_db: f64) -> Result<&[u8], CodeError> {
         if !self.known.contains_key(&finer_db.to_bits()) {
