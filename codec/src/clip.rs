@@ -244,6 +244,7 @@ impl Clip {
             sh_degree,
             sh: both(&sh_at_degree(first, sh_degree), &sh_at_degree(second, sh_degree)),
             filter: self.filter(),
+            near: self.near(),
             temporal: second.temporal.as_ref().filter(|_| !second.is_empty()).map(|temporal| {
                 let n = first.len();
                 Temporal {
@@ -273,6 +274,11 @@ impl Clip {
     /// The filter of both regions; the plate has its own.
     pub fn filter(&self) -> PixelFilter {
         if self.dynamic_field.is_empty() { self.static_field.filter } else { self.dynamic_field.filter }
+    }
+
+    /// [`Field::near`] of both regions and the plate.
+    pub fn near(&self) -> f32 {
+        if self.dynamic_field.is_empty() { self.static_field.near } else { self.dynamic_field.near }
     }
 
     /// Degree of the spherical harmonics of both regions, 0 to 3.

@@ -82,6 +82,7 @@ impl Columns {
             sh_degree: self.sh_degree,
             sh: budget.zeros(rows * sh_coefficients(self.sh_degree))?,
             filter: PixelFilter::default(),
+            near: 0.0,
             temporal: match self.temporal {
                 None => None,
                 Some(TemporalColumns { motion_order, rotation_rates }) => Some(Temporal {

@@ -51,6 +51,9 @@ pub struct Field {
     pub sh: Vec<[f32; 3]>,
     /// The filter that the Gaussians are drawn with.
     pub filter: PixelFilter,
+    /// Depth in front of an eye, in source units, from which on Gaussians are drawn whole; nearer ones fade, see
+    /// [`near_fade`]. Finite, not negative; 0 if none fades.
+    pub near: f32,
     /// Windows and motion; absent if every Gaussian is always on and motionless.
     pub temporal: Option<Temporal>,
 }
@@ -223,6 +226,7 @@ impl Field {
             sh_degree: self.sh_degree,
             sh: groups(&self.sh, sh_coefficients(self.sh_degree)),
             filter: self.filter,
+            near: self.near,
             temporal: self.temporal.as_ref().map(|temporal| Temporal {
                 tau: rows.iter().map(|&i| temporal.tau[i]).collect(),
                 s: rows.iter().map(|&i| temporal.s[i]).collect(),
@@ -292,13 +296,13 @@ impl Field {
         }
     }
 
-    /// Whether `other` has the columns and the filter of this field.
+    /// Whether `other` has the columns, the filter and the near distance of this field.
     pub(crate) fn has_columns_of(&self, other: &Field) -> bool {
         let columns = |field: &Field| {
             let temporal = field.temporal.as_ref();
             let temporal =
                 temporal.map(|temporal| (temporal.motion_order, temporal.rotation_rates.is_some()));
-            (field.sh_degree, field.filter, temporal)
+            (field.sh_degree, field.filter, field.near.to_bits(), temporal)
         };
         columns(self) == columns(other)
     }
@@ -307,7 +311,8 @@ impl Field {
     /// its length. `scratch` has the same length.
     pub(crate) fn move_rows(&mut self, first: usize, positions: &[u32], scratch: &mut [u32]) {
         Work::Rows.count(positions.len());
-        let Field { centers, rotations, log_scales, opacities, sh_degree, sh, filter: _, temporal } = self;
+        let Field { centers, rotations, log_scales, opacities, sh_degree, sh, filter: _, near: _, temporal } =
+            self;
         let mut columns = vec![
             (centers.as_flattened_mut(), 3),
             (rotations.as_flattened_mut(), 4),
@@ -341,6 +346,9 @@ impl Field {
         let n = self.len();
         if self.sh_degree > SH_DEGREE_MAX {
             return Err(format!("SH degree {} is above {SH_DEGREE_MAX}", self.sh_degree));
+        }
+        if !(self.near >= 0.0 && self.near.is_finite()) {
+            return Err(format!("near distance {} is not a finite number from 0 up", self.near));
         }
         let length = |name: &str, len: usize, expected: usize| {
             if len == expected {
@@ -430,6 +438,7 @@ mod tests {
             sh_degree: 1,
             sh: (0..8).map(|i| [i as f32; 3]).collect(),
             filter: PixelFilter::Mip,
+            near: 0.5,
             temporal: Some(Temporal {
                 tau: vec![0.4, 0.9],
                 s: vec![0.1, f32::INFINITY],

@@ -131,6 +131,7 @@ mod limits;
 mod measure;
 mod morton;
 #[cfg(feature = "encode")]
+mod near;
 mod order;
 mod parallel;
 mod pixel_filter;
@@ -162,6 +163,7 @@ pub use header::{Contents, contents};
 pub use limits::Limits;
 #[cfg(feature = "encode")]
 pub use measure::{AttributeSize, measure};
+pub use near::{FADE_START, NEAR_SHARE, near_fade};
 pub use pixel_filter::PixelFilter;
 #[cfg(feature = "encode")]
 pub use poster::with_poster;

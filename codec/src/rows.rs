@@ -30,7 +30,8 @@ pub(crate) struct TemporalRows<'a> {
 impl<'a> Rows<'a> {
     /// All rows of a field.
     pub(crate) fn all(field: &'a mut Field) -> Rows<'a> {
-        let Field { centers, rotations, log_scales, opacities, sh_degree, sh, filter: _, temporal } = field;
+        let Field { centers, rotations, log_scales, opacities, sh_degree, sh, filter: _, near: _, temporal } =
+            field;
         let temporal = temporal.as_mut().map(|temporal| {
             let Temporal { tau, s, motion_order, motion, rotation_rates } = temporal;
             TemporalRows {

@@ -196,6 +196,7 @@ impl Sequence {
             sh_degree: 0,
             sh,
             filter: field.filter,
+            near: field.near,
             temporal: None,
         });
         Ok(())

@@ -4,15 +4,12 @@
 //! of gsplat: the Jacobian of the projection is taken at the centre, clamped to at most 30 % of the half
 //! field of view outside the image. The field's filter is added, and compensated in the opacity if it says so.
 
-use codec::{ALPHA_MIN, Camera, Field, PixelFilter};
+use codec::{ALPHA_MIN, Camera, Field, PixelFilter, near_fade};
 use glam::{DMat3, DQuat, DVec2, DVec3};
 use rayon::prelude::*;
 
 use super::alive::Alive;
 use super::sh;
-
-/// Near plane, in units of the field.
-const NEAR: f64 = 0.01;
 
 /// Margin around the image within which the Jacobian is taken, as a fraction of tan(fov / 2).
 const MARGIN: f64 = 0.3;
@@ -44,7 +41,7 @@ impl Splat {
     }
 }
 
-/// Projects the `alive` rows of `field` in order. Skips rows in front of the near plane, rows without a
+/// Projects the `alive` rows of `field` in order. Skips rows that are faded near the eye, rows without a
 /// finite footprint, and rows that compensation makes invisible.
 pub(crate) fn evaluate(field: &Field, alive: &[Alive], camera: &Camera, t: f64) -> Vec<Splat> {
     let projection = Projection::new(camera);
@@ -91,7 +88,8 @@ impl Projection {
     fn splat(&self, field: &Field, Alive { row, opacity }: Alive, t: f64) -> Option<Splat> {
         let world = DVec3::from_array(field.position_at(row, t));
         let view = self.view_from_world * world + self.translation;
-        if view.z < NEAR {
+        let opacity = opacity * near_fade(view.z, f64::from(field.near));
+        if opacity < ALPHA_MIN {
             return None;
         }
         let [w, x, y, z] = field.rotation_at(row, t);

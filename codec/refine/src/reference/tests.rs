@@ -345,12 +345,18 @@ fn the_plate_is_behind_at_any_depth() {
 }
 
 #[test]
-fn gaussians_before_the_near_plane_are_not_drawn() {
-    for (depth, drawn) in [(-1.0, false), (0.009, false), (0.011, true)] {
-        let field = field(&[Ball::at([0.0, 0.0, depth], WHITE)]);
-        let image = render(&(&field).into(), &camera(), 0.0, Order::Depth);
-        assert_eq!(image.pixel(32, 24)[3] > 0.0, drawn, "depth {depth}");
+fn gaussians_fade_near_the_eye() {
+    let alpha = |depth: f32, near: f32| {
+        let field = Field { near, ..field(&[Ball::at([0.0, 0.0, depth], WHITE)]) };
+        render(&(&field).into(), &camera(), 0.0, Order::Depth).pixel(32, 24)[3]
+    };
+    for depth in [-1.0, 0.0, 0.3, 0.5] {
+        assert_eq!(alpha(depth, 1.0), 0.0, "depth {depth}");
     }
+    let whole = alpha(1.0, 1.0);
+    assert_eq!(whole, alpha(1.0, 0.0));
+    assert!((alpha(0.75, 1.0) / alpha(0.75, 0.0) - 0.5).abs() < 1e-3);
+    assert!(alpha(1e-3, 0.0) > 0.5, "nothing fades without a distance");
 }
 
 #[test]

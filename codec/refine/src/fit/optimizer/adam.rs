@@ -171,6 +171,7 @@ mod tests {
             tau: vec![T::from_f64(2.0); rows],
             log_widths: vec![T::from_f64(0.5); rows],
             filter: codec::PixelFilter::default(),
+            near: 0.0,
             motion_order: 2,
             motion: vec![[T::zero(); 3]; 2 * rows],
             rotation_rates: vec![[T::zero(); 4]; rows],

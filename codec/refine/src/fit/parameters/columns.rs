@@ -34,6 +34,8 @@ pub struct Parameters<T> {
     pub sh: Vec<[T; 3]>,
     /// The filter that the Gaussians are drawn with; not optimised.
     pub filter: PixelFilter,
+    /// Depth from which on the Gaussians are drawn whole, as [`Field::near`]; not optimised.
+    pub near: f64,
     /// Window centres in intervals; empty for a scene without time.
     pub tau: Vec<T>,
     /// Natural logarithms of the window widths in intervals; empty for a scene without time.
@@ -97,6 +99,7 @@ impl<T: Real> Parameters<T> {
             sh_degree: self.sh_degree,
             sh: vec![[z; 3]; rows * sh_coefficients(self.sh_degree)],
             filter: self.filter,
+            near: self.near,
             tau: vec![z; if_timed(rows)],
             log_widths: vec![z; if_timed(rows)],
             motion_order: self.motion_order,
@@ -130,6 +133,7 @@ impl<T: Real> Parameters<T> {
             sh_degree: field.sh_degree,
             sh: field.sh.iter().map(|c| c.map(convert)).collect(),
             filter: field.filter,
+            near: f64::from(field.near),
             tau: temporal.tau.iter().map(|t| T::from_f64(f64::from(*t) * per_clip)).collect(),
             log_widths: temporal.s.iter().map(width).collect(),
             motion_order: temporal.motion_order,
@@ -174,6 +178,7 @@ impl<T: Real> Parameters<T> {
             sh_degree: self.sh_degree,
             sh: self.sh.iter().map(|c| c.map(single)).collect(),
             filter: self.filter,
+            near: self.near as f32,
             temporal,
         }
     }
@@ -288,6 +293,7 @@ mod tests {
             sh_degree: 1,
             sh: (0..8).map(|i| [i as f32, 0.5, -0.25]).collect(),
             filter: PixelFilter::Mip,
+            near: 0.5,
             temporal: Some(Temporal {
                 tau: vec![0.25, 0.75],
                 s: vec![0.125, 2.0],

@@ -21,7 +21,5 @@ mod tests;
 
 pub use backend::Cpu;
 #[cfg(all(test, feature = "gpu"))]
-pub(super) use project::NEAR;
-#[cfg(all(test, feature = "gpu"))]
 pub(super) use rasterize::{ALPHA_MAX, TRANSMITTANCE_MIN};
 pub use render::{ForwardPass, render};

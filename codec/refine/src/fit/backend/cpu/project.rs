@@ -3,16 +3,13 @@
 //! The footprint is the affine approximation of EWA splatting (Zwicker et al. 2001) in the form of gsplat,
 //! as in the reference. It is kept as the variances of y and of x given y, so that needles lose no digits.
 
-use codec::{ALPHA_MIN, PixelFilter, sh_coefficients};
+use codec::{ALPHA_MIN, FADE_START, PixelFilter, near_fade, sh_coefficients};
 use rayon::prelude::*;
 
 use super::sh;
 use crate::fit::parameters::{NORM_MIN, Parameters};
 use crate::fit::precision::Real;
 use crate::fit::views::FrameView;
-
-/// Distance in front of the camera below which Gaussians are culled, in units of the capture.
-pub(in crate::fit) const NEAR: f64 = 0.01;
 
 /// Squared time from the centre of a window, in widths, beyond which no Gaussian is visible: `e^(-x/2)` is below
 /// [`ALPHA_MIN`].
@@ -69,7 +66,7 @@ pub(super) struct Projected<T> {
 /// The temporal window of a Gaussian at the frame.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Window<T> {
-    /// Opacity at the frame, not compensated.
+    /// Opacity at the frame, faded near the camera, not compensated.
     pub(super) opacity: T,
     /// 1 minus the peak opacity.
     pub(super) clearness: T,
@@ -100,6 +97,7 @@ pub(super) struct Footprint<T> {
 /// A view in the precision of the projection, and the filter of the field.
 pub(super) struct Projection<T> {
     pub(super) filter: PixelFilter,
+    near: f64,
     time: T,
     pub(super) size: [T; 2],
     pub(super) focal: [T; 2],
@@ -112,11 +110,12 @@ pub(super) struct Projection<T> {
 }
 
 impl<T: Real> Projection<T> {
-    pub(super) fn new(view: &FrameView, filter: PixelFilter) -> Projection<T> {
+    pub(super) fn new(view: &FrameView, parameters: &Parameters<T>) -> Projection<T> {
         let camera = view.camera;
         let m = &camera.camera_from_world;
         Projection {
-            filter,
+            filter: parameters.filter,
+            near: parameters.near,
             time: T::from_f64(view.time),
             size: [camera.width, camera.height].map(|side| T::from_f64(f64::from(side))),
             focal: [camera.k[0][0], camera.k[1][1]].map(T::from_f64),
@@ -161,7 +160,7 @@ impl<T: Real> Projection<T> {
         is_visible.then_some(Window { opacity, clearness, since, since_in_widths, width })
     }
 
-    /// Projects a visible Gaussian; `None` if it reaches no pixel: it is nearer than [`NEAR`], outside the
+    /// Projects a visible Gaussian; `None` if it reaches no pixel: it is faded near the camera, outside the
     /// image, or not finite.
     pub(super) fn project(
         &self,
@@ -171,8 +170,10 @@ impl<T: Real> Projection<T> {
     ) -> Option<Projected<T>> {
         let world = position(parameters, row, window.since);
         let view = add(times(&self.view_from_world, world), self.translation);
+        let fade = T::from_f64(near_fade(view[2].to_double(), self.near));
+        let window = Window { opacity: window.opacity * fade, ..window };
         // NaN fails this test, too.
-        if !(view[2] >= T::from_f64(NEAR) && view[2].is_finite()) {
+        if !(window.opacity >= T::from_f64(ALPHA_MIN) && view[2].is_finite()) {
             return None;
         }
         let (rotation, length) = rotation(parameters, row, window.since)?;
@@ -203,6 +204,14 @@ impl<T: Real> Projection<T> {
             axes,
             footprint,
         })
+    }
+
+    /// Derivative of the logarithm of the fade at a depth.
+    pub(super) fn log_fade_slope(&self, depth: T) -> T {
+        match depth.to_double() < self.near {
+            true => T::one() / (depth - T::from_f64(FADE_START * self.near)),
+            false => T::zero(),
+        }
     }
 
     /// The footprint of scaled axes at `view`.

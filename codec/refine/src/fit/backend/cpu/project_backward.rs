@@ -27,7 +27,7 @@ pub(super) fn project_backward<T: Real>(
     view: &FrameView,
     detach_tau: bool,
 ) -> Gradient<T> {
-    let projection = Projection::new(view, parameters.filter);
+    let projection = Projection::new(view, parameters);
     let mut values = parameters.zeros(projected.len());
     let mut screen = vec![T::zero(); projected.len()];
     let chunks = Rows::chunks(&mut values, &mut screen).into_par_iter();
@@ -169,7 +169,9 @@ fn gaussian<T: Real>(
 ) -> (GaussianGradient<T>, ByView<T>) {
     let mut out = GaussianGradient::default();
     let row = projected.splat.row as usize;
-    let (d_view, d_axes, log_focal) = view_and_axes(projection, projected, d_splat);
+    let (mut d_view, d_axes, log_focal) = view_and_axes(projection, projected, d_splat);
+    let d_log_opacity = d_splat.opacity * projected.splat.opacity;
+    d_view[2] += d_log_opacity * projection.log_fade_slope(projected.view[2]);
     let mut d_world = transposed_times(&projection.view_from_world, d_view);
     let count = sh_coefficients(parameters.sh_degree);
     let coefficients = &parameters.sh[row * count..(row + 1) * count];
@@ -178,7 +180,6 @@ fn gaussian<T: Real>(
     out.center = d_world;
     let d_since = motion(parameters, row, projected.window.since, &mut out);
     let by_since = if detach_tau { T::zero() } else { d_since };
-    let d_log_opacity = d_splat.opacity * projected.splat.opacity;
     let is_timed = !parameters.tau.is_empty();
     let fading = temporal(&projected.window, d_log_opacity, by_since, is_timed, &mut out);
     // What is turned about the camera's centre: the centre and the axes, in camera space.

@@ -33,7 +33,7 @@ pub struct ForwardPass<T> {
 /// Renders Gaussians over black. The camera satisfies [`codec::Camera::check`]. No pixel is NaN, for any
 /// parameters.
 pub fn render<T: Real>(parameters: &Parameters<T>, view: &FrameView) -> ForwardPass<T> {
-    let projected = Projection::new(view, parameters.filter).all(parameters);
+    let projected = Projection::new(view, parameters).all(parameters);
     let (splats, places) = front_to_back(&projected);
     let (width, height) = (view.camera.width, view.camera.height);
     let tiles = Tiles::new(&splats, width, height);

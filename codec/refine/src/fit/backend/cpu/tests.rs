@@ -182,7 +182,7 @@ fn gradients_match_through_compensated_opacities() {
     let mip = |parameters| Parameters { filter: PixelFilter::Mip, ..parameters };
     for row in 0..3 {
         let parameters = mip(smooth(1, 2, true)).select(&[row]);
-        let projection = Projection::new(&view, PixelFilter::Mip);
+        let projection = Projection::new(&view, &mip(parameters.clone()));
         let window = projection.window(&parameters, 0).unwrap();
         let factor = projection.project(&parameters, 0, window).unwrap().splat.opacity / window.opacity;
         assert!((0.3..0.98).contains(&factor), "row {row}: {factor}");
@@ -191,6 +191,25 @@ fn gradients_match_through_compensated_opacities() {
         check_gradients(&mip(smooth(1, 2, true)), &view, detach_tau, "compensated");
     }
     check_gradients(&mip(static_scene(0)), &view, true, "compensated, static");
+}
+
+#[test]
+fn gradients_match_where_gaussians_fade_near_the_camera() {
+    let camera = camera(21, 18);
+    let view = FrameView { camera: &camera, time: 3.3 };
+    let mut parameters = smooth(1, 2, true);
+    let depths: Vec<f64> = render(&parameters, &view).projected.iter().map(|drawn| drawn.view[2]).collect();
+    // All are in the ramp.
+    let [least, most] = [f64::min, f64::max].map(|f| depths.iter().copied().reduce(f).unwrap());
+    parameters.near = 1.05 * most;
+    assert!(least > 0.6 * parameters.near, "{depths:?}");
+    check_gradients(&parameters, &view, false, "faded");
+    check_gradients(
+        &Parameters { filter: PixelFilter::Mip, ..parameters },
+        &view,
+        false,
+        "faded, compensated",
+    );
 }
 
 #[test]
@@ -209,7 +228,7 @@ fn gradients_match_where_the_slope_is_clamped() {
     }
     check_gradients(&parameters, &view, true, "outside");
     // The clamped slope does not depend on the centre.
-    let projection = Projection::new(&view, parameters.filter);
+    let projection = Projection::new(&view, &parameters);
     for row in 0..2 {
         let window = projection.window(&parameters, row).unwrap();
         let projected = projection.project(&parameters, row, window).unwrap();
@@ -266,6 +285,7 @@ fn gradients_of_the_camera_match_finite_differences() {
     check_camera_gradient(&static_scene(2), "static");
     let mip = Parameters { filter: PixelFilter::Mip, ..smooth(2, 2, true) };
     check_camera_gradient(&mip, "compensated");
+    check_camera_gradient(&Parameters { near: 5.0, ..smooth(1, 1, false) }, "faded");
 }
 
 /// Moving the principal point moves the projected centres, and nothing else.
