@@ -207,6 +207,9 @@ impl Regions {
         let mut plate = region(Region::Plate, if layers.start == 0 { contents.plate_len } else { 0 })?;
         (static_field.filter, dynamic_field.filter) = (contents.filter, contents.filter);
         plate.filter = contents.plate_filter;
+        for field in [&mut static_field, &mut dynamic_field, &mut plate] {
+            field.near = contents.near;
+        }
 
         let chunks = || {
             sections(contents, layers.clone()).filter(|(planned, _)| planned.kind == SectionKind::Gaussians)

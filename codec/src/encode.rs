@@ -124,6 +124,7 @@ pub fn encode_rounded(
     let mut field = source.field.clone();
     field.set_rows(&static_rows, &decoded.static_field);
     field.set_rows(&dynamic_rows, &decoded.dynamic_field);
+    field.near = decoded.static_field.near;
     Ok(Rounded { package, field, forms })
 }
 
@@ -176,6 +177,7 @@ fn encode_sections(
     contents.filter = field.filter;
     contents.plate_filter = source.plate.map(|plate| plate.filter).unwrap_or_default();
     contents.by_device = options.by_device;
+    contents.near = near(field, source.plate);
 
     let plan: Vec<PlannedSection> = contents.plan().collect();
     let payload = |planned: &PlannedSection, has_neighbors: Option<bool>| {
@@ -206,10 +208,12 @@ fn encode_sections(
     try_for_each(plan.iter().enumerate().zip(&mut payloads), vec![encode; threads])
         .unwrap_or_else(|never| match never {});
 
-    // Flags make every chunk of version 2 longer by a byte. Readers of version 1 are older, and know one filter.
+    // Flags make every chunk of version 2 longer by a byte. Readers of version 1 are older, know one filter, and let
+    // nothing fade.
     let saved: usize = payloads.iter().map(Payload::saved_by_version_2).sum();
     let has_other_filter = [contents.filter, contents.plate_filter] != [PixelFilter::Blur; 2];
-    let needs_version_2 = has_other_filter || contents.by_device || saved > payloads.len();
+    let needs_version_2 =
+        has_other_filter || contents.by_device || contents.near > 0.0 || saved > payloads.len();
     contents.version_major = if needs_version_2 { 2 } else { coder.version_major() };
     let (mut static_rows, mut dynamic_rows) = (Vec::new(), Vec::new());
     for (planned, payload) in plan.iter().zip(&payloads) {
@@ -414,6 +418,12 @@ fn check_plate(plate: &Field) -> Result<(), EncodeError> {
     }
 }
 
+/// The near distance of a package: that of the field, or of the plate if the field has none.
+fn near(field: &Field, plate: Option<&Field>) -> f32 {
+    let plate = plate.map_or(0.0, |plate| plate.near);
+    if field.near > 0.0 { field.near } else { plate }
+}
+
 /// Ends of the layers of `len` rows: the requested ends below `len`, then `len`.
 fn layer_ends(requested: &[usize], len: usize) -> Result<Vec<usize>, EncodeError> {
     let mut ends: Vec<usize> = requested.iter().copied().filter(|&end| end < len).collect();
@@ -442,7 +452,7 @@ fn with_coded_windows(field: &Field) -> Field {
     coded
 }
 
-/// Returns the head of a package, apart from the filters and the section table.
+/// Returns the head of a package, apart from the filters, the near distance and the section table.
 fn describe(
     info: &ClipInfo,
     coder: Coder,
@@ -476,6 +486,7 @@ fn describe(
         plate_len: plate.map_or(0, |(_, rows)| rows.len()),
         plate_filter: PixelFilter::default(),
         by_device: false,
+        near: 0.0,
         plate_sh_degree: plate.map_or(0, |(chunks, rows)| chunks.nonzero_columns(rows, false).sh_degree),
         head_bytes: 0,
         head_crc: 0,

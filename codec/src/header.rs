@@ -15,7 +15,7 @@ use crate::{
     fixed,
     format::{CHUNK_ROWS, COUNTS_OFFSET, ENTRY_BYTES, LAYERS_OFFSET, POSTER_BYTES},
     limits::Budget,
-    preamble::{Head, read_viewpoints},
+    preamble::{Head, read_near, read_viewpoints},
     section::{Region, Section, SectionKind},
 };
 
@@ -51,6 +51,8 @@ pub struct Contents {
     /// Whether a graphics device computed numbers of the Gaussians, so that the same field may give another package
     /// elsewhere. Decoding does not depend on it.
     pub by_device: bool,
+    /// [`Field::near`](crate::Field::near) of all regions and the plate.
+    pub near: f32,
     /// Length of the head in bytes: the offset of the first section.
     pub head_bytes: usize,
     /// CRC-32 (IEEE 802.3) of the head, as its last four bytes store it.
@@ -152,6 +154,7 @@ fn parse(head: &Head, limits: &Limits, budget: &mut Budget) -> Result<Contents, 
 
     let mut info = preamble.info;
     read_viewpoints(&mut reader, &mut info, preamble.viewpoint_count)?;
+    let near = read_near(&mut reader, preamble.has_near)?;
 
     let table_bytes = head.bytes() - 4 - reader.at();
     let section_count = preamble.entry_count;
@@ -183,6 +186,7 @@ fn parse(head: &Head, limits: &Limits, budget: &mut Budget) -> Result<Contents, 
         plate_sh_degree: preamble.columns.plate_sh_degree,
         plate_filter: preamble.plate_filter,
         by_device: preamble.by_device,
+        near,
         head_bytes: head.bytes(),
         head_crc: head.crc,
         sections,
@@ -363,6 +367,7 @@ impl Contents {
             filter: self.filter,
             plate_filter: self.plate_filter,
             by_device: self.by_device,
+            has_near: self.near > 0.0,
             layer_count: self.layers.len(),
             viewpoint_count: self.info.viewpoints.len(),
             plate_len: self.plate_len,
@@ -375,7 +380,7 @@ impl Contents {
             w.u32(u32_of(end.dynamic_count - start.dynamic_count)?);
             start = *end;
         }
-        write_viewpoints(&mut w, &self.info);
+        write_viewpoints(&mut w, &self.info, self.near);
         let mut offset = w.bytes.len() + self.sections.len() * ENTRY_BYTES + 4;
         for section in &self.sections {
             Section { offset, ..*section }.write(&mut w)?;

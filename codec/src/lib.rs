@@ -113,6 +113,7 @@ mod camera;
 mod clip;
 mod coder;
 mod columns;
+mod content;
 mod context;
 mod counters;
 mod decode;
@@ -130,8 +131,8 @@ mod limits;
 #[cfg(feature = "encode")]
 mod measure;
 mod morton;
-#[cfg(feature = "encode")]
 mod near;
+#[cfg(feature = "encode")]
 mod order;
 mod parallel;
 mod pixel_filter;
@@ -151,6 +152,7 @@ mod visibility;
 pub use camera::Camera;
 pub use clip::{Clip, ClipInfo, LayerEnd, Layers, Viewpoint};
 pub use coder::Coder;
+pub use content::content_radius;
 pub use decode::{decode, decode_parallel};
 #[cfg(feature = "encode")]
 pub use encode::{ChunkForms, EncodeOptions, Rounded, Source, encode, encode_parallel, encode_rounded};
@@ -163,7 +165,7 @@ pub use header::{Contents, contents};
 pub use limits::Limits;
 #[cfg(feature = "encode")]
 pub use measure::{AttributeSize, measure};
-pub use near::{FADE_START, NEAR_SHARE, near_fade};
+pub use near::{FADE_START, NEAR_OF_SIZE, NEAR_SHARE, near_fade};
 pub use pixel_filter::PixelFilter;
 #[cfg(feature = "encode")]
 pub use poster::with_poster;

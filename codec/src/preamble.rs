@@ -15,11 +15,13 @@ use crate::{
 };
 
 /// Flags of the head: the dynamic region has rotation rates; from version 2, the mip filter of the static and
-/// the dynamic region, that of the plate, and whether a graphics device computed numbers of the Gaussians. Format.
+/// the dynamic region, that of the plate, whether a graphics device computed numbers of the Gaussians, and whether the
+/// near distance is above 0. Format.
 const ROTATION_RATES: u8 = 1;
 const MIP: u8 = 2;
 const PLATE_MIP: u8 = 4;
 const BY_DEVICE: u8 = 8;
+const NEAR: u8 = 16;
 
 /// A head whose magic number, version, length and checksum are right.
 pub(crate) struct Head<'a> {
@@ -120,7 +122,7 @@ impl<'a> Head<'a> {
         let motion_order = at_most("motion order", 62, reader.u8()?, MOTION_ORDER_MAX)?;
         let known_flags = match self.version_major {
             ..2 => ROTATION_RATES,
-            2.. => ROTATION_RATES | MIP | PLATE_MIP | BY_DEVICE,
+            2.. => ROTATION_RATES | MIP | PLATE_MIP | BY_DEVICE | NEAR,
         };
         let flags = at_most("flags", 63, reader.u8()?, known_flags)?;
         let layer_count = usize::from(reader.u8()?);
@@ -143,6 +145,7 @@ impl<'a> Head<'a> {
             filter: filter(flags, MIP),
             plate_filter: filter(flags, PLATE_MIP),
             by_device: flags & BY_DEVICE != 0,
+            has_near: flags & NEAR != 0,
             layer_count,
             viewpoint_count: usize::from(viewpoint_count),
             plate_len,
@@ -162,6 +165,8 @@ pub(crate) struct Preamble {
     pub(crate) filter: PixelFilter,
     pub(crate) plate_filter: PixelFilter,
     pub(crate) by_device: bool,
+    /// Whether the near distance follows the viewpoints.
+    pub(crate) has_near: bool,
     /// 0 in the head of a take.
     pub(crate) layer_count: usize,
     pub(crate) viewpoint_count: usize,
@@ -196,6 +201,19 @@ pub(crate) fn read_viewpoints(reader: &mut Reader, info: &mut ClipInfo, count: u
     })
 }
 
+/// Reads the near distance, which follows the viewpoints of a head that `has_near`; others have 0.
+///
+/// # Errors
+/// [`Error::Format`] if it is not finite and above 0.
+pub(crate) fn read_near(reader: &mut Reader, has_near: bool) -> Result<f32, Error> {
+    if !has_near {
+        return Ok(0.0);
+    }
+    let at = reader.at();
+    let near = reader.f32()?;
+    if near > 0.0 && near.is_finite() { Ok(near) } else { Err(Error::value(at, "near distance", near)) }
+}
+
 #[cfg(feature = "encode")]
 mod write {
     use super::*;
@@ -225,7 +243,8 @@ mod write {
             w.u8(flag(self.columns.temporal.rotation_rates, ROTATION_RATES)
                 | flag(self.filter == PixelFilter::Mip, MIP)
                 | flag(self.plate_filter == PixelFilter::Mip, PLATE_MIP)
-                | flag(self.by_device, BY_DEVICE));
+                | flag(self.by_device, BY_DEVICE)
+                | flag(self.has_near, NEAR));
             w.u8(self.layer_count as u8);
             w.u8(self.viewpoint_count as u8);
             w.u8(self.columns.plate_sh_degree);
@@ -236,14 +255,17 @@ mod write {
         }
     }
 
-    /// Writes the viewpoints of `info`, which has been checked.
-    pub(crate) fn write_viewpoints(w: &mut Writer, info: &ClipInfo) {
+    /// Writes the viewpoints of `info`, which has been checked, and the near distance if it is above 0.
+    pub(crate) fn write_viewpoints(w: &mut Writer, info: &ClipInfo, near: f32) {
         for viewpoint in &info.viewpoints {
             w.f32x3(viewpoint.position);
             w.f32x3(viewpoint.target);
             w.f32(viewpoint.fov_y);
             w.u8(viewpoint.name.len() as u8);
             w.bytes.extend_from_slice(viewpoint.name.as_bytes());
+        }
+        if near > 0.0 {
+            w.f32(near);
         }
     }
 

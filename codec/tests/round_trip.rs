@@ -541,6 +541,59 @@ fn packages_say_that_a_device_computed_numbers() {
 }
 
 #[test]
+fn a_near_distance_is_stored_where_there_is_one() {
+    for coder in Coder::ALL {
+        let [field, plate] = [field(Shape::full(40), 1), static_field(5, 0, 2)];
+        let made = |near: [f32; 2]| {
+            let [field, plate] =
+                [(&field, near[0]), (&plate, near[1])].map(|(field, near)| Field { near, ..field.clone() });
+            package(&field, Some(&plate), &options(coder, &[20]))
+        };
+        // The number costs four bytes, and nothing where there is none.
+        let head = |bytes: &[u8]| contents(bytes, &Limits::default()).unwrap();
+        let without = made([0.0; 2]);
+        assert_eq!((head(&without).near, without[63] & 16), (0.0, 0));
+        assert_eq!(made([-0.0; 2]), without);
+        let version = |bytes: &[u8]| head(bytes).version_major;
+        assert_eq!(version(&without), if coder == Coder::Rans { 2 } else { 1 }, "{coder:?}");
+        for (near, expected) in [([0.55, 0.0], 0.55), ([0.0, 0.3], 0.3), ([0.55, 0.3], 0.55)] {
+            let bytes = made(near);
+            let head = head(&bytes);
+            assert_eq!((head.near, head.version_major, bytes[63] & 16), (expected, 2, 16), "{coder:?}");
+            let clip = valid_clip(&bytes);
+            let plate = clip.plate.as_ref().unwrap();
+            let found = [clip.static_field.near, clip.dynamic_field.near, plate.near, clip.near()];
+            assert_eq!((found, clip.merged().near), ([expected; 4], expected), "{coder:?}");
+            if coder == Coder::Rans {
+                assert_eq!(bytes.len(), without.len() + 4);
+            }
+            let rest = head.decode_layers(&bytes, 1, &Limits::default(), NonZero::<usize>::MIN).unwrap();
+            assert_eq!(rest.dynamic_field.near, expected, "{coder:?}");
+        }
+    }
+}
+
+#[test]
+fn damaged_near_distances_are_refused() {
+    let field = Field { near: 0.5, ..field(Shape::full(40), 1) };
+    let parts = Parts::of(&package(&field, None, &options(Coder::Rans, &[])));
+    let at = parts.head.len() - 4;
+    assert_eq!(parts.head[at..], 0.5f32.to_le_bytes());
+    for (near, found) in [(f32::NAN, "NaN"), (-0.5, "-0.5"), (0.0, "0.0"), (f32::INFINITY, "inf")] {
+        let mut parts = parts.clone();
+        parts.head[at..].copy_from_slice(&near.to_le_bytes());
+        let error = decode(&parts.join(), &Limits::default()).unwrap_err().to_string();
+        assert_eq!(error, format!("bad near distance: {found}, at byte {at}"));
+    }
+    for near in [f32::NAN, -0.5, f32::INFINITY] {
+        let field = Field { near, ..field.clone() };
+        let source = Source { info: &info(), field: &field, plate: None };
+        let refused = encode(&source, &options(Coder::Rans, &[]));
+        assert!(matches!(refused, Err(EncodeError::Field { part: "field", .. })), "{near}: {refused:?}");
+    }
+}
+
+#[test]
 fn flags_of_filters_are_refused_where_they_mean_nothing() {
     let field = Field { filter: PixelFilter::Mip, ..field(Shape::full(40), 1) };
     let parts = Parts::of(&package(&field, None, &options(Coder::Fixed, &[])));
@@ -550,7 +603,7 @@ fn flags_of_filters_are_refused_where_they_mean_nothing() {
         decode(&parts.join(), &Limits::default()).map(drop).map_err(|error| error.to_string())
     };
     assert_eq!(refused(2, 3), Ok(()));
-    for (version, flags) in [(1, 3), (1, 9), (2, 7), (2, 19)] {
+    for (version, flags) in [(1, 3), (1, 9), (1, 17), (2, 7), (2, 35)] {
         let message = refused(version, flags).unwrap_err();
         assert!(message.contains("byte 63") && message.contains("flags"), "{version} {flags}: {message}");
     }

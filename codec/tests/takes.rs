@@ -132,6 +132,44 @@ fn narrowed(mut clip: Clip, narrow: &Clip) -> Clip {
 }
 
 #[test]
+fn all_segments_of_a_take_have_its_near_distance() {
+    for coder in Coder::ALL {
+        let made = |near: [f32; 3]| {
+            let [plate, top, short] = near.map(|near| Field { near, ..field(Shape::full(20), 4) });
+            let plate = Field { near: plate.near, ..static_field(4, 0, 2) };
+            let top = segment(coder, &top, Some(&plate), 3.5);
+            take_package(3.5, &[(0.0, 3.5, 1, top), (0.0, 2.0, 0, segment(coder, &short, None, 2.0))])
+        };
+        let without = made([0.0; 3]);
+        assert_eq!((take_of(&without).near, without[63] & 16), (0.0, 0), "{coder:?}");
+        for near in [[0.0, 0.25, 0.5], [0.0, 0.5, 0.0], [0.5, 0.0, 0.25]] {
+            let bytes = made(near);
+            let take = take_of(&bytes);
+            assert_eq!((take.near, bytes[63] & 16), (0.5, 16), "{coder:?} {near:?}");
+            assert_eq!(take.head_bytes, take_of(&without).head_bytes + 4);
+            for (index, entry) in take.segments.iter().enumerate() {
+                let alone = bytes_of(&bytes, entry);
+                let all = decode_segment(&take, index, alone).unwrap();
+                let plate = all.plate.as_ref().map_or(0.5, |plate| plate.near);
+                let found = [all.static_field.near, all.dynamic_field.near, plate, all.near()];
+                assert_eq!(found, [0.5; 4], "{coder:?} {near:?}, segment {index}");
+                let mut grown = decode_segment(&take, index, &alone[..entry.layers[0].bytes]).unwrap();
+                let further = take.decode_segment_layers(index, alone, 1, &Limits::default(), ONE);
+                grown.append(further.unwrap());
+                assert_eq!(grown, all, "{coder:?} {near:?}, segment {index}");
+            }
+        }
+        for bad in [f32::NAN, -0.5, 0.0, f32::INFINITY] {
+            let mut parts = TakeParts::of(&made([0.5; 3])).unwrap();
+            let at = parts.head.len() - 4;
+            parts.head[at..].copy_from_slice(&bad.to_le_bytes());
+            let error = package(&parts.join(), &Limits::default()).unwrap_err().to_string();
+            assert_eq!(error, format!("bad near distance: {bad:?}, at byte {at}"));
+        }
+    }
+}
+
+#[test]
 fn a_clip_is_a_take_of_one_segment() {
     for (coder, filter) in
         Coder::ALL.into_iter().flat_map(|coder| PixelFilter::ALL.map(|filter| (coder, filter)))

@@ -197,6 +197,7 @@ fn check_appended(clip: &Clip, take: &Take, index: usize, alone: &[u8]) {
 fn check_clip(clip: &Clip, head: &Contents, take: &Take, available: usize) {
     for field in [&clip.static_field, &clip.dynamic_field].into_iter().chain(&clip.plate) {
         field.check().expect("decoded fields are valid");
+        assert_eq!(field.near, take.near);
     }
     assert_eq!((clip.static_field.sh_degree, clip.dynamic_field.sh_degree), (take.sh_degree, take.sh_degree));
     assert_eq!((clip.static_field.filter, clip.dynamic_field.filter), (take.filter, take.filter));

@@ -23,8 +23,8 @@ impl Take {
     /// `threads`
     /// threads.
     ///
-    /// The clip has the SH degrees, motion order and rotation rates of the take; columns that the segment lacks are
-    /// zero. `limits` bound the table of the take and this segment together. A player that holds several segments
+    /// The clip has the SH degrees, motion order, rotation rates and near distance of the take; columns that the
+    /// segment lacks are zero. `limits` bound the table of the take and this segment together. A player that holds several segments
     /// must add up their sizes itself.
     ///
     /// # Errors
@@ -44,6 +44,7 @@ impl Take {
         self.based(index, || {
             let mut budget = Budget::new(limits);
             let contents = self.contents_at_zero(index, bytes, limits, &mut budget)?;
+            let contents = Contents { near: self.near, ..contents };
             decode_contents(bytes, contents, self.columns(), &mut budget, threads)
         })
     }
@@ -68,6 +69,7 @@ impl Take {
         self.based(index, || {
             let mut budget = Budget::new(limits);
             let contents = self.contents_at_zero(index, bytes, limits, &mut budget)?;
+            let contents = Contents { near: self.near, ..contents };
             decode_further(bytes, &contents, self.columns(), first, &mut budget, threads)
         })
     }

@@ -1,7 +1,7 @@
 //! Reads and writes the head of a take.
 //!
-//! The head begins as that of a clip does, with 0 layers. The exact duration, the viewpoints and the table of
-//! segments follow. Offsets are not stored: segments follow the head and each other without gaps.
+//! The head begins as that of a clip does, with 0 layers. The exact duration, the viewpoints, the near distance and the
+//! table of segments follow. Offsets are not stored: segments follow the head and each other without gaps.
 
 use crate::{
     Error, Segment, SegmentLayer, Take,
@@ -10,7 +10,7 @@ use crate::{
     error::FormatError,
     format::{FIXED_BYTES, SEGMENT_BYTES, SEGMENT_LAYER_BYTES, SEGMENTS_MAX},
     limits::Budget,
-    preamble::{Head, read_viewpoints},
+    preamble::{Head, read_near, read_viewpoints},
 };
 
 /// Offset of the number of segments.
@@ -30,6 +30,7 @@ pub(crate) fn read_take(head: &Head, available: usize, budget: &mut Budget) -> R
     }
     let mut info = preamble.info;
     read_viewpoints(&mut reader, &mut info, preamble.viewpoint_count)?;
+    let near = read_near(&mut reader, preamble.has_near)?;
 
     let count = preamble.entry_count;
     let table_at = reader.at();
@@ -62,6 +63,7 @@ pub(crate) fn read_take(head: &Head, available: usize, budget: &mut Budget) -> R
         plate_sh_degree: preamble.columns.plate_sh_degree,
         plate_filter: preamble.plate_filter,
         by_device: preamble.by_device,
+        near,
         segments,
         head_bytes: head.bytes(),
         table_bytes: before - budget.left(),
@@ -163,6 +165,7 @@ mod encode {
             filter: take.filter,
             plate_filter: take.plate_filter,
             by_device: take.by_device,
+            has_near: take.near > 0.0,
             layer_count: 0,
             viewpoint_count: take.info.viewpoints.len(),
             plate_len: take.plate_len,
@@ -170,7 +173,7 @@ mod encode {
         };
         let mut w = preamble.write(take.version_major, take.version_minor)?;
         w.f64(take.duration_s);
-        write_viewpoints(&mut w, &take.info);
+        write_viewpoints(&mut w, &take.info, take.near);
         for segment in &take.segments {
             write_entry(&mut w, segment)?;
         }
@@ -260,6 +263,7 @@ mod encode {
             plate_sh_degree: columns.plate_sh_degree,
             plate_filter,
             by_device: heads().any(|head| head.by_device),
+            near: heads().map(|head| head.near).fold(0.0, f32::max),
             segments: segments.iter().map(entry).collect(),
             head_bytes: 0,
             table_bytes: 0,

@@ -46,6 +46,8 @@ pub struct Take {
     pub plate_filter: PixelFilter,
     /// Whether a graphics device computed numbers of a segment; see [`Contents::by_device`](crate::Contents::by_device).
     pub by_device: bool,
+    /// [`Field::near`](crate::Field::near) of every decoded segment: the largest that a segment has.
+    pub near: f32,
     /// The segments in file order: those that span the whole take, then the others; both by their start, longer
     /// ones first.
     pub segments: Vec<Segment>,
@@ -238,6 +240,7 @@ impl From<&Contents> for Take {
             plate_sh_degree: contents.plate_sh_degree,
             plate_filter: contents.plate_filter,
             by_device: contents.by_device,
+            near: contents.near,
             table_bytes: size_of::<Segment>() + segment.layers.len() * size_of::<SegmentLayer>(),
             segments: vec![segment],
             head_bytes: 0,

@@ -237,6 +237,10 @@ impl TakeParts {
         for _ in 0..package[65] {
             at += 29 + usize::from(*package.get(at + 28)?);
         }
+        // The near distance.
+        if package[63] & 16 != 0 {
+            at += 4;
+        }
         let mut parts =
             TakeParts { head: package.get(..at)?.to_vec(), entries: Vec::new(), segments: Vec::new() };
         let mut offset = head_length;
