@@ -6,6 +6,8 @@ struct Frame {
     time_rest: f32,
     // Limit of the support radius in standard deviations.
     radius_max: f32,
+    // Depth from which on Gaussians are drawn whole, in units of the field; 0 if none fades.
+    near: f32,
 }
 
 // A pinhole eye in OpenCV axes: x right, y down, z forward.

@@ -37,7 +37,8 @@ fn splat(corner: u32, place: u32, eye: u32) -> Splat {
     // Subtract before rotating: the difference of close numbers is exact.
     let from_eye = g.center - views[eye].eye;
     let center = views[eye].view_from_world * from_eye;
-    if !(center.z >= NEAR) {
+    let faded_opacity = g.opacity * near_fade(center.z, frame.near);
+    if !(faded_opacity >= ALPHA_MIN) {
         return nothing;
     }
     let focal = views[eye].focal / center.z;
@@ -78,7 +79,7 @@ fn splat(corner: u32, place: u32, eye: u32) -> Splat {
     if !(sigma.x < 4.0 * SIGMA_MAX && sigma.y > 0.0) {
         return nothing;
     }
-    let opacity = filtered_opacity(g.opacity, area, xx + yy - 2.0 * FILTER, sigma, views[eye].blur);
+    let opacity = filtered_opacity(faded_opacity, area, xx + yy - 2.0 * FILTER, sigma, views[eye].blur);
     if !(opacity >= ALPHA_MIN) {
         return nothing;
     }

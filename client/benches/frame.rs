@@ -121,6 +121,7 @@ fn segment(gpu: &Gpu, clip: &Clip) {
         motion_order: 3,
         rotates: false,
         filter: clip.filter(),
+        near: clip.near(),
         bounds: clip.bounds,
         rows: clip.len(),
         duration_s: 2.0,

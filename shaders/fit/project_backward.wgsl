@@ -303,7 +303,11 @@ fn project_backward(at: Invocation) {
     var health = Health(true, true);
     var d_axes = array<vec3<f32>, 3>();
     var log_focal = 0.0;
-    let d_view = view_backward(projected, d_splat, &d_axes, &log_focal);
+    var d_view = view_backward(projected, d_splat, &d_axes, &log_focal);
+    // Derivative of the logarithm of the fade.
+    if projected.view.z < uniforms.near {
+        d_view.z += d_splat.log_opacity / (projected.view.z - FADE_START * uniforms.near);
+    }
     var d_world = from_view(d_view);
     d_world += color_backward(&health, i, row, projected, d_splat.color);
     let d_rotation = axes_backward(&health, i, projected, d_axes);

@@ -5,7 +5,7 @@
 
 // The temporal window of a Gaussian at the frame.
 struct Window {
-    // Opacity at the frame, not compensated; 1 minus the peak opacity.
+    // Opacity at the frame, before it fades near the camera, not compensated; 1 minus the peak opacity.
     opacity: f32,
     clearness: f32,
     // Time since tau in intervals, and in window widths; 0 without time.
@@ -165,8 +165,8 @@ fn color_of(row: u32, direction: vec3<f32>) -> vec3<f32> {
     return color;
 }
 
-// Projects a Gaussian. Returns false if it reaches no pixel: it is invisible at the frame, nearer than
-// NEAR, outside the image, compensated to nothing, or not finite.
+// Projects a Gaussian. Returns false if it reaches no pixel: it is invisible at the frame, faded near
+// the camera, outside the image, compensated to nothing, or not finite.
 fn project_into(row: u32, window: Window, out: ptr<function, Projected>) -> bool {
     if !(is_finite(window.opacity) && window.opacity >= ALPHA_MIN) {
         return false;
@@ -178,7 +178,8 @@ fn project_into(row: u32, window: Window, out: ptr<function, Projected>) -> bool
         uniforms.view_from_world[2].w,
     );
     let view = to_view(world) + translation;
-    if !(is_finite(view.z) && view.z >= NEAR) || !orient(row, window.since, out) {
+    var opacity = window.opacity * near_fade(view.z, uniforms.near);
+    if !(is_finite(view.z) && opacity >= ALPHA_MIN) || !orient(row, window.since, out) {
         return false;
     }
     let footprint = footprint_of(view, (*out).axes);
@@ -191,7 +192,6 @@ fn project_into(row: u32, window: Window, out: ptr<function, Projected>) -> bool
         && is_finite(footprint.determinant)) {
         return false;
     }
-    var opacity = window.opacity;
     if COMPENSATES {
         opacity *= sqrt(dot(footprint.area, footprint.area) / footprint.determinant);
         if !(opacity >= ALPHA_MIN) {

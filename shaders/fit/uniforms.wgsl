@@ -22,6 +22,8 @@ struct StepUniforms {
     pair_capacity: u32,
     // 1 to stop the gradient of positions and rotations with respect to tau, else 0.
     detach_tau: u32,
+    // Depth from which on Gaussians are drawn whole; 0 if none fades.
+    near: f32,
 }
 
 @group(0) @binding(0) var<uniform> uniforms: StepUniforms;

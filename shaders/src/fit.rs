@@ -14,7 +14,7 @@ pub mod layout;
 #[cfg(test)]
 mod tests;
 
-use crate::{ALPHA_MAX, ALPHA_MIN, NEAR, filter_variance};
+use crate::{ALPHA_MAX, ALPHA_MIN, FADE_START, filter_variance};
 
 /// A pixel is saturated before the fragment that would lower its transmittance to this.
 pub const TRANSMITTANCE_MIN: f32 = 1e-4;
@@ -237,6 +237,7 @@ pub fn compose(stage: Stage, columns: Columns) -> String {
     let places = include_str!("../fit/columns.wgsl");
     let parameters = include_str!("../fit/parameters.wgsl");
     let harmonics = include_str!("../fit/harmonics.wgsl");
+    let near = include_str!("../near.wgsl");
     let projection = include_str!("../fit/projection.wgsl");
     let ellipse = include_str!("../fit/ellipse.wgsl");
     let footprint = include_str!("../fit/footprint.wgsl");
@@ -246,7 +247,7 @@ pub fn compose(stage: Stage, columns: Columns) -> String {
     let parts: &[&str] = match stage {
         Stage::Project => {
             let project = include_str!("../fit/project.wgsl");
-            &[uniforms, splat, places, parameters, harmonics, projection, ellipse, project]
+            &[uniforms, splat, places, parameters, harmonics, near, projection, ellipse, project]
         }
         Stage::Scan => &[series, include_str!("../fit/scan.wgsl")],
         Stage::Sort => &[series, include_str!("../fit/sort.wgsl")],
@@ -263,7 +264,7 @@ pub fn compose(stage: Stage, columns: Columns) -> String {
                 true => include_str!("../fit/view_gradient_kept.wgsl"),
                 false => include_str!("../fit/view_gradient_dropped.wgsl"),
             };
-            let splats = [uniforms, splat, places, parameters, harmonics, projection, statistics];
+            let splats = [uniforms, splat, places, parameters, harmonics, near, projection, statistics];
             &[&splats[..], &[view_gradient, put_view, project_backward]].concat()
         }
         Stage::Adam => &[uniforms, places, statistics, include_str!("../fit/adam.wgsl")],
@@ -315,7 +316,7 @@ fn constants(columns: Columns) -> String {
     source += &[
         ("ALPHA_MIN", ALPHA_MIN),
         ("ALPHA_MAX", ALPHA_MAX),
-        ("NEAR", NEAR),
+        ("FADE_START", FADE_START),
         ("FILTER", filter_variance(columns.mip)),
         ("TRANSMITTANCE_MIN", TRANSMITTANCE_MIN),
         ("LENGTH_MIN", LENGTH_MIN),

@@ -14,6 +14,8 @@ pub struct Frame {
     pub time_rest: f32,
     /// Limit of the support radius in standard deviations.
     pub radius_max: f32,
+    /// Depth from which on Gaussians are drawn whole, in units of the field; 0 if none fades.
+    pub near: f32,
 }
 
 /// `ViewUniform` of frame.wgsl: a pinhole eye in OpenCV axes.

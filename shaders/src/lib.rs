@@ -29,8 +29,8 @@ pub const ALPHA_MIN: f32 = 1.0 / 255.0;
 /// Upper limit of a fragment's alpha.
 pub const ALPHA_MAX: f32 = 0.999;
 
-/// Near plane, in units of the field.
-pub const NEAR: f32 = 0.01;
+/// Share of the near distance up to which nothing is drawn.
+pub const FADE_START: f32 = 0.5;
 
 /// Variance of a field's filter, added to those of every footprint, in px^2, so that no splat falls between pixels:
 /// of the mip filter, which compensates opacities, or of blur.
@@ -227,7 +227,7 @@ fn compose_clip(features: Features, purpose: Purpose) -> String {
     let mut source = format!(
         "{enabled}{real}const ALPHA_MIN: f32 = {ALPHA_MIN:?};\n\
          const ALPHA_MAX: f32 = {ALPHA_MAX:?};\n\
-         const NEAR: f32 = {NEAR:?};\n\
+         const FADE_START: f32 = {FADE_START:?};\n\
          const FILTER: f32 = {:?};\n\
          const WIDTH_UNIT: f32 = {WIDTH_UNIT:?};\n\
          const RATE_UNIT: f32 = {RATE_UNIT:?};\n\
@@ -263,6 +263,7 @@ fn compose_clip(features: Features, purpose: Purpose) -> String {
         (false, true) => include_str!("../filter_blur_foveated.wgsl"),
         (false, false) => include_str!("../filter_blur.wgsl"),
     };
+    source += include_str!("../near.wgsl");
     source += include_str!("../splat.wgsl");
     source += match purpose {
         Purpose::Draw { .. } => include_str!("../draw.wgsl"),

@@ -159,7 +159,7 @@ pub(crate) use assert_layout;
 #[test]
 fn structs_match_their_counterparts() {
     let module = &parse(Features::default(), PURPOSES[0]);
-    assert_layout!(module, Frame { time, time_rest, radius_max });
+    assert_layout!(module, Frame { time, time_rest, radius_max, near });
     assert_layout!(
         module,
         ViewUniform { view_from_world, eye, focal, principal, size, slope_min, slope_max, blur }

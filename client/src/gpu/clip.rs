@@ -24,6 +24,8 @@ use super::stages::evaluate::Buffers;
 pub struct GpuClip {
     /// Origin of the centres in GPU memory, in the world of the clip.
     pub(super) origin: DVec3,
+    /// Depth before an eye from which on Gaussians are drawn whole; 0 if none fades.
+    pub(super) near: f32,
     /// Duration in the unit of the spans.
     pub(super) duration_s: f64,
     pub(super) clip: GaussianSet,
@@ -71,10 +73,12 @@ impl GpuClip {
             motion_units: motion_units(clip.bounds),
         };
         let plate = plate.map(|plate| GaussianSet::upload_static(gpu, plate, format.origin)).transpose()?;
+        let near = clip.near();
         let (clip, bytes) = GaussianSet::upload(gpu, &LayerRun::of_clip(clip, 0), room, &format)?;
         let uploaded_bytes = bytes + plate.as_ref().map_or(0, |(_, bytes)| *bytes);
         Ok(GpuClip {
             origin: format.origin,
+            near,
             duration_s: Span::WHOLE.duration_s,
             clip,
             plate: plate.map(|(plate, _)| plate),
@@ -131,7 +135,14 @@ impl GpuClip {
     pub(super) fn from_static(gpu: &Gpu, field: &Field) -> Result<GpuClip, Fault> {
         let origin = origin(field, &Field::default());
         let (clip, uploaded_bytes) = GaussianSet::upload_static(gpu, field, origin)?;
-        Ok(GpuClip { origin, duration_s: Span::WHOLE.duration_s, clip, plate: None, uploaded_bytes })
+        Ok(GpuClip {
+            origin,
+            near: field.near,
+            duration_s: Span::WHOLE.duration_s,
+            clip,
+            plate: None,
+            uploaded_bytes,
+        })
     }
 
     /// Bytes that uploading the clip wrote, or its latest layers if it was extended; 0 for a take.

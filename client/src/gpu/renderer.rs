@@ -181,7 +181,7 @@ impl Renderer {
         let views = FrameViews::new(views, settings.inset);
         let counts = self.sort(gpu, t, &views, settings);
         for (pass, drawn) in self.passes.iter().zip(views.drawn().chunks(self.eyes_per_pass as usize)) {
-            pass.write(gpu, t, settings.cutoff, drawn, views.blur(), self.clip().origin);
+            pass.write(gpu, t, settings.cutoff, drawn, views.blur(), self.clip());
         }
         self.prepared = Some(Prepared { views, t, cutoff: settings.cutoff });
         counts
@@ -308,7 +308,7 @@ impl Renderer {
             })??,
         };
         let Prepared { views, t, cutoff } = self.prepared.expect("a frame was prepared");
-        let coverage = counter.count(gpu, &self.sets, t, cutoff, &views, self.clip().origin);
+        let coverage = counter.count(gpu, &self.sets, t, cutoff, &views, self.clip());
         self.counter = Some(counter);
         coverage
     }
@@ -320,7 +320,8 @@ impl Renderer {
         let t_s = t * clip.duration_s;
         for (set, drawn) in clip.sets().zip(&mut self.sets) {
             let start = Instant::now();
-            let mut culler = Culler::new(views, settings, clip.origin, set.filter(), &mut self.items);
+            let mut culler =
+                Culler::new(views, settings, clip.origin, clip.near, set.filter(), &mut self.items);
             for (number, segment, t) in set.at(t_s, clip.duration_s) {
                 segment.rows.alive(t, segment.first_entry(number), &mut culler);
             }
@@ -344,7 +345,7 @@ impl Renderer {
             let mut insets = [divisions[0].inset; EYES_MAX];
             insets.iter_mut().zip(divisions).for_each(|(inset, division)| *inset = division.inset);
             let (insets, blur) = (&insets[..divisions.len()], filter_variance(false));
-            pass.write(gpu, prepared.t, prepared.cutoff, insets, blur, self.clip().origin);
+            pass.write(gpu, prepared.t, prepared.cutoff, insets, blur, self.clip());
         }
         foveation.write(gpu, divisions);
     }

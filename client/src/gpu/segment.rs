@@ -22,6 +22,8 @@ pub struct TakeLayout {
     pub rotates: bool,
     /// The filter of all segments.
     pub filter: PixelFilter,
+    /// Depth before an eye from which on Gaussians are drawn whole; 0 if none fades.
+    pub near: f32,
     /// Corners `[min, max]` of the box around the centres of all segments while alive, in units of the take.
     pub bounds: [[f32; 3]; 2],
     /// Number of Gaussians that are resident at once, at most 2^26; drawn ones, those that are uploaded ahead of use,
@@ -194,6 +196,7 @@ mod tests {
         motion_order: 1,
         rotates: false,
         filter: PixelFilter::Blur,
+        near: 0.0,
         bounds: [[-1.0; 3], [1.0; 3]],
         rows: 10,
         duration_s: 4.0,

@@ -99,6 +99,7 @@ impl Slots {
         };
         let clip = GpuClip {
             origin: layout.origin(),
+            near: layout.near,
             uploaded_bytes: 0,
             duration_s: layout.duration_s,
             clip: set(layout.features(), layout.rows)?,

@@ -190,6 +190,7 @@ impl OpenTake {
             motion_order: self.take.motion_order,
             rotates: self.take.rotation_rates,
             filter: self.take.filter,
+            near: self.take.near,
             bounds: self.take.bounds,
             rows: rows.min(self.limits.max_gaussians).max(self.take.resident_max()),
             duration_s: self.take.duration_s,

@@ -23,6 +23,7 @@ fn main() -> ExitCode {
         trial("images match the CPU", images),
         trial("images and gradients of more pairs than the buffers held", many_pairs),
         trial("gradients match the CPU", gradients),
+        trial("images and gradients near the camera match the CPU", fading),
         trial("gradients of several losses and views match the CPU", gradients_of_views),
         trial("the loss matches the CPU", losses),
         trial("a step matches the CPU", a_step),
@@ -191,6 +192,38 @@ fn gradients(mut gpu: Gpu) -> Result<(), DeviceError> {
             let again = gpu.gradient(&view, &weights, detach_tau)?;
             assert_gradients(&again, &expected, "again");
         }
+    }
+    Ok(())
+}
+
+/// Most of the cloud fades: the camera is 4 from its middle.
+fn fading(mut gpu: Gpu) -> Result<(), DeviceError> {
+    let camera = camera(64, 64);
+    let view = FrameView { camera: &camera, time: 3.3 };
+    let weights = weights(&camera);
+    for (what, parameters) in [
+        ("moving", cloud(20, 500, 2)),
+        ("static", static_cloud(30, 500, 1)),
+        ("compensated", compensated(&cloud(20, 500, 2))),
+    ] {
+        let near = 4.5;
+        let faded = Parameters { near, ..parameters.clone() };
+        gpu.load(faded.clone().into())?;
+        assert_images(&mut gpu, &faded, &view, what);
+        let forward = cpu::render(&faded, &view);
+        let [x, y, z, w] = camera.camera_from_world[2];
+        let is_in_ramp = |center: &&[f32; 3]| {
+            let [a, b, c] = center.map(f64::from);
+            (0.55 * near..near).contains(&(x * a + y * b + z * c + w))
+        };
+        let in_ramp = faded.centers.iter().filter(is_in_ramp).count();
+        assert!(in_ramp > 200, "{what}: {in_ramp} are in the ramp");
+        let expected = forward.backward(&faded, &view, &weights, false);
+        assert_gradients(&gpu.gradient(&view, &weights, false)?, &expected, what);
+        // What the distance changes is larger than what is tolerated.
+        let whole = cpu::render(&parameters, &view);
+        let difference = largest_difference(&whole.image, &forward.image);
+        assert!(difference > 0.1, "{what}: {difference}");
     }
     Ok(())
 }

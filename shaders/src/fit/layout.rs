@@ -30,8 +30,8 @@ pub struct StepUniforms {
     pub pair_capacity: u32,
     /// 1 to stop the gradient of positions and rotations with respect to `tau`, else 0.
     pub detach_tau: u32,
-    /// Padding.
-    pub _pad0: u32,
+    /// Depth from which on Gaussians are drawn whole; 0 if none fades.
+    pub near: f32,
 }
 
 /// `Series` of series.wgsl: the input of a scan or a sort.

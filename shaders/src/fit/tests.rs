@@ -134,7 +134,8 @@ fn structs_have_the_layout_of_their_counterparts() {
             tiles,
             gaussians,
             pair_capacity,
-            detach_tau
+            detach_tau,
+            near
         }
     );
     assert_layout!(adam, AdamUniforms { rates, log_scales, log_widths, tau, logit_max, fragment_weight });

@@ -1,5 +1,6 @@
-//! The trajectory, the temporal opacity and the rotation exist once in Rust and once in WGSL. These
-//! tests compare the GPU's images with [`codec::Field`]'s equations, without the reference renderer.
+//! The trajectory, the temporal opacity, the rotation and the fade near the eye exist once in Rust and once in WGSL.
+//! These tests compare the GPU's images with [`codec::Field`]'s equations and [`near_fade`], without the reference
+//! renderer.
 //!
 //! One Gaussian is drawn at many instants. Alpha's centroid gives its position, alpha at its center
 //! its opacity, and alpha's second moments its rotation.
@@ -9,7 +10,7 @@ use std::sync::Arc;
 use aarc_tests::gpu::{self, Drawing, Passes};
 use aarc_tests::scene::decoded;
 use client::gpu::{ChannelDepth, Gpu, GpuClip, RenderSettings};
-use codec::{Camera, Clip, Field, Temporal};
+use codec::{Camera, Clip, Field, Temporal, near_fade};
 use libtest_mimic::Trial;
 use refine::image::Image;
 
@@ -30,6 +31,7 @@ pub(crate) fn trials() -> Vec<Trial> {
     }
     trials.push(gpu::trial("temporal opacity", Passes::Shared, temporal_opacity));
     trials.push(gpu::trial("rotation", Passes::Shared, rotation));
+    trials.push(gpu::trial("fade near the eye", Passes::Shared, fade));
     trials
 }
 
@@ -208,4 +210,29 @@ fn rotation(gpu: &Gpu) -> Result<(), String> {
     } else {
         Err("it hardly turns, so it tests nothing".into())
     }
+}
+
+/// Opacity agrees within half of an 8-bit step, from before the start of the fade to where the Gaussian is whole.
+fn fade(gpu: &Gpu) -> Result<(), String> {
+    let temporal = Temporal { tau: vec![0.5], s: vec![9.0], ..Temporal::default() };
+    let still = gaussian([0.3; 3], temporal);
+    let mut faded = 0;
+    for depth in [0.3, 0.499, 0.501, 0.51, 0.55, 0.6, 0.75, 0.9, 0.98, 1.0, 1.02, 3.0, f64::INFINITY] {
+        let near = if depth.is_infinite() { 0.0 } else { DISTANCE / depth };
+        let clip = one(&Field { near: near as f32, ..still.clone() })?;
+        let fade = near_fade(DISTANCE, f64::from(clip.near()));
+        let [x, y, _] = clip.dynamic_field.position_at(0, 0.5).map(|x| 0.5 * f64::from(SIZE) + SCALE * x);
+        let deviation = SCALE * f64::from(clip.dynamic_field.log_scales[0][0].exp());
+        let square = (x.floor() + 0.5 - x).powi(2) + (y.floor() + 0.5 - y).powi(2);
+        let falloff = (-0.5 * square / (deviation * deviation + 0.3)).exp();
+        let expected = fade * clip.dynamic_field.opacity_at(0, 0.5);
+        let camera = [camera()];
+        let images = gpu::draw(gpu, &clip, &camera, 0.5, &RenderSettings::default(), ChannelDepth::Sixteen);
+        let images = images.map_err(|fault| fault.to_string())?;
+        let alpha = images[0].pixel(x as u32, y as u32)[3] / falloff;
+        let expected = if expected < 1.0 / 255.0 { 0.0 } else { expected };
+        close(&format!("opacity at {depth} of the near distance"), alpha, expected, 0.5 / 255.0)?;
+        faded += usize::from(expected > 0.0 && fade < 1.0);
+    }
+    if faded == 6 { Ok(()) } else { Err(format!("{faded} depths are in the fade")) }
 }

@@ -37,6 +37,7 @@ pub(crate) fn trials() -> Vec<Trial> {
     for motion_order in 0..=3 {
         trials.extend(eyes_trials(Recipe { motion_order, turning: true, ..RECIPE }));
     }
+    trials.extend(eyes_of("fading near the eye", |stereo| Expected::of_places(stereo, fading)));
     trials.extend([
         gpu::trial("plate", Passes::Shared, plate),
         gpu::trial("mip filter", Passes::Shared, mip_filter),
@@ -61,21 +62,23 @@ fn eyes_trials(recipe: Recipe) -> [Trial; 3] {
     let order = if motion == Motion::Static { String::new() } else { format!(" of order {motion_order}") };
     let turning = if turning { ", turning" } else { "" };
     let name = format!("SH {sh_degree}, {motion:?}{order}{turning}").to_lowercase();
+    eyes_of(&name, move |stereo| Expected::new(&recipe, stereo))
+}
+
+/// One eye, two in one pass, two in two passes, of what `expected` makes for one eye or two.
+fn eyes_of(name: &str, expected: impl Fn(bool) -> Expected + Clone + Send + Sync + 'static) -> [Trial; 3] {
     // Both ways to draw two eyes are compared with the same images.
     let (mono, stereo) = (OnceLock::new(), Arc::new(OnceLock::new()));
     let (shared, per_eye) = (stereo.clone(), stereo);
+    let (of_one, of_two) = (expected.clone(), expected.clone());
     let names =
         ["one eye", "two eyes in one pass", "two eyes in two passes"].map(|eyes| format!("{name}, {eyes}"));
     let [a, b, c] = names.clone();
     [
-        gpu::trial(&names[0], Passes::Shared, move |gpu| {
-            matrix(gpu, &a, mono.get_or_init(|| Expected::new(&recipe, false)))
-        }),
-        gpu::multiview_trial(&names[1], move |gpu| {
-            matrix(gpu, &b, shared.get_or_init(|| Expected::new(&recipe, true)))
-        }),
+        gpu::trial(&names[0], Passes::Shared, move |gpu| matrix(gpu, &a, mono.get_or_init(|| of_one(false)))),
+        gpu::multiview_trial(&names[1], move |gpu| matrix(gpu, &b, shared.get_or_init(|| of_two(true)))),
         gpu::trial(&names[2], Passes::PerEye, move |gpu| {
-            matrix(gpu, &c, per_eye.get_or_init(|| Expected::new(&recipe, true)))
+            matrix(gpu, &c, per_eye.get_or_init(|| expected(true)))
         }),
     ]
 }
@@ -83,30 +86,61 @@ fn eyes_trials(recipe: Recipe) -> [Trial; 3] {
 /// The cameras of the eyes, and the reference's images from them.
 type Eyes = Vec<(Camera, Image)>;
 
-/// A clip, and the reference's images of it from all places, each at another time.
+/// The reference's images of clips from all places, each at another time.
 struct Expected {
-    clip: Clip,
-    views: Vec<(Place, f64, Eyes)>,
+    views: Vec<(Place, f64, Clip, Eyes)>,
 }
 
 impl Expected {
     fn new(recipe: &Recipe, stereo: bool) -> Expected {
         let clip = decoded(&recipe.field());
-        let scene = RenderScene::from(&clip);
+        Expected::of_places(stereo, |_| clip.clone())
+    }
+
+    /// Of a clip for each place.
+    fn of_places(stereo: bool, clip: impl Fn(Place) -> Clip) -> Expected {
         let views = PLACES.into_iter().zip([0.5, 0.15, 0.4, 0.85]).map(|(place, t)| {
             let camera = camera(place, SIZE.0, SIZE.1);
+            let clip = clip(place);
+            let scene = RenderScene::from(&clip);
             let cameras = if stereo { camera.stereo_pair(0.065).to_vec() } else { vec![camera] };
             let image = |camera: &Camera| render(&scene, camera, t, Order::Depth);
-            (place, t, cameras.into_iter().map(|camera| (camera.clone(), image(&camera))).collect())
+            let eyes = cameras.into_iter().map(|camera| (camera.clone(), image(&camera))).collect();
+            (place, t, clip, eyes)
         });
-        Expected { views: views.collect(), clip }
+        Expected { views: views.collect() }
     }
+}
+
+/// A clip most of which fades where it is seen from `place`, and whose plate does, too.
+fn fading(place: Place) -> Clip {
+    // The ball has a radius of 1. From inside, hardly more than what is behind the eye is drawn.
+    let near = match place {
+        Place::Whole => 3.4,
+        Place::Near => 0.8,
+        Place::Far => 31.4,
+        Place::Edge => 3.0,
+    };
+    let field = Field { near, ..Recipe { sh_degree: 1, motion: Motion::Mixed, ..RECIPE }.field() };
+    let plate = Recipe { count: 60, motion: Motion::Static, seed: 9, ..RECIPE }.field();
+    let clip = decoded_with(&field, Some(&plate), &[]);
+    let whole = Clip {
+        static_field: Field { near: 0.0, ..clip.static_field.clone() },
+        dynamic_field: Field { near: 0.0, ..clip.dynamic_field.clone() },
+        plate: clip.plate.clone().map(|plate| Field { near: 0.0, ..plate }),
+        ..clip.clone()
+    };
+    let camera = camera(place, SIZE.0, SIZE.1);
+    let [faded, whole] =
+        [&clip, &whole].map(|clip| render(&RenderScene::from(clip), &camera, 0.5, Order::Depth));
+    assert!(faded.psnr(&whole) < 35.0, "{place:?}: hardly anything fades, {} dB", faded.psnr(&whole));
+    clip
 }
 
 /// Compares the GPU's images with all expected ones.
 fn matrix(gpu: &Gpu, name: &str, expected: &Expected) -> Result<(), String> {
-    let uploaded = Arc::new(GpuClip::upload(gpu, &expected.clip).map_err(|fault| fault.to_string())?);
-    for (place, t, eyes) in &expected.views {
+    for (place, t, clip, eyes) in &expected.views {
+        let uploaded = Arc::new(GpuClip::upload(gpu, clip).map_err(|fault| fault.to_string())?);
         let cameras: Vec<Camera> = eyes.iter().map(|(camera, _)| camera.clone()).collect();
         let mut drawing = Drawing::new(gpu, uploaded.clone(), &cameras, ChannelDepth::Sixteen)
             .map_err(|fault| fault.to_string())?;
@@ -120,7 +154,10 @@ fn matrix(gpu: &Gpu, name: &str, expected: &Expected) -> Result<(), String> {
                     "{name}, {place:?}: the reference image is almost empty, so this tests nothing"
                 ));
             }
-            check(&format!("{name}, {place:?}, eye {eye}"), image, expected, TOLERANCE.on(gpu))?;
+            // A plate doubles the number of blended layers.
+            let diff_pixels = if clip.plate.is_some() { 400 } else { TOLERANCE.diff_pixels };
+            let tolerance = Tolerance { diff_pixels, ..TOLERANCE };
+            check(&format!("{name}, {place:?}, eye {eye}"), image, expected, tolerance.on(gpu))?;
         }
     }
     Ok(())

@@ -59,6 +59,7 @@ fn takes(gpu: &Gpu) -> Result<(), String> {
         motion_order: 0,
         rotates: false,
         filter: PixelFilter::Blur,
+        near: 0.0,
         bounds: [[-1.0; 3], [1.0; 3]],
         rows: COUNT,
         duration_s: 60.0,

@@ -85,12 +85,13 @@ fn is_black(image: &Image) -> bool {
 /// Of static and dynamic fields, with a plate and layers. Centres have another origin than those of a clip, so their
 /// rounding differs, and pixels by up to two steps of 16-bit floats below 1.
 fn one_segment(gpu: &Gpu) -> Result<(), String> {
-    for (motion, filter) in [
-        (Motion::Static, PixelFilter::Blur),
-        (Motion::Mixed, PixelFilter::Mip),
-        (Motion::Dynamic, PixelFilter::Blur),
+    for (motion, filter, near) in [
+        (Motion::Static, PixelFilter::Blur, 0.0),
+        (Motion::Mixed, PixelFilter::Mip, 0.0),
+        // Half of the field fades.
+        (Motion::Dynamic, PixelFilter::Blur, 3.0),
     ] {
-        let field = Field { filter, ..Recipe { sh_degree: 2, motion, ..RECIPE }.field() };
+        let field = Field { filter, near, ..Recipe { sh_degree: 2, motion, ..RECIPE }.field() };
         let plate = Recipe { motion: Motion::Static, count: 100, seed: 5, ..RECIPE }.field();
         let clip = decoded_with(&field, Some(&plate), &[300, 700]);
         let (layout, span) = (layout_of(&clip, 2.5), Span { start_s: 0.0, duration_s: 2.5 });

@@ -65,6 +65,7 @@ pub fn layout_of(clip: &Clip, duration_s: f64) -> TakeLayout {
         motion_order: temporal.map_or(0, |temporal| temporal.motion_order),
         rotates: temporal.is_some_and(|temporal| temporal.rotation_rates.is_some()),
         filter: clip.filter(),
+        near: clip.near(),
         bounds: clip.bounds,
         rows: clip.len(),
         duration_s,

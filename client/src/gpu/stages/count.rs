@@ -2,12 +2,12 @@
 
 use std::collections::HashSet;
 
-use glam::DVec3;
 use program::Fault;
 use shaders::{COUNTS, Purpose, filter_variance};
 
 use super::quads::Quads;
 use super::splat::{self, PassUniforms};
+use crate::gpu::clip::GpuClip;
 use crate::gpu::counts::Coverage;
 use crate::gpu::device::Gpu;
 use crate::gpu::drawn_set::{DrawnPart, DrawnSet};
@@ -92,7 +92,7 @@ impl Counter {
         })
     }
 
-    /// Counts the fragments of the sorted rows of `sets` in `views`; `origin` is that of the clip.
+    /// Counts the fragments of the sorted rows of `sets` in `views`; `clip` is what they show.
     pub(in crate::gpu) fn count(
         &self,
         gpu: &Gpu,
@@ -100,13 +100,13 @@ impl Counter {
         t: f64,
         cutoff: Cutoff,
         views: &FrameViews,
-        origin: DVec3,
+        clip: &GpuClip,
     ) -> Result<Coverage, Fault> {
         let mut encoder = gpu.encoder();
         self.sets.iter().for_each(|set| encoder.clear_buffer(&set.counts, 0, None));
         gpu.submit(encoder);
         let count = |view: &View, part, blur| {
-            self.uniforms.write(gpu, t, cutoff, std::slice::from_ref(view), blur, origin);
+            self.uniforms.write(gpu, t, cutoff, std::slice::from_ref(view), blur, clip);
             self.count_view(gpu, sets, part, view)
         };
         for view in views.drawn() {

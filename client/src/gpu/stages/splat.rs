@@ -8,6 +8,7 @@ use shaders::layout::{Frame, ViewUniform};
 use shaders::{FRAME, Features, Purpose, VIEWS, compose};
 
 use super::alive::slope_limits;
+use crate::gpu::clip::GpuClip;
 use crate::gpu::device::{Gpu, PipelineParts};
 use crate::gpu::frame_views::EYES_MAX;
 use crate::gpu::settings::Cutoff;
@@ -69,7 +70,7 @@ impl PassUniforms {
     }
 
     /// Writes the uniforms for the next submission. `blur` is the variance of a field's blur in px^2 of the views,
-    /// `origin` that of the clip.
+    /// which shows `clip`.
     pub(in crate::gpu) fn write(
         &self,
         gpu: &Gpu,
@@ -77,18 +78,18 @@ impl PassUniforms {
         cutoff: Cutoff,
         views: &[View],
         blur: f32,
-        origin: DVec3,
+        clip: &GpuClip,
     ) {
         let time = t as f32;
         let time_rest = (t - f64::from(time)) as f32;
-        let frame = Frame { time, time_rest, radius_max: cutoff.radius_max() };
+        let frame = Frame { time, time_rest, radius_max: cutoff.radius_max(), near: clip.near };
         let mut bytes = [0; VIEWS_OFFSET + EYES_MAX * size_of::<ViewUniform>()];
         bytes[..size_of::<Frame>()].copy_from_slice(bytemuck::bytes_of(&frame));
         let mut end = VIEWS_OFFSET;
         for view in views {
             let start = end;
             end += size_of::<ViewUniform>();
-            bytes[start..end].copy_from_slice(bytemuck::bytes_of(&uniform_of(view, blur, origin)));
+            bytes[start..end].copy_from_slice(bytemuck::bytes_of(&uniform_of(view, blur, clip.origin)));
         }
         gpu.queue.write_buffer(&self.buffer, 0, &bytes[..end]);
     }

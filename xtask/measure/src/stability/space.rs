@@ -86,9 +86,9 @@ pub(super) fn cases() -> Vec<StabilityCase> {
             GROUP,
             "around the eye and behind it",
             2.0,
-            "drawn if its centre is at least 0.01 units ahead; the Jacobian is taken within 1.3 times the field of view",
+            "drawn if its centre is ahead; the Jacobian is taken within 1.3 times the field of view",
             || {
-                let behind = [-0.5, -1e-3, 0.005].map(|z| ahead([0.0, 0.0, z], [3.0; 3]));
+                let behind = [-0.5, -1e-3, -1e-5].map(|z| ahead([0.0, 0.0, z], [3.0; 3]));
                 let around = [[0.02, 0.0, 0.05], [-3.0, 1.0, 0.4], [0.0, -40.0, 0.011], [200.0, 0.0, 9.0]]
                     .map(|p| ahead(p, [1.0, 2.0, 0.7]));
                 let rows = [behind.to_vec(), around.to_vec(), static_crowd(20)].concat();
@@ -110,17 +110,32 @@ pub(super) fn cases() -> Vec<StabilityCase> {
         ),
         case(
             GROUP,
-            "on the near plane",
+            "at the ends of the fade near the eye",
             2.0,
-            "Gaussians nearer than 0.01 units are not drawn; positions are relative to the eye before rotation",
+            "nothing is drawn up to half of the near distance, and all from it on; positions are relative to the eye before \
+             rotation",
             || {
                 let row = |(i, z): (usize, f32)| ahead([0.002 * (i as f32 - 2.0), 0.001, z], [4e-4; 3]);
-                let depths = [0.0099, 0.00999, 0.01001, 0.0101, 0.0105];
+                let depths = [0.00499, 0.00501, 0.00999, 0.01001, 0.0105];
                 let rows: Vec<Gaussian> = depths.into_iter().enumerate().map(row).collect();
-                StabilityScene::new(field(&[rows, static_crowd(20)].concat()), at(&T))
-                    .untried("rounding moves it through the plane")
+                let field = field(&[rows, static_crowd(20)].concat());
+                StabilityScene::new(Field { near: 0.01, ..field }, at(&T))
+                    .untried("rounding moves it through the fade")
             },
         ),
+        case(
+            GROUP,
+            "fading near the eye",
+            2.0,
+            "opacity grows evenly with the depth, from half of the near distance on",
+            || in_units_of(1.0),
+        ),
+        case(GROUP, "fading near the eye, a thousandth as large", 2.0, "no length is absolute", || {
+            in_units_of(1e-3)
+        }),
+        case(GROUP, "fading near the eye, a million times as large", 2.0, "no length is absolute", || {
+            in_units_of(1e6)
+        }),
         case(
             GROUP,
             "at the horizon, to 1e9 units away",
@@ -264,6 +279,19 @@ pub(super) fn cases() -> Vec<StabilityCase> {
             },
         ),
     ]
+}
+
+/// The crowd in units of `unit`, most of it nearer to the eye than it would have to be to be drawn whole.
+fn in_units_of(unit: f32) -> StabilityScene {
+    let mut rows = static_crowd(200);
+    for row in &mut rows {
+        row.center = row.center.map(|x| unit * x);
+        row.log_scales = row.log_scales.map(|scale| scale + unit.ln());
+    }
+    let eyes = [[0.0, 0.0, -DISTANCE], [0.2, 0.1, -2.6]];
+    let posed_views =
+        eyes.map(|eye| PosedView { camera: look(eye.map(|x| f64::from(unit) * x), [0.0; 3]), t: 0.5 });
+    StabilityScene::new(Field { near: 1.2 * DISTANCE as f32 * unit, ..field(&rows) }, posed_views.to_vec())
 }
 
 /// A Gaussian that the usual camera sees at `p`, in its own axes.

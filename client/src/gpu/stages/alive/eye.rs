@@ -14,6 +14,8 @@ pub(super) struct Eye {
     focal: Vec2,
     /// Upper bound of the pixels that a unit of length covers at distance 1.
     magnification: Vec2,
+    /// Least depth of what is drawn: the start of the fade near the eye.
+    least_depth: f32,
     /// The image and a margin around it, in pixels.
     low: Vec2,
     high: Vec2,
@@ -24,12 +26,13 @@ impl Eye {
         view_from_clip: Affine3A::IDENTITY,
         focal: Vec2::ONE,
         magnification: Vec2::ZERO,
+        least_depth: 0.0,
         low: Vec2::ZERO,
         high: Vec2::ZERO,
     };
 
-    /// Prepares `view`; `origin` is that of the clip, in the world.
-    pub(super) fn new(view: &View, origin: DVec3) -> Eye {
+    /// Prepares `view`; `origin` is that of the clip, in the world, and `near` its near distance.
+    pub(super) fn new(view: &View, origin: DVec3, near: f32) -> Eye {
         // The radius to which a filter alone, of at most 0.3 px^2, can carry a Gaussian, plus a pixel for
         // rounding: sqrt(0.3 * 2 ln 255) + 1.
         const MARGIN: f32 = 2.9;
@@ -40,6 +43,8 @@ impl Eye {
             view_from_clip: Affine3A::from_mat4(view_from_clip.as_mat4()),
             focal: view.focal,
             magnification: view.focal * (1.0 + slope * slope).powf(0.5),
+            // The least opacity that is drawn has a margin of 0.002 near distances for rounding.
+            least_depth: shaders::FADE_START * near,
             low: -view.principal - MARGIN,
             high: view.size.as_vec2() - view.principal + MARGIN,
         }
@@ -60,7 +65,8 @@ impl Eye {
             let right = self.focal.x * (a.x * x + b.x * y + c.x * z + o.x);
             let down = self.focal.y * (a.y * x + b.y * y + c.y * z + o.y);
             let (wide, high) = (self.magnification.x * support_radius, self.magnification.y * support_radius);
-            *visible |= u32::from(depth >= shaders::NEAR)
+            *visible |= u32::from(depth > 0.0)
+                & u32::from(depth >= self.least_depth)
                 & u32::from(right + wide >= self.low.x * depth)
                 & u32::from(right - wide <= self.high.x * depth)
                 & u32::from(down + high >= self.low.y * depth)

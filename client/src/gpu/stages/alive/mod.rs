@@ -133,9 +133,9 @@ struct Eyes {
 }
 
 impl Eyes {
-    fn new<'v>(views: impl ExactSizeIterator<Item = &'v View>, origin: DVec3) -> Eyes {
+    fn new<'v>(views: impl ExactSizeIterator<Item = &'v View>, origin: DVec3, near: f32) -> Eyes {
         let (mut eyes, count) = ([Eye::NONE; EYES_MAX], views.len());
-        eyes.iter_mut().zip(views).for_each(|(eye, view)| *eye = Eye::new(view, origin));
+        eyes.iter_mut().zip(views).for_each(|(eye, view)| *eye = Eye::new(view, origin, near));
         Eyes { eyes, count }
     }
 
@@ -168,21 +168,22 @@ pub(in crate::gpu) struct Culler<'a> {
 
 impl<'a> Culler<'a> {
     /// For a frame of `views` under `settings`. Replaces `items` by the rows to draw and marks those in the inset;
-    /// `origin` is that of the clip, in the world of the fields, and `filter` that of the fields.
+    /// `origin` is that of the clip, in the world of the fields, and `near` and `filter` are those of the fields.
     pub(in crate::gpu) fn new(
         views: &FrameViews,
         settings: &RenderSettings,
         origin: DVec3,
+        near: f32,
         filter: PixelFilter,
         items: &'a mut Vec<Item>,
     ) -> Culler<'a> {
         items.clear();
         Culler {
-            full: Eyes::new(views.full().iter(), origin),
-            drawn: Eyes::new(views.drawn().iter(), origin),
+            full: Eyes::new(views.full().iter(), origin, near),
+            drawn: Eyes::new(views.drawn().iter(), origin, near),
             insets: views
                 .divisions()
-                .map(|divisions| Eyes::new(divisions.iter().map(|division| &division.inset), origin)),
+                .map(|divisions| Eyes::new(divisions.iter().map(|division| &division.inset), origin, near)),
             depth: DepthKeys::new(views.full(), origin, settings.sort),
             min_contribution_px: settings.min_contribution_px,
             layers: settings.layers,

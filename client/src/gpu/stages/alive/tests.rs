@@ -51,7 +51,19 @@ fn alive(
     settings: &RenderSettings,
     items: &mut Vec<Item>,
 ) -> CullCounts {
-    let mut culler = Culler::new(views, settings, ORIGIN, PixelFilter::Blur, items);
+    alive_beyond(0.0, rows, t, views, settings, items)
+}
+
+/// As [`alive`], of a clip with a near distance.
+fn alive_beyond(
+    near: f32,
+    rows: &Rows,
+    t: f64,
+    views: &FrameViews,
+    settings: &RenderSettings,
+    items: &mut Vec<Item>,
+) -> CullCounts {
+    let mut culler = Culler::new(views, settings, ORIGIN, near, PixelFilter::Blur, items);
     rows.alive(t, 0, &mut culler);
     culler.seen
 }
@@ -143,8 +155,30 @@ fn culled_rows_are_outside_the_image() {
                 camera.k[1][1] * q[1] / q[2] + camera.k[1][2],
             );
             let inside = q[2] > 0.05 && (0.0..200.0).contains(&x) && (0.0..120.0).contains(&y);
-            assert!(!inside || p[2] < f64::from(shaders::NEAR), "row {row} reaches {x},{y}");
+            assert!(!inside || p[2] <= 0.0, "row {row} reaches {x},{y}");
         }
+    }
+}
+
+#[test]
+fn rows_that_are_faded_near_the_eye_are_culled() {
+    let (field, camera) = (dynamic_field(), camera());
+    let views = FrameViews::new(&[View::from_camera(&camera)], None);
+    let drawn = |near: f32| {
+        let mut items = Vec::new();
+        alive_beyond(near, &rows(&field), 0.4, &views, &RenderSettings::default(), &mut items);
+        order_of(items)
+    };
+    let depth = |row: &u32| in_view(&camera, field.position_at(*row as usize, 0.4))[2];
+    let all = drawn(0.0);
+    assert!(all.iter().all(|row| depth(row) > 0.0));
+    for near in [1.0f32, 4.0] {
+        let visible = |row: &&u32| codec::near_fade(depth(row), near.into()) >= ALPHA_MIN;
+        let (expected, found) = (all.iter().filter(visible).count(), drawn(near));
+        assert!(expected < all.len() && found.len() < all.len(), "{near}: some are too near");
+        // None that shows is culled, and hardly one that does not is drawn.
+        assert_eq!(found.iter().filter(visible).count(), expected, "{near}");
+        assert!(found.len() < expected + 10, "{near}: {} of {expected}", found.len());
     }
 }
 

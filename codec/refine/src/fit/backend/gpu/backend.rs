@@ -294,7 +294,7 @@ impl Loaded {
         loop {
             let capacity = self.buffers.pairs.capacity;
             let count = self.buffers.gaussians.count;
-            let uniforms = transfer::step_uniforms(view, count, capacity, detach_tau);
+            let uniforms = transfer::step_uniforms(view, self.shape.near, count, capacity, detach_tau);
             device.write(&self.buffers.fixed.uniforms, 0, &[uniforms]);
             device.write(&self.buffers.fixed.totals, 0, &[Totals { gaussians: count, ..Totals::default() }]);
             let totals = attempt(device, self)?;
@@ -359,7 +359,7 @@ mod tests {
         let raster = [shaders::ALPHA_MIN, shaders::ALPHA_MAX, shaders::fit::TRANSMITTANCE_MIN];
         assert_eq!(raster, [codec::ALPHA_MIN, cpu::ALPHA_MAX, cpu::TRANSMITTANCE_MIN].map(|x| x as f32));
         assert_eq!(shaders::fit::LENGTH_MIN, NORM_MIN as f32);
-        assert_eq!(shaders::NEAR, cpu::NEAR as f32);
+        assert_eq!(shaders::FADE_START, codec::FADE_START as f32);
         for filter in codec::PixelFilter::ALL {
             assert_eq!(shaders::filter_variance(filter.compensates()), filter.variance() as f32);
         }

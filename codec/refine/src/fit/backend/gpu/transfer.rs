@@ -100,9 +100,10 @@ pub(super) fn rows_of(
     Ok(all)
 }
 
-/// The uniforms of a step.
+/// The uniforms of a step; `near` is that of the parameters.
 pub(super) fn step_uniforms(
     view: &FrameView,
+    near: f64,
     gaussians: u32,
     pair_capacity: u32,
     detach_tau: bool,
@@ -125,7 +126,7 @@ pub(super) fn step_uniforms(
         gaussians,
         pair_capacity,
         detach_tau: detach_tau.into(),
-        _pad0: 0,
+        near: near as f32,
     }
 }
 
