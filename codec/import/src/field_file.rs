@@ -85,6 +85,10 @@ pub(crate) fn hints(ply: &Ply) -> Result<Hints, String> {
             "metres_per_unit" => hints.metres_per_unit = Some(positive()?),
             "up" => hints.up = Some(numbers(value).filter(is_unit).ok_or_else(wrong)?),
             "viewpoint" => hints.viewpoints.push(viewpoint(value).ok_or_else(wrong)?),
+            // 0 states that nothing fades.
+            "near" => {
+                hints.near = Some(numbers::<1>(value).map(|[x]| x).filter(|&x| x >= 0.0).ok_or_else(wrong)?)
+            }
             "filter" => {}
             // The host tool reads those on the fit; later versions may add keys.
             _ => hints.comments.push((key.into(), value.into())),

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt;
 
-use codec::{Field, SH_C0, Viewpoint};
+use codec::{Field, NEAR_OF_SIZE, SH_C0, Viewpoint, content_radius};
 
 /// The reason of [`Repairs::dropped`] for rows that the header announces and the file lacks.
 pub(crate) const TRUNCATED: &str = "truncated payload";
@@ -25,6 +25,15 @@ pub struct Imported {
 }
 
 impl Imported {
+    /// The field with the near distance that its file states, or with a share of the size of its content. So what stands
+    /// right before the eye fades, whatever the unit is.
+    pub(crate) fn with_near(mut self) -> Imported {
+        let of_content = || content_radius(&self.field).map_or(0.0, |radius| NEAR_OF_SIZE * 2.0 * radius);
+        let near = self.hints.near.unwrap_or_else(|| of_content() as f32);
+        self.field.near = if near.is_finite() { near } else { 0.0 };
+        self
+    }
+
     /// Checks that at least half of the announced rows are in the file. With fewer, the header or the file is
     /// damaged, and the rest does not stand for the whole.
     ///
@@ -58,6 +67,8 @@ pub struct Hints {
     pub up: Option<[f32; 3]>,
     /// Metres per unit of the source.
     pub metres_per_unit: Option<f32>,
+    /// [`Field::near`]; 0 if nothing fades near an eye.
+    pub near: Option<f32>,
     /// Length of the clip in seconds.
     pub duration_s: Option<f32>,
     /// Captured frames per second.

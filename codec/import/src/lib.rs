@@ -70,7 +70,7 @@ pub fn import_within(path: &Path, limits: ImportLimits) -> Result<Imported, Impo
     let mut budget = ImportBudget::new(limits);
     let imported = FieldSource::open(path, &mut budget)?.read_clean(path, &mut budget)?;
     match imported.field.is_empty() {
-        false => Ok(imported),
+        false => Ok(imported.with_near()),
         true => Err(ImportError::new(path, imported.no_gaussians())),
     }
 }

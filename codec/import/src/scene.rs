@@ -133,10 +133,13 @@ impl ImportedScene {
     /// [`ImportError`] that names `source`: a number out of the range of a package.
     pub fn new(
         source: &Path,
-        subject: Imported,
-        plate: Option<Imported>,
+        mut subject: Imported,
+        mut plate: Option<Imported>,
         overrides: Overrides,
     ) -> Result<ImportedScene, ImportError> {
+        if let Some(plate) = &mut plate {
+            share_near(&mut subject.field, &mut plate.field);
+        }
         let hints = &subject.hints;
         let mut assumed = Vec::new();
         let up = known(overrides.up.or(hints.up), "up", DEFAULT_UP, &mut assumed);
@@ -164,6 +167,12 @@ impl ImportedScene {
         })?;
         Ok(ImportedScene { subject, plate, info, assumed })
     }
+}
+
+/// Gives both the near distance that their package has: that of the field, or of the plate if the field has none.
+fn share_near(field: &mut Field, plate: &mut Field) {
+    let near = if field.near > 0.0 { field.near } else { plate.near };
+    (field.near, plate.near) = (near, near);
 }
 
 /// The duration that a file implies: a sequence played at another rate has another one.
@@ -224,4 +233,18 @@ fn box_without_strays(field: &Field) -> [[f32; 3]; 2] {
         corners[1][axis] = column[column.len() - 1 - strays] as f32;
     }
     corners
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_field_and_its_plate_share_a_near_distance() {
+        for (near, expected) in [([0.5, 0.2], 0.5), ([0.5, 0.0], 0.5), ([0.0, 0.2], 0.2), ([0.0; 2], 0.0)] {
+            let [mut field, mut plate] = near.map(|near| Field { near, ..Field::default() });
+            share_near(&mut field, &mut plate);
+            assert_eq!([field.near, plate.near], [expected; 2]);
+        }
+    }
 }

@@ -70,6 +70,7 @@ impl Similarity {
         field.rotations.iter_mut().for_each(|q| *q = turned_quaternion(*q));
         let log_scale = self.scale.ln() as f32;
         field.log_scales.as_flattened_mut().iter_mut().for_each(|scale| *scale += log_scale);
+        field.near = (f64::from(field.near) * self.scale) as f32;
         if let Some(temporal) = &mut field.temporal {
             temporal.motion.iter_mut().for_each(|v| *v = turn(*v).map(|x| x as f32));
             temporal.rotation_rates.iter_mut().flatten().for_each(|rate| *rate = turned_quaternion(*rate));
@@ -172,6 +173,7 @@ mod tests {
             opacities: vec![1.0],
             sh_degree: 3,
             sh: sh.clone(),
+            near: 0.5,
             ..Field::default()
         };
         let norm = 30f64.sqrt();
@@ -187,6 +189,7 @@ mod tests {
         let distance = [x, y, z + 1.0].iter().zip(&field.centers[0]).map(|(a, b)| (a - b).abs()).sum::<f32>();
         assert!(distance < 1e-5, "{:?}", field.centers);
         assert!((field.log_scales[0][1] - 2f32.ln()).abs() < 1e-6);
+        assert_eq!(field.near, 1.0);
         assert_eq!(field.rotations[0], rotation.map(|x| x as f32));
     }
 

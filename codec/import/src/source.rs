@@ -148,8 +148,10 @@ fn read_ply(ply: &Ply, budget: &mut ImportBudget) -> Result<Imported, String> {
     let Some(vertex) = ply.table("vertex") else {
         return Err("PLY without a vertex element".into());
     };
-    let (hints, filter) = (field_file::hints(ply)?, field_file::filter(ply)?);
+    let (mut hints, filter) = (field_file::hints(ply)?, field_file::filter(ply)?);
     let mut imported = if field_file::is_marked(ply) {
+        // A field file is complete: where it states no near distance, it has none.
+        hints.near.get_or_insert(0.0);
         field_file::read(vertex, budget)
     } else if ply.table("chunk").is_some() {
         compressed_ply::read(ply, vertex, budget)

@@ -67,7 +67,7 @@ pub fn import_sequence(files: &SequenceFiles, limits: ImportLimits) -> Result<Im
     let field = clean(field, &mut repairs);
     let imported = Imported { field, hints, repairs, format, notes };
     match imported.field.is_empty() {
-        false => Ok(imported),
+        false => Ok(imported.with_near()),
         true => Err(about(imported.no_gaussians())),
     }
 }

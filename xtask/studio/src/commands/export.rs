@@ -194,6 +194,7 @@ impl Args {
                 "the mip filter for other tools",
             ),
             (self.glb && field.filter.compensates(), "the mip filter"),
+            ((self.splatv || self.spz || self.glb) && field.near > 0.0, "the near distance"),
             (!is_up_kept, "the up axis"),
             (self.spz && info.metres_per_unit != 1.0, "metres per unit"),
             ((self.spz || self.glb) && !info.viewpoints.is_empty(), "viewpoints"),

@@ -79,6 +79,9 @@ struct Inspection {
     motion_order: u8,
     rotation_rates: bool,
     filter: &'static str,
+    /// In source units.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    near: Option<f32>,
     by_device: bool,
     plate: Option<Plate>,
     audio: Option<Audio>,
@@ -177,6 +180,7 @@ fn inspect(bytes: &[u8], contents: Contents, clip: &Clip, attributes: Vec<Attrib
         motion_order: contents.motion_order,
         rotation_rates: contents.rotation_rates,
         filter: contents.filter.name(),
+        near: Some(contents.near).filter(|near| *near > 0.0),
         by_device: contents.by_device,
         plate: clip.plate.as_ref().map(|plate| Plate {
             gaussians: plate.len(),
@@ -305,6 +309,9 @@ impl Inspection {
             self.sh_degree, self.motion_order
         );
         println!("filter      {}", self.filter);
+        if let Some(near) = self.near {
+            println!("near        fades nearer than {near} units to the eye");
+        }
         if self.by_device {
             println!("computed    by a graphics device; elsewhere the same field may give another package");
         }

@@ -2,7 +2,7 @@
 
 use codec::{ClipInfo, Field};
 
-use super::ply::{binary_ply, filter_comment, metadata, push_static, static_names};
+use super::ply::{binary_ply, drawing_comments, metadata, push_static, static_names};
 use crate::import::FitRecord;
 use crate::import::field_file::{MARK, VERSION};
 
@@ -15,7 +15,7 @@ pub fn field_file(field: &Field, info: &ClipInfo) -> Vec<u8> {
 pub fn fitted_field_file(field: &Field, info: &ClipInfo, record: &FitRecord) -> Vec<u8> {
     let mut comments = vec![format!("{MARK} field {VERSION}")];
     comments.extend(metadata(info));
-    comments.extend(filter_comment(field.filter));
+    comments.extend(drawing_comments(field));
     comments.extend(record.comments().map(|(key, value)| format!("{MARK} {key} {value}")));
     let mut names = static_names(field.sh_degree);
     names.push("aarc_opacity".into());

@@ -7,13 +7,13 @@ use crate::import::field_file::MARK;
 /// Larger logits give the same opacity in `f32`; infinite ones would break other readers.
 const LOGIT_MAX: f64 = 16.0;
 
-/// The static columns of a field, with the unused normals that some readers expect, and its filter and the metadata of its clip as
-/// comments. Windows and motion are omitted: see [`super::frozen`].
+/// The static columns of a field, with the unused normals that some readers expect, and its filter, its near
+/// distance and the metadata of its clip as comments. Windows and motion are omitted: see [`super::frozen`].
 pub fn static_ply(field: &Field, info: Option<&ClipInfo>) -> Vec<u8> {
     let mut names = static_names(field.sh_degree);
     names.splice(3..3, ["nx", "ny", "nz"].map(String::from));
     let mut comments = info.map_or_else(Vec::new, metadata);
-    comments.extend(filter_comment(field.filter));
+    comments.extend(drawing_comments(field));
     binary_ply(&comments, &names, field.len(), |i, row| {
         push_static(field, i, row);
         row.splice(3..3, [0.0; 3]);
@@ -37,9 +37,11 @@ pub(super) fn metadata(info: &ClipInfo) -> Vec<String> {
     comments
 }
 
-/// The comment that names another filter than the one of most fields.
-pub(super) fn filter_comment(filter: PixelFilter) -> Option<String> {
-    (filter != PixelFilter::default()).then(|| format!("{MARK} filter {}", filter.name()))
+/// The comments that say how the Gaussians are drawn, where not as those of most fields: the filter, the near distance.
+pub(super) fn drawing_comments(field: &Field) -> impl Iterator<Item = String> {
+    let Field { filter, near, .. } = *field;
+    let filter = (filter != PixelFilter::default()).then(|| format!("{MARK} filter {}", filter.name()));
+    filter.into_iter().chain((near > 0.0).then(|| format!("{MARK} near {near}")))
 }
 
 /// Names of the static columns.

@@ -206,7 +206,8 @@ impl DecodedTake {
     }
 
     /// All Gaussians but the backgrounds' as one field, in clip time of the take, and how many of them are alive
-    /// before or after the span of their segment, where the take does not show them.
+    /// before or after the span of their segment, where the take does not show them. The near distance is the largest, as
+    /// in a package.
     pub fn merged(&self) -> (Field, usize) {
         let mut merged = Field::default();
         let mut beyond = 0;
@@ -231,6 +232,7 @@ impl DecodedTake {
         merged.sh_degree = sh_degree;
         for (segment, field) in self.segments.iter().zip(fields) {
             merged.filter = field.filter;
+            merged.near = merged.near.max(field.near);
             beyond +=
                 (0..field.len()).filter(|&i| is_beyond(&field, i, &segment.span, self.duration_s)).count();
             append(&mut merged, &mut columns, field, &segment.span, self.duration_s);

@@ -42,6 +42,8 @@ struct Survey {
     gaussians: Vec<usize>,
     /// Metadata of the take.
     info: ClipInfo,
+    /// The largest near distance. All segments get it, so that a part of the take looks as it does in the whole.
+    near: f32,
 }
 
 /// Packages a take and writes it to `out`.
@@ -94,7 +96,7 @@ pub fn package_take(
         // Where nothing is left out, no ranking was tried.
         let rank = rank.or(budget.map(|_| Ranking::Mass));
         let of_segment = PackageSettings { budget, rank, ..settings.clone() };
-        let scene = sources.scene(i)?;
+        let scene = fading(sources.scene(i)?, survey.near);
         let Package { mut bytes, mut report } =
             package_with(&scene, &of_segment, None, backend, &StagedProgress::hidden())?;
         if let Some(sound) = sounds.as_ref().and_then(|sounds| sounds[i].as_ref()) {
@@ -117,7 +119,7 @@ pub fn package_take(
 fn survey(sources: &SegmentSources) -> anyhow::Result<Survey> {
     let mut agreement = Agreement::default();
     let spans: Vec<Span> = (0..sources.len()).map(|i| sources.span(i)).collect();
-    let (mut gaussians, mut info) = (Vec::new(), None);
+    let (mut gaussians, mut info, mut near) = (Vec::new(), None, 0.0f32);
     let mut last_plate: Option<usize> = None;
     for i in 0..sources.len() {
         let scene = sources.scene(i)?;
@@ -136,10 +138,20 @@ fn survey(sources: &SegmentSources) -> anyhow::Result<Survey> {
                 Some(i).filter(|&i| last_plate.is_none_or(|last| spans[i].end_s() > spans[last].end_s()));
         }
         agreement.add(&scene.name, &scene.info, &scene.subject.field, plate)?;
+        near = near.max(scene.subject.field.near).max(plate.map_or(0.0, |plate| plate.near));
         gaussians.push(visible(&scene.subject).0.len());
         info.get_or_insert(scene.info);
     }
-    Ok(Survey { spans, gaussians, info: info.expect("there is a segment") })
+    Ok(Survey { spans, gaussians, info: info.expect("there is a segment"), near })
+}
+
+/// The scene with a near distance.
+fn fading(mut scene: Scene, near: f32) -> Scene {
+    scene.subject.field.near = near;
+    if let Some(plate) = &mut scene.plate {
+        plate.field.near = near;
+    }
+    scene
 }
 
 /// Most Gaussians of each segment; `None` without a budget.

@@ -2,7 +2,7 @@
 
 use crate::support;
 use crate::support::{assert_close, assert_same_rotations, field, import_bytes, import_error, info};
-use codec::{ALPHA_MIN, ClipInfo, Field, PixelFilter};
+use codec::{ALPHA_MIN, ClipInfo, Field, PixelFilter, content_radius};
 use refine::capture::Holdout;
 use studio::export::{field_file, fitted_field_file, frozen, splatv, spz, static_ply};
 use studio::import::{FitRecord, Hints, import};
@@ -13,7 +13,8 @@ fn field_file_is_lossless() {
         .map(|degree| field(7, degree, None, false))
         .chain((0..=3u8).flat_map(|order| [false, true].map(|turns| field(9, order, Some(order), turns))));
     for (i, original) in fields.enumerate() {
-        let mut original = Field { filter: PixelFilter::ALL[i % 2], ..original };
+        let near = [0.0, 0.55, 1.0 / 3.0][i % 3];
+        let mut original = Field { filter: PixelFilter::ALL[i % 2], near, ..original };
         // Opacities that do not survive conversion to a logit.
         original.opacities[..4].copy_from_slice(&[0.0, 1.0, f32::MIN_POSITIVE, 1.0 - f32::EPSILON]);
         let imported = import_bytes("field.ply", &field_file(&original, &info())).expect("our own file");
@@ -103,6 +104,33 @@ fn files_that_can_keep_the_filter() {
     let unknown = [&bytes[..at], b"map", &bytes[at + 3..]].concat();
     let error = import_bytes("a.ply", &unknown).expect_err("no such filter").to_string();
     assert!(error.contains("comment aarc filter: cannot use `map`"), "{error}");
+}
+
+#[test]
+fn files_that_can_keep_the_near_distance() {
+    let field = Field { near: 0.55, ..field(300, 1, None, false) };
+    for (name, bytes) in [("a.ply", static_ply(&field, None)), ("f.ply", field_file(&field, &info()))] {
+        let whole = import_bytes(name, &bytes).expect("our own file");
+        assert_eq!((whole.field.near, whole.hints.near), (0.55, Some(0.55)), "{name}");
+        let text = b"near 0.55\n";
+        let at = bytes.windows(text.len()).position(|window| window == text).expect("the comment");
+        for value in ["-1", "NaN", "inf", "0.5 0.5", "far", ""] {
+            let other =
+                [&bytes[..at], format!("near {value}\n").as_bytes(), &bytes[at + text.len()..]].concat();
+            let error = import_error(name, &other);
+            assert!(error.contains(&format!("comment aarc near: cannot use `{value}`")), "{name}: {error}");
+        }
+        let zero = [&bytes[..at], b"near 0\n", &bytes[at + text.len()..]].concat();
+        assert_eq!(import_bytes(name, &zero).expect("0 is a number").field.near, 0.0, "{name}");
+    }
+    // A field file without a distance has none; a file of another program gets a share of its size.
+    let none = Field { near: 0.0, ..field };
+    assert_eq!(import_bytes("f.ply", &field_file(&none, &info())).expect("our own file").field.near, 0.0);
+    let radius = content_radius(&none).expect("it has a size");
+    for (name, bytes) in [("a.ply", static_ply(&none, None)), ("a.spz", spz(&none, info().up))] {
+        let near = f64::from(import_bytes(name, &bytes).expect("our own file").field.near);
+        assert!((near / (0.02 * radius) - 1.0).abs() < 0.05, "{name}: {near} of {radius}");
+    }
 }
 
 /// Values at the limits of what a field may hold.

@@ -315,6 +315,42 @@ fn a_clip_can_be_trimmed_to_its_last_instant() {
     );
 }
 
+/// Fields may state different near distances; their take has the largest, and each package and export states its own.
+#[test]
+fn a_take_has_the_largest_near_distance_of_its_fields() {
+    let folder = tempdir().unwrap();
+    for (name, near) in [("a.ply", 0.25), ("b.ply", 0.5), ("c.ply", 0.0)] {
+        write(&folder.path().join(name), &Field { near, ..small(30) }, 1.0);
+    }
+    let near_of = |file: &str| import(&folder.path().join(file)).unwrap().field.near;
+    let shown = |file: &str| run(&folder, &format!("inspect {file} --json")).json()["near"].clone();
+    run(&folder, "join a.ply b.ply c.ply -o take").success();
+    let parts = [0, 1, 2].map(|number| near_of(&format!("take/segment-{number:04}.ply")));
+    assert_eq!(parts, [0.25, 0.5, 0.0]);
+    run(&folder, "package take -o take.aarc").success();
+    assert_eq!((take_of(&read(&folder, "take.aarc")).near, shown("take.aarc")), (0.5, json!(0.5)));
+    let words = run(&folder, "inspect take.aarc").success().stdout;
+    assert!(words.contains("fades nearer than 0.5 units to the eye"), "{words}");
+    run(&folder, "export take.aarc --ply -o all.ply").success();
+    assert_eq!(near_of("all.ply"), 0.5);
+    // The segments state it themselves, so that what is cut out of the take looks the same.
+    run(&folder, "trim take.aarc --from 0 --to 1 -o first.aarc").success();
+    assert_eq!(shown("first.aarc"), json!(0.5));
+
+    run(&folder, "package a.ply -o a.aarc").success();
+    assert_eq!(shown("a.aarc"), json!(0.25));
+    let words = run(&folder, "inspect a.aarc").success().stdout;
+    assert!(words.contains("fades nearer than 0.25 units to the eye"), "{words}");
+    run(&folder, "export a.aarc --ply -o whole.ply").success();
+    run(&folder, "export a.aarc --ply --at 0.5 -o at.ply").success();
+    run(&folder, "export a.aarc --sequence -o frames").success();
+    assert_eq!(["whole.ply", "at.ply"].map(near_of), [0.25; 2]);
+    let scene = ::import::SceneFiles::at(&folder.path().join("frames")).unwrap();
+    assert_eq!(scene.read(Default::default()).unwrap().subject.field.near, 0.25);
+    run(&folder, "package c.ply -o c.aarc").success();
+    assert_eq!(shown("c.aarc"), Value::Null);
+}
+
 #[test]
 fn inspect_lists_segments_and_the_course() {
     let (folder, _) = joined();

@@ -33,6 +33,9 @@ struct TakeInspection {
     motion_order: u8,
     rotation_rates: bool,
     filter: &'static str,
+    /// In source units.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    near: Option<f32>,
     by_device: bool,
     /// The largest plate.
     plate: Option<Plate>,
@@ -164,6 +167,7 @@ fn inspect(file: &TakeFile) -> TakeInspection {
         motion_order: take.motion_order,
         rotation_rates: take.rotation_rates,
         filter: take.filter.name(),
+        near: Some(take.near).filter(|near| *near > 0.0),
         by_device: take.by_device,
         plate: (take.plate_len > 0).then(|| Plate {
             gaussians: take.plate_len,
@@ -257,6 +261,9 @@ impl TakeInspection {
         let rotation = if self.rotation_rates { ", with rotation rates" } else { "" };
         row("motion", format!("power {}{rotation}", self.motion_order));
         row("filter", self.filter.into());
+        if let Some(near) = self.near {
+            row("near", format!("fades nearer than {near} units to the eye"));
+        }
         if self.by_device {
             row("computed", "by a graphics device; elsewhere the same fields may give another take".into());
         }
