@@ -1,54 +1,83 @@
 //! Image quality metrics of the paper's tables, between a picture and a photograph.
 //!
 //! The picture is over black and rounded to 8 bits, as in a file; the photograph is multiplied by its
-//! mask.
+//! mask. Colours are aligned by one transform for all photographs of a camera: [`AlignedPsnr::of_camera`].
 
 use crate::capture::Photo;
-use crate::color_alignment::align_colors;
 use crate::fit::{Lpips, ssim_and_gradient};
 use crate::image::Image;
+
+pub use crate::color_alignment::ColorSums;
+pub use crate::median::TemporalMedian;
 
 /// Quality metrics of a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ImageMetrics {
     /// PSNR in dB over the pixels of the subject; `None` without such pixels, `+inf` if all are equal.
     pub psnr_fg: Option<f64>,
-    /// The same after the affine transform of colours that fits the photograph best: what is left of the difference when
-    /// the camera's own colours are taken away.
-    pub psnr_fg_aligned: Option<f64>,
     /// PSNR in dB over all valid pixels of the photograph, see [`Photo::seen`].
     pub psnr_full: f64,
+    /// PSNR in dB over the pixels that move, see [`TemporalMedian::moving`]; `None` without such pixels.
+    pub psnr_moving: Option<f64>,
     /// Mean structural similarity over the whole image, see [`ssim`].
     pub ssim: f64,
     /// LPIPS over the whole image (Zhang et al. 2018); `None` without a network.
     pub lpips: Option<f64>,
 }
 
+/// Sums over the pixels of a picture, from which the errors after any affine transform of its colours follow.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ImageSums {
+    /// Pixels of the subject.
+    pub subject: ColorSums,
+    /// All valid pixels.
+    pub seen: ColorSums,
+    /// Pixels that move.
+    pub moving: ColorSums,
+}
+
+/// PSNR of a picture after the affine transform of colours that brings all pictures of its camera nearest to their
+/// photographs: what is left of the difference when the camera's own colours are taken away.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AlignedPsnr {
+    /// In dB over the pixels of the subject, after the transform that fits these best; `None` without such pixels.
+    pub fg: Option<f64>,
+    /// In dB over all valid pixels, after the transform that fits these best.
+    pub full: f64,
+    /// In dB over the pixels that move, after the transform of all valid ones; `None` without such pixels.
+    pub moving: Option<f64>,
+}
+
 impl ImageMetrics {
-    /// Compares `picture` with `photo`.
+    /// Compares `picture` with `photo`, without `psnr_moving`.
     ///
     /// # Panics
     /// If the sizes differ, or are too small for `lpips`, see [`Lpips::check_size`].
     pub fn of(picture: &Image, photo: &Photo, lpips: Option<&Lpips<f32>>) -> ImageMetrics {
+        ImageMetrics::with_sums(picture, photo, None, lpips).0
+    }
+
+    /// Compares `picture` with `photo`, a photograph of a camera with this median over time. The sums are for the alignment
+    /// of colours.
+    ///
+    /// # Panics
+    /// If the sizes differ, or are too small for `lpips`, see [`Lpips::check_size`].
+    pub fn with_sums(
+        picture: &Image,
+        photo: &Photo,
+        median: Option<&TemporalMedian>,
+        lpips: Option<&Lpips<f32>>,
+    ) -> (ImageMetrics, ImageSums) {
         let mut saved = rounded(picture);
         for (pixel, _) in saved.pixels.iter_mut().zip(&photo.seen).filter(|(_, seen)| !**seen) {
             *pixel = [0.0; 4];
         }
         let taken = &photo.image;
-        let psnr = |shown: &Image, pixels: Vec<usize>| {
-            let error =
-                |i: usize| (0..3).map(|c| (shown.pixels[i][c] - taken.pixels[i][c]).powi(2)).sum::<f64>();
-            let squares: f64 = pixels.iter().map(|&i| error(i)).sum();
-            (!pixels.is_empty()).then(|| -10.0 * (squares / (3 * pixels.len()) as f64).log10())
-        };
-        let seen = |i: &usize| photo.seen[*i];
-        let subject = |i: &usize| photo.is_subject(*i);
-        let all = 0..taken.pixels.len();
-        let aligned = rounded(&align_colors(&saved, photo));
-        ImageMetrics {
-            psnr_fg: psnr(&saved, all.clone().filter(subject).collect()),
-            psnr_fg_aligned: psnr(&aligned, all.clone().filter(subject).collect()),
-            psnr_full: psnr(&saved, all.filter(seen).collect()).unwrap_or(f64::INFINITY),
+        let sums = ImageSums::of(&saved, photo, median);
+        let metrics = ImageMetrics {
+            psnr_fg: sums.subject.psnr(),
+            psnr_full: sums.seen.psnr().unwrap_or(f64::INFINITY),
+            psnr_moving: sums.moving.psnr(),
             ssim: ssim(&saved, taken),
             lpips: lpips.map(|lpips| {
                 let single = |image: &Image| -> Vec<[f32; 4]> {
@@ -56,7 +85,47 @@ impl ImageMetrics {
                 };
                 lpips.distance(&single(&saved), &single(taken), taken.width as usize)
             }),
+        };
+        (metrics, sums)
+    }
+}
+
+impl ImageSums {
+    fn of(picture: &Image, photo: &Photo, median: Option<&TemporalMedian>) -> ImageSums {
+        let taken = &photo.image.pixels;
+        assert_eq!(picture.pixels.len(), taken.len(), "images of one size");
+        let moving = median.map(|median| median.moving(photo));
+        let mut sums = ImageSums { subject: ColorSums::ZERO, seen: ColorSums::ZERO, moving: ColorSums::ZERO };
+        for (i, (drawn, taken)) in picture.pixels.iter().zip(taken).enumerate() {
+            if photo.seen[i] {
+                sums.seen.add(drawn, taken);
+            }
+            if photo.is_subject(i) {
+                sums.subject.add(drawn, taken);
+            }
+            if moving.as_ref().is_some_and(|moving| moving[i]) {
+                sums.moving.add(drawn, taken);
+            }
         }
+        sums
+    }
+}
+
+impl AlignedPsnr {
+    /// The PSNR of each picture of a camera, given the sums of all of them.
+    pub fn of_camera(sums: &[ImageSums]) -> Vec<AlignedPsnr> {
+        let transform = |of: fn(&ImageSums) -> &ColorSums| {
+            let mut total = ColorSums::ZERO;
+            sums.iter().for_each(|sums| total += of(sums));
+            total.transform()
+        };
+        let (subject, seen) = (transform(|sums| &sums.subject), transform(|sums| &sums.seen));
+        let of = |sums: &ImageSums| AlignedPsnr {
+            fg: sums.subject.psnr_after(&subject),
+            full: sums.seen.psnr_after(&seen).unwrap_or(f64::INFINITY),
+            moving: sums.moving.psnr_after(&seen),
+        };
+        sums.iter().map(of).collect()
     }
 }
 
@@ -143,5 +212,61 @@ mod tests {
         let mut empty = photo(black.clone());
         empty.image.pixels.fill([0.0; 4]);
         assert_eq!(ImageMetrics::of(&black, &empty, None).psnr_fg, None);
+    }
+
+    /// A picture of colours from 0.2 to 0.6, and the photograph that is brighter by `offset`.
+    fn brighter(offset: f64) -> (Image, Photo) {
+        let shade = |x: f64, y: f64| [0.2 + 0.4 * x / 24.0, 0.2 + 0.4 * y / 18.0, 0.4];
+        (image(shade), photo(image(|x, y| shade(x, y).map(|c| c + offset))))
+    }
+
+    #[test]
+    fn a_camera_has_one_transform_for_all_its_pictures() {
+        let aligned = |offsets: &[f64]| {
+            let sums =
+                |(picture, photo): (Image, Photo)| ImageMetrics::with_sums(&picture, &photo, None, None).1;
+            AlignedPsnr::of_camera(&offsets.iter().map(|offset| sums(brighter(*offset))).collect::<Vec<_>>())
+        };
+        // 0.1 is 20 dB; rounding to 8 bits leaves 59 dB.
+        assert!(aligned(&[0.1]).iter().all(|psnr| psnr.full > 55.0 && psnr.fg.unwrap() > 55.0));
+        assert!(aligned(&[0.1, 0.1]).iter().all(|psnr| psnr.full > 55.0));
+        let opposite = aligned(&[0.1, -0.1]);
+        assert!(opposite.iter().all(|psnr| (psnr.full - 20.0).abs() < 0.2), "{opposite:?}");
+        assert!(opposite.iter().all(|psnr| (psnr.fg.unwrap() - 20.0).abs() < 0.2), "{opposite:?}");
+        assert!(AlignedPsnr::of_camera(&[]).is_empty());
+    }
+
+    #[test]
+    fn the_subject_and_whole_images_have_transforms_of_their_own() {
+        let (picture, mut photo) = brighter(0.1);
+        // A quarter is the subject; the rest is as much darker.
+        for (i, pixel) in photo.image.pixels.iter_mut().enumerate().filter(|(i, _)| i % 24 >= 6) {
+            let [r, g, b, _] = picture.pixels[i];
+            *pixel = [r - 0.1, g - 0.1, b - 0.1, 0.0];
+        }
+        let sums = ImageMetrics::with_sums(&picture, &photo, None, None).1;
+        let AlignedPsnr { fg, full, moving } = AlignedPsnr::of_camera(&[sums])[0];
+        assert!(fg.unwrap() > 55.0 && full < 35.0 && moving.is_none(), "{fg:?} {full}");
+    }
+
+    #[test]
+    fn moving_pixels_are_measured_after_the_transform_of_all() {
+        let (picture, still) = brighter(0.1);
+        let mut moved = still.clone();
+        // By a third, in a column of the picture.
+        moved.image.pixels.iter_mut().step_by(24).for_each(|pixel| pixel[1] += 0.3);
+        let median =
+            TemporalMedian::of(&[&still, &moved, &still].map(|photo| photo.image.to_rgb8())).unwrap();
+        let (metrics, sums) = ImageMetrics::with_sums(&picture, &moved, Some(&median), None);
+        // Two channels are off by 0.1 and one by 0.4.
+        let expected = -10.0 * ((0.01 + 0.01 + 0.16) / 3.0f64).log10();
+        assert!((metrics.psnr_moving.unwrap() - expected).abs() < 0.1, "{metrics:?} {expected}");
+        // Alone, the column would be aligned away.
+        let (at_rest, sums_at_rest) = ImageMetrics::with_sums(&picture, &still, Some(&median), None);
+        let aligned = AlignedPsnr::of_camera(&[sums, sums_at_rest, sums_at_rest, sums_at_rest]);
+        let moving = aligned[0].moving.unwrap();
+        assert!((moving - -10.0 * (0.09 / 3.0f64).log10()).abs() < 1.0, "{moving}");
+        assert_eq!((at_rest.psnr_moving, aligned[1].moving), (None, None), "nothing moves there");
+        assert_eq!(ImageMetrics::of(&picture, &moved, None).psnr_moving, None);
     }
 }

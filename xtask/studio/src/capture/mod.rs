@@ -13,6 +13,7 @@ mod manifest;
 mod part;
 mod photo_paths;
 mod plates;
+mod temporal_median;
 mod transforms;
 mod video;
 

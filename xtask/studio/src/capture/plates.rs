@@ -139,6 +139,11 @@ impl CaptureFiles {
         self.background.is_kept = true;
     }
 
+    /// Whether photographs keep the colours of the background.
+    pub(super) fn keeps_background(&self) -> bool {
+        self.background.is_kept
+    }
+
     /// The plate of a camera as a photograph, without lens distortion, at the resolution of the camera; `None` if it has
     /// none.
     ///

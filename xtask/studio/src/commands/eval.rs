@@ -102,6 +102,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     }
     if !args.json {
         println!("\ntrain: fitted to; interp_b: held frames; recon: held cameras; interp_a: both held");
+        println!(
+            "PSNR; aligned: after one transform of colours per camera; moving: pixels off the camera's median"
+        );
         match &lpips {
             Some(lpips) => println!("LPIPS by {}", lpips.network()),
             None => println!("LPIPS is not measured: it takes --lpips-weights."),

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use crate::capture::{CameraCorrections, CameraPart, CaptureFiles};
-use crate::eval::fragments_per_lit_pixel;
+use crate::eval::{HeldCameras, Subject, fragments_per_lit_pixel, held_photos, judge_held_cameras};
 use crate::export::fitted_field_file;
 use crate::fit::{
     self, DepthScale, FitPlan, FitRuntime, FitStart, Fitted, PlatePlan, Segments, SlidePlan, TrainingViews,
@@ -14,7 +14,7 @@ use crate::fit::{
 use crate::input::{Input, is_take, not_one_field};
 use crate::messages::count;
 use crate::progress::counting;
-use crate::scene::{cameras_path, plate_path};
+use crate::scene::{cameras_path, learned_cameras_of, plate_path};
 use crate::segments::FieldFolder;
 use crate::takes::{List, ListedTake, Shard};
 use anyhow::{Context, bail};
@@ -422,7 +422,37 @@ fn fit_capture(args: &Args, out: &Path) -> anyhow::Result<FitResult> {
     let field = fitted.fit.to_field();
     let scene = RenderScene::from(&field);
     let fragments_per_lit_pixel = fragments_per_lit_pixel(&scene, &capture_files, counted);
-    Ok(FitResult { plan, fitted, splits, fragments_per_lit_pixel, plate })
+    // The field is written: a photograph that cannot be read does not undo it.
+    let held_cameras = held_cameras(out, capture_files, holdout).unwrap_or_else(|error| {
+        eprintln!("note: held cameras are not judged: {error:#}");
+        None
+    });
+    Ok(FitResult { plan, fitted, splits, fragments_per_lit_pixel, plate, held_cameras })
+}
+
+/// Compares the field that was written to `out` with a few photographs of held cameras, as `eval` does: with the plate behind
+/// it, by the cameras that were learned with it.
+fn held_cameras(
+    out: &Path,
+    mut capture_files: CaptureFiles,
+    holdout: Holdout,
+) -> anyhow::Result<Option<HeldCameras>> {
+    let photos = held_photos(&capture_files.capture).len();
+    if photos == 0 {
+        return Ok(None);
+    }
+    let input = Input::load(out)?;
+    if let Some(learned) = learned_cameras_of(out) {
+        capture_files.correct(&CameraCorrections::read(&learned)?, &learned)?;
+    }
+    if input.has_plate() {
+        capture_files.keep_background();
+    }
+    let progress = counting(photos as u64, "photographs of held cameras");
+    let subject = Subject::Drawn(Box::new(input));
+    let held = judge_held_cameras(&subject, &capture_files, holdout, || progress.inc(1));
+    progress.finish_and_clear();
+    held
 }
 
 /// What a fit makes of the background, whose plates are found if it needs them. Without a word on it, one that starts from
@@ -472,6 +502,8 @@ pub(super) struct FitResult {
     pub(super) fragments_per_lit_pixel: Option<f64>,
     /// Number of Gaussians of the plate, if one was fitted.
     pub(super) plate: Option<usize>,
+    /// How well the field shows what held cameras saw; `None` if there are none, or they were not judged.
+    pub(super) held_cameras: Option<HeldCameras>,
 }
 
 /// Default length of a part of a field folder in seconds.
@@ -601,7 +633,7 @@ impl FitResult {
     }
 
     pub(super) fn to_json(&self, out: &Path) -> anyhow::Result<Value> {
-        let FitResult { plan, fitted, splits, fragments_per_lit_pixel, plate } = self;
+        let FitResult { plan, fitted, splits, fragments_per_lit_pixel, plate, held_cameras } = self;
         let last = self.last()?;
         Ok(json!({
             "out": out, "steps": plan.steps, "fragment_weight": plan.fragment_weight, "resumed_at": fitted.resumed_at,
@@ -609,7 +641,7 @@ impl FitResult {
             "loss": last.loss, "held_psnr_db": last.held_psnr_db, "seconds": last.seconds,
             "ms_per_step": fitted.ms_per_step, "non_finite": fitted.fit.non_finite(), "splits": splits,
             "fragments_per_lit_pixel": fragments_per_lit_pixel,
-            "plate_gaussians": plate, "lpips": plan.lpips, "backend": fitted.backend,
+            "plate_gaussians": plate, "held_cameras": held_cameras, "lpips": plan.lpips, "backend": fitted.backend,
             "peak_device_bytes": fitted.peak_device_bytes,
         }))
     }
@@ -620,7 +652,7 @@ fn report(args: &Args, result: &FitResult, out: &Path, start: Instant) -> anyhow
         println!("{:#}", result.to_json(out)?);
         return Ok(());
     }
-    let FitResult { plan, fitted, splits, fragments_per_lit_pixel, plate } = result;
+    let FitResult { plan, fitted, splits, fragments_per_lit_pixel, plate, held_cameras } = result;
     let (last, ms_per_step) = (result.last()?, fitted.ms_per_step);
     println!("{splits}");
     match &plan.lpips {
@@ -656,6 +688,9 @@ fn report(args: &Args, result: &FitResult, out: &Path, start: Instant) -> anyhow
         log::preview_path(out).display(),
         start.elapsed().as_secs_f64()
     );
+    if let Some(held_cameras) = held_cameras {
+        print!("\n{}", held_cameras.table());
+    }
     Ok(())
 }
 

@@ -11,7 +11,7 @@ use refine::image::Image;
 use refine::metrics::ImageMetrics;
 use refine::reference::{self, Order};
 
-use super::{Judged, photo_for, splits};
+use super::{Judged, Measured, Medians, align, by_camera, photo_for, splits};
 use crate::capture::CaptureFiles;
 use crate::input::Input;
 
@@ -55,17 +55,21 @@ pub fn judge_baselines(
         fitted.map(|(photo_id, _)| capture_files.capture.clip_time(*photo_id)).collect();
     times.sort_by(f64::total_cmp);
     times.dedup();
-    let mut judged = [Vec::new(), Vec::new()];
-    for (photo_id, split) in splits.into_iter().filter(|(_, split)| split.holds_frame()) {
+    let held = by_camera(splits.into_iter().filter(|(_, split)| split.holds_frame()).collect());
+    let mut medians = Medians::new(capture_files);
+    let mut measured = [Vec::new(), Vec::new()];
+    for (photo_id, split) in held {
         let photo = photo_for(capture_files, photo_id, lpips)?;
         let camera = &capture_files.capture.cameras[photo_id.camera].camera;
         let guesses = guesses(input, camera, &around(&times, capture_files.capture.clip_time(photo_id)));
-        for (judged, guess) in judged.iter_mut().zip(guesses) {
-            judged.push(Judged { photo_id, split, measures: ImageMetrics::of(&guess, &photo, lpips) });
+        let median = medians.median(photo_id.camera)?;
+        for (measured, guess) in measured.iter_mut().zip(guesses) {
+            let (measures, sums) = ImageMetrics::with_sums(&guess, &photo, median, lpips);
+            measured.push(Measured { photo_id, split, measures, sums });
         }
         on_photo();
     }
-    Ok(judged)
+    Ok(measured.map(|measured| align(&measured)))
 }
 
 /// A clip time and its weight in a blend.

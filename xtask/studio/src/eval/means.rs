@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 
 use refine::capture::{Capture, PhotoId, Split};
-use refine::metrics::ImageMetrics;
+use refine::metrics::{AlignedPsnr, ImageMetrics};
 use serde::Serialize;
 
 use super::{Baseline, Judged};
@@ -19,10 +19,17 @@ pub struct SplitMeasures {
     pub psnr_fg: Option<f64>,
     /// Standard deviation of `psnr_fg`; `None` if that is.
     pub psnr_fg_deviation: Option<f64>,
-    /// The same after the affine transform of each picture's colours that fits its photograph best.
+    /// The same after one affine transform of each camera's colours: that of the subject in all its photographs.
     pub psnr_fg_aligned: Option<f64>,
     /// PSNR in dB over whole images, mean over those that differ from their photographs; infinite if none does.
     pub psnr_full: f64,
+    /// The same after one affine transform of each camera's colours: that of all its photographs.
+    pub psnr_full_aligned: f64,
+    /// PSNR in dB over the pixels that differ from the camera's median over time, mean over the images that have any;
+    /// `None` if no image has.
+    pub psnr_moving: Option<f64>,
+    /// The same after the transform of `psnr_full_aligned`.
+    pub psnr_moving_aligned: Option<f64>,
     /// SSIM of whole images, mean.
     pub ssim: f64,
     /// LPIPS of whole images, mean; absent without the weights of a network.
@@ -38,10 +45,9 @@ pub struct SplitMeasures {
 /// Means of each split that has images.
 pub fn means(judged: &[Judged]) -> Vec<SplitMeasures> {
     let of = |split: Split| {
-        let measures: Vec<ImageMetrics> =
-            judged.iter().filter(|one| one.split == split).map(|one| one.measures).collect();
+        let (measures, aligned): (Vec<ImageMetrics>, Vec<AlignedPsnr>) =
+            judged.iter().filter(|one| one.split == split).map(|one| (one.measures, one.aligned)).unzip();
         let subject: Vec<f64> = measures.iter().filter_map(|m| m.psnr_fg).collect();
-        let aligned: Vec<f64> = measures.iter().filter_map(|m| m.psnr_fg_aligned).collect();
         let lpips: Vec<f64> = measures.iter().filter_map(|m| m.lpips).collect();
         let known = !subject.is_empty();
         let center = mean_psnr(&subject);
@@ -51,8 +57,11 @@ pub fn means(judged: &[Judged]) -> Vec<SplitMeasures> {
             split: split.name(),
             psnr_fg: known.then_some(center),
             psnr_fg_deviation: (!squares.is_empty()).then(|| mean(&squares).sqrt()),
-            psnr_fg_aligned: known.then(|| mean_psnr(&aligned)),
+            psnr_fg_aligned: known_psnr(aligned.iter().map(|aligned| aligned.fg)),
             psnr_full: mean_psnr(&full),
+            psnr_full_aligned: mean_psnr(&aligned.iter().map(|aligned| aligned.full).collect::<Vec<_>>()),
+            psnr_moving: known_psnr(measures.iter().map(|m| m.psnr_moving)),
+            psnr_moving_aligned: known_psnr(aligned.iter().map(|aligned| aligned.moving)),
             ssim: mean(&measures.iter().map(|m| m.ssim).collect::<Vec<_>>()),
             lpips: (!lpips.is_empty()).then(|| mean(&lpips)),
             images: measures.len(),
@@ -74,6 +83,12 @@ pub(super) fn mean_psnr(psnr: &[f64]) -> f64 {
     if differing.is_empty() { f64::INFINITY } else { mean(&differing) }
 }
 
+/// Mean PSNR of the images that have one; `None` if none has.
+pub(super) fn known_psnr(psnr: impl Iterator<Item = Option<f64>>) -> Option<f64> {
+    let known: Vec<f64> = psnr.flatten().collect();
+    (!known.is_empty()).then(|| mean_psnr(&known))
+}
+
 pub(super) fn mean(numbers: &[f64]) -> f64 {
     numbers.iter().sum::<f64>() / numbers.len() as f64
 }
@@ -81,8 +96,8 @@ pub(super) fn mean(numbers: &[f64]) -> f64 {
 /// The means as a table in Markdown.
 pub fn table(means: &[SplitMeasures]) -> String {
     let mut text = String::from(
-        "| split | images | PSNR of the subject, dB | colours aligned, dB | whole frame, dB | SSIM | LPIPS |\n\
-         |---|---|---|---|---|---|---|\n",
+        "| split | images | subject, dB | aligned | whole, dB | aligned | moving, dB | aligned | SSIM | LPIPS |\n\
+         |---|---|---|---|---|---|---|---|---|---|\n",
     );
     means.iter().for_each(|row| write_row(&mut text, row.split, row));
     text
@@ -105,26 +120,41 @@ fn write_row(text: &mut String, name: &str, row: &SplitMeasures) {
         (Some(psnr), None) => format!("{psnr:.2}"),
         (None, _) => "–".into(),
     };
-    let SplitMeasures { images, psnr_full, ssim, .. } = row;
-    let aligned = row.psnr_fg_aligned.map_or("–".into(), |psnr| format!("{psnr:.2}"));
+    let SplitMeasures { images, psnr_full, psnr_full_aligned, ssim, .. } = row;
+    let [fg_aligned, moving, moving_aligned] =
+        [row.psnr_fg_aligned, row.psnr_moving, row.psnr_moving_aligned].map(show_db);
     let lpips = row.lpips.map_or("–".into(), |lpips| format!("{lpips:.4}"));
-    writeln!(text, "| {name} | {images} | {subject} | {aligned} | {psnr_full:.2} | {ssim:.4} | {lpips} |")
-        .expect("text grows");
+    writeln!(
+        text,
+        "| {name} | {images} | {subject} | {fg_aligned} | {psnr_full:.2} | {psnr_full_aligned:.2} | {moving} | \
+         {moving_aligned} | {ssim:.4} | {lpips} |"
+    )
+    .expect("text grows");
+}
+
+/// A cell of a table.
+pub(super) fn show_db(psnr: Option<f64>) -> String {
+    psnr.map_or("–".into(), |psnr| format!("{psnr:.2}"))
 }
 
 /// Every picture's measures as CSV.
 pub fn csv(judged: &[Judged], capture_files: &CaptureFiles) -> String {
-    let mut text = String::from("image,camera,frame,split,psnr_fg,psnr_fg_aligned,psnr_full,ssim,lpips\n");
-    for Judged { photo_id, split, measures } in judged {
+    let mut text = String::from(
+        "image,camera,frame,split,psnr_fg,psnr_fg_aligned,psnr_full,psnr_full_aligned,psnr_moving,psnr_moving_aligned,ssim,\
+         lpips\n",
+    );
+    for Judged { photo_id, split, measures, aligned } in judged {
         let camera = &capture_files.capture.cameras[photo_id.camera].name;
-        let [subject, aligned] = [measures.psnr_fg, measures.psnr_fg_aligned]
-            .map(|psnr| psnr.map_or(String::new(), |psnr| format!("{psnr:.4}")));
+        let [fg, fg_aligned, moving, moving_aligned] =
+            [measures.psnr_fg, aligned.fg, measures.psnr_moving, aligned.moving]
+                .map(|psnr| psnr.map_or(String::new(), |psnr| format!("{psnr:.4}")));
         let (name, frame, split) = (capture_files.name(*photo_id), photo_id.frame, split.name());
-        let ImageMetrics { psnr_full, ssim, .. } = measures;
+        let (ImageMetrics { psnr_full, ssim, .. }, full_aligned) = (measures, aligned.full);
         let lpips = measures.lpips.map_or(String::new(), |lpips| format!("{lpips:.6}"));
         writeln!(
             text,
-            "{name},{camera},{frame},{split},{subject},{aligned},{psnr_full:.4},{ssim:.6},{lpips}"
+            "{name},{camera},{frame},{split},{fg},{fg_aligned},{psnr_full:.4},{full_aligned:.4},{moving},{moving_aligned},\
+             {ssim:.6},{lpips}"
         )
         .expect("text grows");
     }
@@ -144,13 +174,16 @@ pub fn parse_csv(text: &str, capture_files: &CaptureFiles) -> Result<Vec<Judged>
         photos.iter().map(|photo_id| (name(photo_id), *photo_id)).collect();
     let parse_line = |line: &str| {
         // From the end, as names may hold commas.
-        let mut cells = line.rsplitn(7, ',');
+        let mut cells = line.rsplitn(10, ',');
         let mut cell = || cells.next();
         let optional = |text: &str| if text.is_empty() { Some(None) } else { text.parse().ok().map(Some) };
         let lpips = optional(cell()?)?;
         let ssim = cell()?.parse().ok()?;
+        let moving = optional(cell()?)?;
+        let psnr_moving = optional(cell()?)?;
+        let full = cell()?.parse().ok()?;
         let psnr_full = cell()?.parse().ok()?;
-        let psnr_fg_aligned = optional(cell()?)?;
+        let fg = optional(cell()?)?;
         let psnr_fg = optional(cell()?)?;
         let split = cell()?;
         let split = Split::ALL.into_iter().find(|known| known.name() == split)?;
@@ -158,7 +191,8 @@ pub fn parse_csv(text: &str, capture_files: &CaptureFiles) -> Result<Vec<Judged>
         Some(Judged {
             photo_id,
             split,
-            measures: ImageMetrics { psnr_fg, psnr_fg_aligned, psnr_full, ssim, lpips },
+            measures: ImageMetrics { psnr_fg, psnr_full, psnr_moving, ssim, lpips },
+            aligned: AlignedPsnr { fg, full, moving },
         })
     };
     let lines = (1..).zip(text.lines()).skip(1);
@@ -177,10 +211,15 @@ mod tests {
             split: Split::Train,
             measures: ImageMetrics {
                 psnr_fg: *psnr_fg,
-                psnr_fg_aligned: *psnr_fg,
                 psnr_full: 30.0,
+                psnr_moving: (frame == 1).then_some(10.0),
                 ssim: 0.5,
                 lpips: None,
+            },
+            aligned: AlignedPsnr {
+                fg: psnr_fg.map(|psnr| psnr + 1.0),
+                full: 32.0,
+                moving: (frame == 1).then_some(15.0),
             },
         };
         psnr_fg.iter().enumerate().map(one).collect()
@@ -192,7 +231,9 @@ mod tests {
         assert_eq!((rows[0].psnr_fg, rows[0].psnr_fg_deviation), (Some(23.0), Some(3.0)));
         assert_eq!((rows[0].images, rows[0].without_subject, rows.len()), (3, 1, 1));
         assert!(
-            table(&rows).contains("| train | 3 | 23.00 ± 3.00 | 23.00 | 30.00 | 0.5000 | – |"),
+            table(&rows).contains(
+                "| train | 3 | 23.00 ± 3.00 | 24.00 | 30.00 | 32.00 | 10.00 | 15.00 | 0.5000 | – |"
+            ),
             "{}",
             table(&rows)
         );
@@ -202,7 +243,7 @@ mod tests {
     fn exact_pictures_and_empty_ones_have_no_deviation() {
         let text = |psnr: &[Option<f64>]| table(&means(&judged(psnr)));
         assert!(text(&[Some(f64::INFINITY); 2]).contains("| 2 | inf | inf | 30.00 |"));
-        assert!(text(&[None]).contains("| 1 | – | – | 30.00 |"));
+        assert!(text(&[None]).contains("| 1 | – | – | 30.00 | 32.00 | – | – |"));
     }
 
     #[test]

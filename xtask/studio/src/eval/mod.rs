@@ -1,12 +1,15 @@
 //! Compares a field, a package or a folder of pictures with the photographs of a capture.
 //!
-//! Measures: means of each split (`means`), baselines for held frames (`baselines`), means over scenes
-//! (`scenes`), prefixes of a package (`prefixes`), frames of a take (`over_time`), cost for a player (`fragments`). Pictures, as in the paper's appendices: beside the
+//! Measures: what needs all photographs of a camera (`by_camera`), means of each split (`means`), baselines for held frames
+//! (`baselines`), held cameras after a fit (`held_cameras`), means over scenes (`scenes`), prefixes of a package (`prefixes`),
+//! frames of a take (`over_time`), cost for a player (`fragments`). Pictures, as in the paper's appendices: beside the
 //! photographs (`strips`), between captured frames (`quarter`), from new viewpoints (`free`).
 
 mod baselines;
+mod by_camera;
 mod fragments;
 mod free;
+mod held_cameras;
 mod means;
 mod over_time;
 mod prefixes;
@@ -22,15 +25,17 @@ use program::Fault;
 use refine::capture::{Holdout, Photo, PhotoId, Split};
 use refine::fit::{Lpips, LpipsError};
 use refine::image::Image;
-use refine::metrics::ImageMetrics;
+use refine::metrics::{AlignedPsnr, ImageMetrics};
 use refine::reference::{self, Order};
 
 use crate::capture::{CaptureFiles, find_image, read_picture};
 use crate::input::Input;
+use by_camera::{Measured, Medians, align, by_camera};
 
 pub use baselines::{Baseline, judge_baselines};
 pub use fragments::fragments_per_lit_pixel;
 pub use free::free_views;
+pub use held_cameras::{HeldCamera, HeldCameras, held_photos, judge_held_cameras};
 pub use means::{SplitMeasures, baseline_rows, csv, means, parse_csv, table};
 pub use over_time::{FrameErrors, over_time};
 pub use prefixes::{PrefixEval, PrefixEvalStep, eval_prefixes};
@@ -107,13 +112,19 @@ pub struct Judged {
     pub split: Split,
     /// Similarity of picture and photograph.
     pub measures: ImageMetrics,
+    /// PSNR after the transform of the camera's colours.
+    pub aligned: AlignedPsnr,
 }
 
 /// A picture, its photograph and their measures.
 #[derive(Clone, Copy, Debug)]
 pub struct Comparison<'a> {
+    /// Camera and frame.
+    pub photo_id: PhotoId,
+    /// The split of the photograph.
+    pub split: Split,
     /// The measures.
-    pub judged: &'a Judged,
+    pub measures: &'a ImageMetrics,
     /// The picture.
     pub picture: &'a Image,
     /// The photograph.
@@ -146,7 +157,7 @@ fn photo_for(
 }
 
 /// Compares pictures of `subject` with all photographs of `capture_files`; skips photographs whose picture a
-/// folder lacks. Measures LPIPS if its network is given. Calls `on_photo` for each photograph, with `None`
+/// folder lacks. Measures LPIPS if its network is given. Calls `on_photo` for each photograph, camera by camera, with `None`
 /// if it is skipped.
 ///
 /// # Errors
@@ -156,10 +167,22 @@ pub fn judge(
     capture_files: &CaptureFiles,
     holdout: Holdout,
     lpips: Option<&Lpips<f32>>,
+    on_photo: impl FnMut(Option<Comparison>),
+) -> anyhow::Result<Vec<Judged>> {
+    judge_photos(subject, capture_files, splits(capture_files, holdout)?, lpips, on_photo)
+}
+
+/// Compares pictures of `subject` with these photographs, as [`judge`] does.
+fn judge_photos(
+    subject: &Subject,
+    capture_files: &CaptureFiles,
+    photos: Vec<(PhotoId, Split)>,
+    lpips: Option<&Lpips<f32>>,
     mut on_photo: impl FnMut(Option<Comparison>),
 ) -> anyhow::Result<Vec<Judged>> {
-    let mut judged = Vec::new();
-    for (photo_id, split) in splits(capture_files, holdout)? {
+    let mut medians = Medians::new(capture_files);
+    let mut measured = Vec::new();
+    for (photo_id, split) in by_camera(photos) {
         if !subject.shows(capture_files, photo_id) {
             on_photo(None);
             continue;
@@ -167,15 +190,22 @@ pub fn judge(
         // The photograph first: reading it checks its size against the camera's.
         let photo = photo_for(capture_files, photo_id, lpips)?;
         if let Some(picture) = subject.picture(capture_files, photo_id)? {
-            let one = Judged { photo_id, split, measures: ImageMetrics::of(&picture, &photo, lpips) };
-            on_photo(Some(Comparison { judged: &one, picture: &picture, photo: &photo }));
-            judged.push(one);
+            let median = medians.median(photo_id.camera)?;
+            let (measures, sums) = ImageMetrics::with_sums(&picture, &photo, median, lpips);
+            on_photo(Some(Comparison {
+                photo_id,
+                split,
+                measures: &measures,
+                picture: &picture,
+                photo: &photo,
+            }));
+            measured.push(Measured { photo_id, split, measures, sums });
         }
     }
-    if judged.is_empty() {
+    if measured.is_empty() {
         bail!(Fault::Data(
             "there is no picture of any photograph; name the pictures as the photographs".into()
         ));
     }
-    Ok(judged)
+    Ok(align(&measured))
 }

@@ -23,8 +23,16 @@ pub struct SceneMeasures {
     pub split: &'static str,
     /// PSNR in dB over the subject, of the scenes that show it.
     pub psnr_fg: Option<Spread>,
+    /// The same after one transform of each camera's colours.
+    pub psnr_fg_aligned: Option<Spread>,
     /// PSNR in dB over whole images.
     pub psnr_full: Spread,
+    /// The same after one transform of each camera's colours.
+    pub psnr_full_aligned: Spread,
+    /// PSNR in dB over moving pixels, of the scenes that have any.
+    pub psnr_moving: Option<Spread>,
+    /// The same after one transform of each camera's colours.
+    pub psnr_moving_aligned: Option<Spread>,
     /// SSIM of whole images.
     pub ssim: Spread,
     /// LPIPS of whole images; absent without the weights of a network.
@@ -46,7 +54,11 @@ pub fn over_scenes(scenes: &[Vec<SplitMeasures>]) -> Vec<SceneMeasures> {
         Some(SceneMeasures {
             split: split.name(),
             psnr_fg: known(|row| row.psnr_fg),
+            psnr_fg_aligned: known(|row| row.psnr_fg_aligned),
             psnr_full: known(|row| Some(row.psnr_full))?,
+            psnr_full_aligned: known(|row| Some(row.psnr_full_aligned))?,
+            psnr_moving: known(|row| row.psnr_moving),
+            psnr_moving_aligned: known(|row| row.psnr_moving_aligned),
             ssim: known(|row| Some(row.ssim))?,
             lpips: known(|row| row.lpips),
             scenes: rows.len(),
@@ -66,16 +78,24 @@ fn spread(numbers: &[f64]) -> Option<Spread> {
 /// The rows as a table in Markdown.
 pub fn scenes_table(rows: &[SceneMeasures]) -> String {
     let mut text = String::from(
-        "| split | scenes | images | PSNR of the subject, dB | whole frame, dB | SSIM | LPIPS |\n\
-         |---|---|---|---|---|---|---|\n",
+        "| split | scenes | images | subject, dB | aligned | whole, dB | aligned | moving, dB | aligned | SSIM | LPIPS |\n\
+         |---|---|---|---|---|---|---|---|---|---|---|\n",
     );
-    for SceneMeasures { split, psnr_fg, psnr_full, ssim, lpips, scenes, images } in rows {
-        let db = |spread: &Spread| show(spread, 2);
-        let subject = psnr_fg.as_ref().map_or("–".into(), db);
-        let lpips = lpips.as_ref().map_or("–".into(), |spread| show(spread, 4));
-        let (full, ssim) = (db(psnr_full), show(ssim, 4));
-        writeln!(text, "| {split} | {scenes} | {images} | {subject} | {full} | {ssim} | {lpips} |")
-            .expect("text grows");
+    for row in rows {
+        let cell =
+            |spread: &Option<Spread>, digits| spread.map_or("–".into(), |spread| show(&spread, digits));
+        let psnr = [
+            row.psnr_fg,
+            row.psnr_fg_aligned,
+            Some(row.psnr_full),
+            Some(row.psnr_full_aligned),
+            row.psnr_moving,
+            row.psnr_moving_aligned,
+        ];
+        let psnr = psnr.map(|spread| cell(&spread, 2)).join(" | ");
+        let (ssim, lpips) = (show(&row.ssim, 4), cell(&row.lpips, 4));
+        let SceneMeasures { split, scenes, images, .. } = row;
+        writeln!(text, "| {split} | {scenes} | {images} | {psnr} | {ssim} | {lpips} |").expect("text grows");
     }
     text
 }
@@ -99,6 +119,9 @@ mod tests {
             psnr_fg_deviation: psnr_fg.map(|_| 9.0),
             psnr_fg_aligned: psnr_fg,
             psnr_full,
+            psnr_full_aligned: psnr_full,
+            psnr_moving: psnr_fg.map(|psnr| psnr - 5.0),
+            psnr_moving_aligned: None,
             ssim: 0.5,
             lpips: None,
             images: 10,
@@ -116,8 +139,10 @@ mod tests {
         assert_eq!((rows[0].scenes, rows[0].images, rows[0].lpips), (2, 100, None));
         assert_eq!((rows[1].split, rows[1].scenes, rows[1].psnr_fg), ("interp_b", 1, None));
         let table = scenes_table(&rows);
-        assert!(table.contains("| train | 2 | 100 | 23.00 ± 3.00 | inf | 0.5000 ± 0.0000 | – |"), "{table}");
-        assert!(table.contains("| interp_b | 1 | 10 | – | 28.00 ± 0.00 |"), "{table}");
+        let train = "| train | 2 | 100 | 23.00 ± 3.00 | 23.00 ± 3.00 | inf | inf | 18.00 ± 3.00 | – | 0.5000 ± 0.0000 | – |";
+        assert!(table.contains(train), "{table}");
+        let held = "| interp_b | 1 | 10 | – | – | 28.00 ± 0.00 | 28.00 ± 0.00 | – | – |";
+        assert!(table.contains(held), "{table}");
         assert!(over_scenes(&[]).is_empty());
     }
 }

@@ -51,8 +51,7 @@ impl Strips {
 
     /// Adds the strip of a picture if it is central or the worst so far.
     pub fn add(&mut self, comparison: Comparison) {
-        let (photo_id, split) = (comparison.judged.photo_id, comparison.judged.split);
-        let measures = &comparison.judged.measures;
+        let Comparison { photo_id, split, measures, .. } = comparison;
         let psnr = measures.psnr_fg.unwrap_or(measures.psnr_full);
         let strip = || Strip { photo_id, split, image: strip(comparison.picture, &comparison.photo.image) };
         if self.central.contains(&photo_id) {

@@ -38,6 +38,7 @@ pub use plan::{DepthScale, FitPlan, FitStart, PlatePlan, SH_DEGREE, crc, file_cr
 pub use plate::fit_plate;
 pub use refinement::{Refinement, RefinementReport};
 pub use slide::{Assembled, Segments, SlidField, SlidePlan, SlideProgress, WorkFolder, slide, slide_cost};
+pub(crate) use training_views::evenly;
 use training_views::mean_psnr;
 pub use training_views::{TrainingViews, train_frames};
 

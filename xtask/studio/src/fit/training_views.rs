@@ -132,7 +132,7 @@ pub(super) fn mean_psnr(views: &TrainingViews, pictures: &[RenderedImage<f32>]) 
 }
 
 /// At most `count` evenly spaced items of `all`, with its first and last.
-pub(super) fn evenly<T: Copy>(all: &[T], count: usize) -> Vec<T> {
+pub(crate) fn evenly<T: Copy>(all: &[T], count: usize) -> Vec<T> {
     let count = count.min(all.len());
     (0..count).map(|i| all[if count == 1 { 0 } else { i * (all.len() - 1) / (count - 1) }]).collect()
 }

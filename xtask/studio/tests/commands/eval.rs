@@ -362,8 +362,13 @@ fn baselines_predict_held_frames() {
     let [nearest, blend] = ["nearest_frame", "blended_frames"].map(|name| &json["baselines"][name]);
     for (split, images) in [("interp_b", 2), ("interp_a", 1)] {
         // Halfway between two frames the earlier one is the nearest: the same pictures.
-        assert_eq!(nearest[split], first["splits"][split]);
+        let as_they_are = ["psnr_fg", "psnr_full", "psnr_moving", "ssim", "images"];
+        for key in as_they_are {
+            assert_eq!(nearest[split][key], first["splits"][split][key], "{key}");
+        }
         assert_eq!(nearest[split]["images"], images);
+        // Half of the frames have another transform of colours than all.
+        assert!(nearest[split]["psnr_full_aligned"].as_f64() > nearest[split]["psnr_full"].as_f64());
         let [nearest, blend] = [nearest, blend].map(|of| of[split]["psnr_full"].as_f64().unwrap());
         assert!(blend != nearest && blend < 60.0, "{blend} {nearest}");
         assert!(json["splits"][split]["psnr_full"].is_null(), "the field is exact");
@@ -373,6 +378,77 @@ fn baselines_predict_held_frames() {
     assert!(text.contains("| interp_b, nearest fitted frame | 2 |"), "{text}");
     assert!(text.contains("| interp_a, blend of the two around | 1 |"), "{text}");
     assert!(eval("first", &["--baselines"]).error(2).contains("first holds pictures"));
+}
+
+/// Photographs whose colours are changed by camera, or by frame.
+#[test]
+fn colours_are_aligned_by_camera_and_what_moves_is_measured() {
+    let (folder, field) = lively_studio();
+    let folder = folder.path();
+    write_manifest(folder, |_| ());
+    for (name, by_camera, by_frame) in [("tinted", 0.15, 0.0), ("flickering", 0.0, 0.15)] {
+        for (c, camera) in cameras().iter().enumerate() {
+            for frame in 0..FRAMES {
+                let t = frame as f64 / (FRAMES - 1) as f64;
+                let mut image = render(&RenderScene::from(&field), camera, t, Order::Depth);
+                let gray = 0.5 + by_camera * (c as f64 - 1.0) + by_frame * (frame as f64 - 1.0);
+                image
+                    .pixels
+                    .iter_mut()
+                    .for_each(|pixel| (0..3).for_each(|i| pixel[i] = gray + 0.2 * pixel[i]));
+                save(&folder.join(format!("{name}/c{c}/{frame:02}.png")), &image);
+            }
+        }
+    }
+    let eval = |subject: &str, more: &str| {
+        let line = format!("eval {subject} --capture . --holdout odd {more}");
+        aarc_studio(folder, &line.split_whitespace().collect::<Vec<_>>())
+    };
+    let all = ["train", "interp_b", "recon", "interp_a"];
+    let values = |json: &Value, key: &str| all.map(|split| json["splits"][split][key].as_f64().expect(key));
+    let [tinted, flickering] = ["tinted", "flickering"].map(|subject| eval(subject, "--json").json());
+    for part in ["fg", "full", "moving"] {
+        let psnr = |json: &Value| values(json, &format!("psnr_{part}"));
+        let aligned = |json: &Value| values(json, &format!("psnr_{part}_aligned"));
+        assert!(psnr(&tinted).iter().all(|db| *db < 16.0), "{part} {tinted}");
+        assert!(aligned(&tinted).iter().all(|db| *db > 40.0), "{part} {tinted}");
+        // The middle frame has the mean colours: only its neighbours keep an error.
+        let flickering = aligned(&flickering);
+        assert!([flickering[0], flickering[2]].iter().all(|db| *db < 25.0), "{part} {flickering:?}");
+    }
+    // The field is exact, and so is what moves in it, which a picture that stands still misses.
+    let exact = eval("field.ply", "--json").json();
+    assert!(exact["splits"]["train"]["psnr_moving"].is_null(), "{exact}");
+    freeze(folder, &field, "first", 0.0);
+    let first = eval("first", "--json -o out").json();
+    let [full, moving] = ["psnr_full", "psnr_moving"].map(|key| values(&first, key)[1]);
+    assert!(moving < full - 3.0, "{moving} {full}");
+    let written = |name: &str| fs::read_to_string(folder.join("out").join(name)).unwrap();
+    let header = "image,camera,frame,split,psnr_fg,psnr_fg_aligned,psnr_full,psnr_full_aligned,psnr_moving,\
+                  psnr_moving_aligned,ssim,lpips";
+    let csv = written("eval.csv");
+    assert_eq!(csv.lines().next(), Some(header));
+    assert!(csv.lines().all(|line| line.split(',').count() == 12), "{csv}");
+    let row = format!(" | {full:.2} | {:.2} | {moving:.2} | ", values(&first, "psnr_full_aligned")[1]);
+    assert!(written("eval.md").contains(&row), "{row} {}", written("eval.md"));
+    // The measures are parsed from this file in reports.
+    let capture_files = CaptureFiles::open(folder).unwrap();
+    let parsed = studio::eval::means(&studio::eval::parse_csv(&csv, &capture_files).unwrap());
+    for (row, split) in parsed.iter().zip(all) {
+        let of = |key: &str| first["splits"][split][key].as_f64().unwrap();
+        let pairs = [
+            (row.psnr_fg_aligned.unwrap(), of("psnr_fg_aligned")),
+            (row.psnr_full_aligned, of("psnr_full_aligned")),
+            (row.psnr_moving.unwrap(), of("psnr_moving")),
+            (row.psnr_moving_aligned.unwrap(), of("psnr_moving_aligned")),
+        ];
+        assert!(pairs.iter().all(|(parsed, json)| (parsed - json).abs() < 1e-3), "{split}: {pairs:?}");
+    }
+    // One frame has no median over time.
+    let still = eval("first", "--json --frames 2..3").json();
+    let train = &still["splits"]["train"];
+    assert!(train["psnr_moving"].is_null() && train["psnr_moving_aligned"].is_null(), "{still}");
+    assert!(train["psnr_full_aligned"].as_f64().is_some(), "{still}");
 }
 
 #[test]
@@ -507,12 +583,14 @@ fn a_field_is_rendered_between_frames_and_from_new_viewpoints() {
         assert_eq!(top, bottom, "the field is exact");
     }
     let views = picture(&folder.join("out/free_views.png"));
-    assert_eq!(views.dimensions(), (4 * SIZE.0, SIZE.1));
-    let brightness = |view: u32| -> u32 {
-        let part = image::imageops::crop_imm(&views, view * SIZE.0, 0, SIZE.0, SIZE.1);
+    // Between two cameras; above, below, near.
+    assert_eq!(views.dimensions(), (3 * SIZE.0, 2 * SIZE.1));
+    let brightness = |row: u32, view: u32| -> u32 {
+        let part = image::imageops::crop_imm(&views, view * SIZE.0, row * SIZE.1, SIZE.0, SIZE.1);
         part.pixels().map(|(_, _, pixel)| pixel.0.iter().map(|c| u32::from(*c)).sum::<u32>()).sum()
     };
-    assert!((0..3).all(|view| brightness(view) > 10_000) && brightness(3) > 2 * brightness(0));
+    assert!(brightness(0, 0) > 10_000 && brightness(0, 1) + brightness(0, 2) == 0);
+    assert!((0..3).all(|view| brightness(1, view) > 10_000) && brightness(1, 2) > 2 * brightness(1, 0));
 }
 
 #[test]

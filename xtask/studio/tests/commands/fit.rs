@@ -1,5 +1,6 @@
 //! `cargo xtask fit` and its output, on a capture by a ray tracer.
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
 use std::process::Command;
@@ -40,6 +41,48 @@ fn a_fit_generalizes_to_held_out_photographs() {
     fit(folder, &["--steps", "800", "--gaussians", "1500", "--anchor", "none"]);
     let scattered = measured(folder, "interp_b");
     assert!(scattered < held_frames - 1.0, "{scattered} without an anchor, {held_frames} with one");
+}
+
+/// A fit ends with what `eval` measures, here of all frames.
+#[test]
+fn a_fit_ends_with_the_cameras_that_it_held() {
+    let folder = stage();
+    let folder = folder.path();
+    let held = fit(folder, &["--steps", "60", "--gaussians", "300"])["held_cameras"].clone();
+    aarc_studio(folder, &["eval", "field.ply", "--capture", "stage", "-o", "out"]).success();
+    let csv = fs::read_to_string(folder.join("out/eval.csv")).unwrap();
+    let rows: Vec<Vec<&str>> = csv.lines().map(|line| line.split(',').collect()).collect();
+    let column = |key: &str| rows[0].iter().position(|name| *name == key).unwrap();
+    let cameras = held["cameras"].as_array().unwrap();
+    let is_held = |row: &&Vec<&str>| ["recon", "interp_a"].contains(&row[column("split")]);
+    assert!(!cameras.is_empty() && rows.iter().filter(is_held).count() == 5 * cameras.len(), "{held}");
+    let mean = |numbers: &[f64]| numbers.iter().sum::<f64>() / numbers.len() as f64;
+    for key in ["psnr_full", "psnr_full_aligned", "psnr_moving", "psnr_moving_aligned"] {
+        let of_cameras: Vec<f64> = cameras.iter().map(|camera| camera[key].as_f64().unwrap()).collect();
+        for (camera, psnr) in cameras.iter().zip(&of_cameras) {
+            let of_camera = rows.iter().filter(|row| row[column("camera")] == camera["camera"]);
+            let judged: Vec<f64> = of_camera.filter_map(|row| row[column(key)].parse().ok()).collect();
+            assert!((mean(&judged) - psnr).abs() < 1e-3, "{key}: {judged:?} {psnr}");
+            assert_eq!(camera["images"], 5);
+        }
+        assert!((held["mean"][key].as_f64().unwrap() - mean(&of_cameras)).abs() < 1e-9, "{held}");
+    }
+    let name = cameras[0]["camera"].as_str().unwrap();
+    let fit = |more: &str| {
+        let line = format!("fit stage -o field.ply --steps 5 --gaussians 200 --sh-degree 0 {more}");
+        aarc_studio(folder, &line.split(' ').filter(|word| !word.is_empty()).collect::<Vec<_>>()).success()
+    };
+    let text = fit("").stdout;
+    assert!(text.contains(&format!("| {name} | 5 | ")) && text.contains("\n| mean | "), "{text}");
+    // Without held cameras there is no table.
+    let train = rows.iter().filter(|row| row[column("split")] == "train");
+    let fitted: BTreeSet<&str> = train.map(|row| row[column("camera")]).collect();
+    let fitted = Vec::from_iter(fitted).join(",");
+    assert!(!fit(&format!("--cameras {fitted}")).stdout.contains("| held camera |"));
+    // A photograph that is read only after the fit does not undo it: of the held ones, the table of the fit has eight.
+    fs::write(folder.join(format!("stage/images/{name}/000002.png")), b"no picture").unwrap();
+    let outcome = fit("--holdout odd");
+    assert!(outcome.stderr.contains("note: held cameras are not judged: "), "{}", outcome.stderr);
 }
 
 #[test]

@@ -48,8 +48,17 @@ fn what_moves_is_fitted_in_front_of_a_plate() {
     }
     let folder = studio();
     let folder = folder.path();
+    let held = CaptureFiles::open(&folder.join("studio")).unwrap().capture.cameras[3].name.clone();
+    let json = run(folder, &format!("fit studio -o a.ply --held-cameras {held} --json {FIT}")).json();
+    // The held camera is judged with the plate, as `eval` does.
+    let after_fit = json["held_cameras"]["mean"]["psnr_full"].as_f64().unwrap();
+    let recon = run(folder, &format!("eval a.ply --capture studio --held-cameras {held} --json")).json()["splits"]
+        ["recon"]["psnr_full"]
+        .as_f64()
+        .unwrap();
+    assert!((after_fit - recon).abs() < 0.5, "{after_fit} of eight frames, {recon} of all");
     let json = run(folder, &format!("fit studio -o a.ply --json {FIT}")).json();
-    assert!(json["plate_gaussians"].as_u64().unwrap() > 300, "{json}");
+    assert!(json["held_cameras"].is_null() && json["plate_gaussians"].as_u64().unwrap() > 300, "{json}");
     let [whole, subject] = eval(folder, "a.ply");
     println!("with the plate: {whole:.2} dB, the subject {subject:.2} dB");
     assert!(whole > 22.0 && subject > 17.0, "{whole} {subject}");

@@ -30,9 +30,9 @@ use crate::takes::{OutputState, Record, key};
 /// Name of the field in the folder of a fit.
 const FIELD: &str = "field.ply";
 
-/// Commands in the records.
+/// Commands in the records; that of `eval` counts the changes of its columns.
 const FIT: &str = "report: fit";
-pub(super) const EVAL: &str = "report: eval";
+pub(super) const EVAL: &str = "report: eval 2";
 const PACKAGE: &str = "report: package";
 
 /// Held frames: every table of the paper holds every other one.
@@ -274,7 +274,14 @@ impl Bench<'_> {
         views.responses = responses;
         let splits = self.ablation.photographs.clone();
         // Fragments are counted with the other measures, in the views that the page shows.
-        let result = FitResult { plan: plan.clone(), fitted, splits, fragments_per_lit_pixel: None, plate };
+        let result = FitResult {
+            plan: plan.clone(),
+            fitted,
+            splits,
+            fragments_per_lit_pixel: None,
+            plate,
+            held_cameras: None,
+        };
         let report = result.to_json(field)?;
         Record::complete(field, FIT, &key, report.clone())?;
         Ok(report)
@@ -379,7 +386,7 @@ impl Bench<'_> {
         let judged = judge(subject, judged_files, HOLDOUT, self.lpips.as_ref(), |comparison| {
             progress.inc(1);
             let Some(comparison) = comparison.filter(|_| is_shown && written.is_ok()) else { return };
-            let shown = self.pictured.iter().find(|photo| photo.photo_id == comparison.judged.photo_id);
+            let shown = self.pictured.iter().find(|photo| photo.photo_id == comparison.photo_id);
             if let Some(photo) = shown {
                 let picture = photo.crop.of(comparison.picture);
                 written = write_picture(&self.path(folder, &photo.file), &picture);

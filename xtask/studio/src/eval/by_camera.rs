@@ -1,0 +1,62 @@
+//! Measures that need all photographs of a camera: the median over time and the transform of colours.
+//!
+//! Photographs are judged camera by camera, so that one median is in memory at a time.
+
+use program::Fault;
+use refine::capture::{PhotoId, Split};
+use refine::metrics::{AlignedPsnr, ImageMetrics, ImageSums, TemporalMedian};
+
+use super::Judged;
+use crate::capture::CaptureFiles;
+
+/// A compared picture whose colours are not aligned yet.
+pub(super) struct Measured {
+    pub photo_id: PhotoId,
+    pub split: Split,
+    pub measures: ImageMetrics,
+    pub sums: ImageSums,
+}
+
+/// Photographs, those of a camera one after the other.
+pub(super) fn by_camera(mut photos: Vec<(PhotoId, Split)>) -> Vec<(PhotoId, Split)> {
+    photos.sort_by_key(|(photo_id, _)| (photo_id.camera, photo_id.frame));
+    photos
+}
+
+/// The median of the camera that was asked for last.
+pub(super) struct Medians<'a> {
+    capture_files: &'a CaptureFiles,
+    last: Option<(usize, Option<TemporalMedian>)>,
+}
+
+impl Medians<'_> {
+    pub(super) fn new(capture_files: &CaptureFiles) -> Medians<'_> {
+        Medians { capture_files, last: None }
+    }
+
+    /// The median of a camera, see [`CaptureFiles::temporal_median`].
+    pub(super) fn median(&mut self, camera: usize) -> Result<Option<&TemporalMedian>, Fault> {
+        if self.last.as_ref().is_none_or(|(last, _)| *last != camera) {
+            // The old one goes before the new one is made.
+            self.last = None;
+            self.last = Some((camera, self.capture_files.temporal_median(camera)?));
+        }
+        Ok(self.last.as_ref().and_then(|(_, median)| median.as_ref()))
+    }
+}
+
+/// Aligns the colours of pictures in the order of [`by_camera`], by one transform for each camera. Returns them in the order
+/// of their frames.
+pub(super) fn align(measured: &[Measured]) -> Vec<Judged> {
+    let mut judged: Vec<Judged> = Vec::with_capacity(measured.len());
+    for of_camera in measured.chunk_by(|a, b| a.photo_id.camera == b.photo_id.camera) {
+        let sums: Vec<ImageSums> = of_camera.iter().map(|one| one.sums).collect();
+        for (Measured { photo_id, split, measures, .. }, aligned) in
+            of_camera.iter().zip(AlignedPsnr::of_camera(&sums))
+        {
+            judged.push(Judged { photo_id: *photo_id, split: *split, measures: *measures, aligned });
+        }
+    }
+    judged.sort_by_key(|one| one.photo_id);
+    judged
+}
