@@ -52,7 +52,7 @@ pub struct Field {
     /// The filter that the Gaussians are drawn with.
     pub filter: PixelFilter,
     /// Depth in front of an eye, in source units, from which on Gaussians are drawn whole; nearer ones fade, see
-    /// [`near_fade`]. Finite, not negative; 0 if none fades.
+    /// [`near_fade`](crate::near_fade). Finite, not negative; 0 if none fades.
     pub near: f32,
     /// Windows and motion; absent if every Gaussian is always on and motionless.
     pub temporal: Option<Temporal>,

@@ -130,6 +130,7 @@ pub(crate) fn check_end(contents: &Contents, available: usize) -> Result<(), Err
 }
 
 /// Parses a head whose checksum has been checked.
+// Long: one field of the head after the other.
 fn parse(head: &Head, limits: &Limits, budget: &mut Budget) -> Result<Contents, Error> {
     let (preamble, mut reader) = head.preamble()?;
     let plate_len = preamble.plate_len;

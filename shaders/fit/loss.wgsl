@@ -1,5 +1,5 @@
 // Stage loss: 0.8 L1 + 0.2 (1 - SSIM), means over all pixels and three channels (the paper's Eq. 9 without
-// LPIPS), and its gradient with respect to the image. L1 also compares alpha with the mask.
+// LPIPS), and its gradient with respect to the image. L1 also compares alpha with the mask, or with 1.
 //
 // The window of SSIM (Wang et al. 2004) is separable, with zeros beyond the edges. One thread per pixel:
 //
@@ -12,8 +12,8 @@
 @group(0) @binding(3) var<storage, read_write> totals: array<u32>;
 // Red, green, blue over black, and alpha.
 @group(0) @binding(14) var<storage, read> image: array<vec4<f32>>;
-// One byte each: red (lowest), green, blue, and 0 for an invalid pixel, UNMASKED for one of a photograph without a mask,
-// one more outside of the subject, else the mask. Invalid pixels count as equal and have no gradient.
+// One byte each: red (lowest), green, blue, and 0 for an invalid pixel, 1 outside of the subject, else the mask.
+// Invalid pixels count as equal and have no gradient.
 @group(0) @binding(15) var<storage, read> photograph: array<u32>;
 // Blurred along rows, `[quantity][channel][pixel]`: first the MOMENTS, then the DERIVATIVES.
 @group(0) @binding(16) var<storage, read_write> blurred: array<f32>;
@@ -41,13 +41,13 @@ fn target_color(pixel: u32) -> vec3<f32> {
     return vec3<f32>(vec3<u32>(bytes & 0xffu, (bytes >> 8u) & 0xffu, (bytes >> 16u) & 0xffu)) / 255.0;
 }
 
-// Alpha of the image minus the mask, weighted; 0 without a mask.
+// Alpha of the image minus the mask, weighted; 0 for an invalid pixel.
 fn alpha_difference(pixel: u32) -> f32 {
     let mask = photograph[pixel] >> 24u;
-    if mask <= UNMASKED {
+    if mask == 0u {
         return 0.0;
     }
-    let opacity = select(f32(mask) / 255.0, 0.0, mask == UNMASKED + 1u);
+    let opacity = select(f32(mask) / 255.0, 0.0, mask == 1u);
     return ALPHA_CHANNELS * (image[pixel].w - opacity);
 }
 

@@ -1,11 +1,12 @@
 // Stage project: projects every Gaussian, one thread each.
 //
-// In: parameters. Out: by row, its splat and the number of tiles that it overlaps; a sort key that ascends
-// with depth (NOT_DRAWN for a Gaussian that reaches no pixel); its row.
+// In: parameters and statistics. Out: by row, its splat and the number of tiles that it overlaps; a sort key that
+// ascends with depth, above all others for what is behind them (NOT_DRAWN for a Gaussian that reaches no pixel); its row.
 
 @group(0) @binding(5) var<storage, read_write> splats: array<Splat>;
 @group(0) @binding(6) var<storage, read_write> keys: array<u32>;
 @group(0) @binding(7) var<storage, read_write> rows: array<u32>;
+@group(0) @binding(22) var<storage, read> statistics: array<Statistics>;
 
 @compute @workgroup_size(GROUP)
 fn project(at: Invocation) {
@@ -19,8 +20,8 @@ fn project(at: Invocation) {
         keys[row] = NOT_DRAWN;
         return;
     }
-    // The bits of positive floats ascend with their values.
-    keys[row] = bitcast<u32>(projected.view.z);
+    // The bits of positive floats ascend with their values, and the first of them is 0.
+    keys[row] = bitcast<u32>(projected.view.z) | (statistics[row].is_behind << 31u);
     var splat = projected.splat;
     let rows_of_box = tile_rows(splat);
     for (var tile_row = rows_of_box.start; tile_row < rows_of_box.end; tile_row++) {

@@ -13,4 +13,6 @@ struct Statistics {
     share: f32,
     // That of the columns of time.
     share_of_time: f32,
+    // 1 if it is drawn behind all others, else 0.
+    is_behind: u32,
 }

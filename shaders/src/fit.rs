@@ -27,9 +27,7 @@ pub const ADAM: [f32; 3] = [0.9, 0.999, 1e-15];
 /// Weight of structural dissimilarity in the loss, against L1.
 pub const LAMBDA: f32 = 0.2;
 /// Weight of alpha in L1, against that of a channel of colour.
-pub const ALPHA_CHANNELS: f32 = 1.0;
-/// What a photograph without masks has in place of its mask.
-pub const UNMASKED: u32 = 1;
+pub const ALPHA_CHANNELS: f32 = 3.0;
 
 /// Threads per group of most kernels.
 pub const GROUP: u32 = 64;
@@ -247,7 +245,7 @@ pub fn compose(stage: Stage, columns: Columns) -> String {
     let parts: &[&str] = match stage {
         Stage::Project => {
             let project = include_str!("../fit/project.wgsl");
-            &[uniforms, splat, places, parameters, harmonics, near, projection, ellipse, project]
+            &[uniforms, splat, places, parameters, harmonics, near, projection, ellipse, statistics, project]
         }
         Stage::Scan => &[series, include_str!("../fit/scan.wgsl")],
         Stage::Sort => &[series, include_str!("../fit/sort.wgsl")],
@@ -309,7 +307,6 @@ fn constants(columns: Columns) -> String {
         ("COLUMNS", COLUMNS as u32),
         ("SH_REST", layout::AdamUniforms::SH_REST),
         ("ROTATION_RATE_AT", layout::AdamUniforms::ROTATION_RATE),
-        ("UNMASKED", UNMASKED),
     ]
     .map(unsigned)
     .concat();

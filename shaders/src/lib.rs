@@ -214,6 +214,7 @@ pub fn compose(features: Features, purpose: Purpose) -> String {
 }
 
 /// The source for a clip with `features`.
+// Long: one part of the source after the other.
 fn compose_clip(features: Features, purpose: Purpose) -> String {
     let (views, foveated) = match purpose {
         Purpose::Draw { views, foveated, .. } => (views, foveated),

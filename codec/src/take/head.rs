@@ -21,6 +21,7 @@ const COUNT_OFFSET: usize = FIXED_BYTES - 4;
 ///
 /// # Errors
 /// See [`package`](crate::package()).
+// Long: one field of the head after the other.
 pub(crate) fn read_take(head: &Head, available: usize, budget: &mut Budget) -> Result<Take, Error> {
     let (preamble, mut reader) = head.preamble()?;
     let duration_s = reader.f64()?;

@@ -103,6 +103,8 @@ pub struct Statistics {
     pub share: f32,
     /// That of the columns of time: window, motion and rotation rates.
     pub share_of_time: f32,
+    /// 1 if it is drawn behind all others, else 0.
+    pub is_behind: u32,
 }
 
 /// The results of a step: eight numbers, which the shaders address by index.

@@ -118,7 +118,10 @@ fn a_buffer_has_one_binding_and_a_kernel_at_most_eight_buffers() {
 fn structs_have_the_layout_of_their_counterparts() {
     let module = |stage| parse(stage, all_columns()[0]);
     let adam = &module(Stage::Adam);
-    assert_layout!(adam, Statistics { screen_gradient, images, visits, is_usable, share, share_of_time });
+    assert_layout!(
+        adam,
+        Statistics { screen_gradient, images, visits, is_usable, share, share_of_time, is_behind }
+    );
     // The Rust structs end in explicit padding, which WGSL adds by itself.
     assert_layout!(
         adam,

@@ -214,7 +214,7 @@ fn rotation(gpu: &Gpu) -> Result<(), String> {
 
 /// Opacity agrees within half of an 8-bit step, from before the start of the fade to where the Gaussian is whole.
 fn fade(gpu: &Gpu) -> Result<(), String> {
-    let temporal = Temporal { tau: vec![0.5], s: vec![9.0], ..Temporal::default() };
+    let temporal = Temporal { tau: vec![0.5], s: vec![0.4], ..Temporal::default() };
     let still = gaussian([0.3; 3], temporal);
     let mut faded = 0;
     for depth in [0.3, 0.499, 0.501, 0.51, 0.55, 0.6, 0.75, 0.9, 0.98, 1.0, 1.02, 3.0, f64::INFINITY] {

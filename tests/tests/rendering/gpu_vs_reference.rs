@@ -118,7 +118,7 @@ fn fading(place: Place) -> Clip {
     let near = match place {
         Place::Whole => 3.4,
         Place::Near => 0.8,
-        Place::Far => 31.4,
+        Place::Far => 45.0,
         Place::Edge => 3.0,
     };
     let field = Field { near, ..Recipe { sh_degree: 1, motion: Motion::Mixed, ..RECIPE }.field() };

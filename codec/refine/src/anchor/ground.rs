@@ -71,8 +71,8 @@ impl Surface<'_> {
     ) -> Parameters<f32> {
         let overlap = (views as f64 / VIEWS_PER_COVER).max(1.0).sqrt();
         let single = |v: glam::DVec3| v.to_array().map(|x| x as f32);
-        let AnchorSettings { filter, sh_degree, .. } = *anchor;
-        let mut grounded = Parameters { filter, sh_degree, ..Parameters::default() };
+        let AnchorSettings { filter, near, sh_degree, .. } = *anchor;
+        let mut grounded = Parameters { filter, near, sh_degree, ..Parameters::default() };
         for y in lattice(step, self.pinhole.size[1]) {
             for x in lattice(step, self.pinhole.size[0]) {
                 let Some(depth) = self.depth([x, y]) else { continue };

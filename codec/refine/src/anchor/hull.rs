@@ -9,7 +9,7 @@ use glam::{DVec3, UVec3};
 use rayon::prelude::*;
 
 use super::AnchorError;
-use super::pinhole::{Pinhole, nearest_to_axes};
+use super::pinhole::{Pinhole, common_point};
 use super::silhouette::Silhouette;
 
 /// Settings of the visual hull.
@@ -120,7 +120,7 @@ impl Hull {
         let farthest =
             |from: DVec3| pinholes.iter().map(|pinhole| pinhole.position.distance(from)).fold(0.0, f64::max);
         let mean = |of: fn(&Pinhole) -> DVec3| pinholes.iter().map(of).sum::<DVec3>() / pinholes.len() as f64;
-        let (center, half) = match nearest_to_axes(&pinholes) {
+        let (center, half) = match common_point(&pinholes) {
             Some(center) => (center, farthest(center)),
             // Parallel cameras: beyond about ten times their baseline, silhouettes do not bound depth.
             None => {

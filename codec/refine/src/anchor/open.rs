@@ -10,10 +10,10 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::DepthMap;
-use super::pinhole::{Pinhole, nearest_to_axes};
+use super::pinhole::Pinhole;
 use super::sweep::{NEIGHBORS_MAX, Patch, SweptView, interpolated, nearest, neighbors, scores, shrunk};
+use crate::capture::Focus;
 use crate::fit::Photograph;
-use crate::median::median;
 
 /// Longer side of the photographs in pixels, and number of depths that a pixel tries: from one to the next, its image
 /// in a camera 30 degrees aside moves by about a pixel.
@@ -23,9 +23,6 @@ const DEPTHS: usize = 384;
 /// Nearest and farthest depth, in distances between the cameras and what they look at.
 const NEAREST: f64 = 0.2;
 const FARTHEST: f64 = 20.0;
-
-/// Cameras without a common point are taken to look at one so many times as far away as they are apart.
-const FAR_FROM_RIG: f64 = 3.0;
 
 /// Every so many columns and rows, a pixel is matched.
 const STRIDE: u32 = 2;
@@ -51,7 +48,7 @@ const ALIKE: f64 = 8.0;
 /// Depth maps of the views flagged in `grounding`, empty maps for the others; `None` if all cameras are at one place.
 pub(super) fn sweep(views: &[(&Pinhole, &Photograph)], grounding: &[bool]) -> Option<Vec<DepthMap>> {
     let pinholes: Vec<Pinhole> = views.iter().map(|(pinhole, _)| (*pinhole).clone()).collect();
-    let (center, distance) = looked_at(&pinholes)?;
+    let Focus { center, distance, .. } = focus(&pinholes)?;
     let steps = Steps { nearest: NEAREST * distance, farthest: FARTHEST * distance };
     let mut all: Vec<SweptView> =
         views.par_iter().map(|(pinhole, photograph)| shrunk(pinhole, photograph, SIZE)).collect();
@@ -73,18 +70,9 @@ pub(super) fn sweep(views: &[(&Pinhole, &Photograph)], grounding: &[bool]) -> Op
     Some((0..all.len()).map(map).collect())
 }
 
-/// The point that the cameras look at, and the median of their distances from it.
-fn looked_at(pinholes: &[Pinhole]) -> Option<(DVec3, f64)> {
-    let count = pinholes.len().max(1) as f64;
-    let middle = pinholes.iter().map(|pinhole| pinhole.position).sum::<DVec3>() / count;
-    let distances = |from: DVec3| median(pinholes.iter().map(|p| p.position.distance(from)).collect());
-    let is_seen = |point: &DVec3| pinholes.iter().all(|pinhole| pinhole.project(*point).is_some());
-    let center = nearest_to_axes(pinholes).filter(is_seen).or_else(|| {
-        let forward = pinholes.iter().map(|pinhole| pinhole.forward).sum::<DVec3>() / count;
-        Some(middle + FAR_FROM_RIG * distances(middle)? * forward)
-    })?;
-    let distance = distances(center).filter(|distance| *distance > 0.0)?;
-    Some((center, distance))
+/// What the cameras look at.
+fn focus(pinholes: &[Pinhole]) -> Option<Focus> {
+    Focus::of_axes(&pinholes.iter().map(Pinhole::axis).collect::<Vec<_>>())
 }
 
 /// The depths that are tried.
@@ -294,9 +282,9 @@ mod tests {
     fn cameras_side_by_side_look_at_something_and_those_at_one_place_at_nothing() {
         let camera = |x: f64| Camera::look_at([x, 0.0, 0.0], [x, 0.0, 5.0], [0.0, 1.0, 0.0], 1.0, 8, 8);
         let rig: Vec<Pinhole> = [0.0, 1.0, 2.0].map(|x| Pinhole::new(&camera(x))).into();
-        let (center, distance) = looked_at(&rig).unwrap();
+        let Focus { center, distance, .. } = focus(&rig).unwrap();
         assert!(center.z > 2.0 && (distance - center.z).abs() < 0.5, "{center} {distance}");
-        assert!(looked_at(&[rig[0].clone(), rig[0].clone()]).is_none());
-        assert!(looked_at(&[]).is_none());
+        assert!(focus(&[rig[0].clone(), rig[0].clone()]).is_none());
+        assert!(focus(&[]).is_none());
     }
 }

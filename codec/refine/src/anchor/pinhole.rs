@@ -1,7 +1,10 @@
-//! [`Pinhole`]: a camera as projection matrices, and the common point that several cameras look at.
+//! [`Pinhole`]: a camera as projection matrices.
 
 use codec::Camera;
 use glam::{DMat3, DVec3};
+
+use crate::capture::{Axis, nearest_to_axes};
+use crate::median::median;
 
 /// A camera as projection matrices. Image coordinates start at the corner of the image: the centre of
 /// the first pixel is at 0.5.
@@ -53,6 +56,11 @@ impl Pinhole {
         }
     }
 
+    /// Its optical axis.
+    pub(super) fn axis(&self) -> Axis {
+        Axis { position: self.position, forward: self.forward }
+    }
+
     /// The same view with pixels `factor` times as large. The remainder at the right and bottom is
     /// cut off.
     pub(super) fn shrunk(&self, factor: u32) -> Pinhole {
@@ -90,28 +98,15 @@ impl Pinhole {
     }
 }
 
-/// The point nearest to all optical axes, by least squares; `None` for parallel axes or a single
-/// camera.
-pub(super) fn nearest_to_axes(cameras: &[Pinhole]) -> Option<DVec3> {
-    let (mut matrix, mut side) = (DMat3::ZERO, DVec3::ZERO);
-    for pinhole in cameras {
-        let f = pinhole.forward;
-        let across = DMat3::IDENTITY - DMat3::from_cols(f * f.x, f * f.y, f * f.z);
-        matrix += across;
-        side += across * pinhole.position;
-    }
-    // Two axes at a small angle a have a determinant of about a^2 / 4.
-    let matrix_of_one = matrix * (1.0 / cameras.len().max(1) as f64);
-    (matrix_of_one.determinant() > 1e-5).then(|| matrix.inverse() * side)
+/// The point nearest to the optical axes of `cameras`; `None` for parallel axes or a single camera.
+pub(super) fn common_point(cameras: &[Pinhole]) -> Option<DVec3> {
+    nearest_to_axes(&cameras.iter().map(Pinhole::axis).collect::<Vec<_>>())
 }
 
-/// Radius of the rig: median distance of the cameras from [`nearest_to_axes`].
+/// Radius of the rig: median distance of the cameras from their [`common_point`].
 pub(super) fn rig_radius(cameras: &[Pinhole]) -> Option<f64> {
-    let center = nearest_to_axes(cameras)?;
-    let mut distances: Vec<f64> = cameras.iter().map(|pinhole| pinhole.position.distance(center)).collect();
-    distances.sort_by(f64::total_cmp);
-    let n = distances.len();
-    Some(0.5 * (distances[(n - 1) / 2] + distances[n / 2]))
+    let center = common_point(cameras)?;
+    median(cameras.iter().map(|pinhole| pinhole.position.distance(center)).collect())
 }
 
 #[cfg(test)]
@@ -135,7 +130,7 @@ mod tests {
     #[test]
     fn a_rig_has_a_center_and_a_radius() {
         let cameras: Vec<Pinhole> = ring(8, 3.0, 16).iter().map(Pinhole::new).collect();
-        assert!(nearest_to_axes(&cameras).unwrap().length() < 1e-9);
+        assert!(common_point(&cameras).unwrap().length() < 1e-9);
         assert!((rig_radius(&cameras).unwrap() - 3.0).abs() < 1e-9);
         assert_eq!(rig_radius(&cameras[..1]), None);
         assert_eq!(rig_radius(&[]), None);

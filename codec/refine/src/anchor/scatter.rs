@@ -2,7 +2,7 @@
 
 use codec::Camera;
 
-use super::pinhole::{Pinhole, nearest_to_axes};
+use super::pinhole::{Pinhole, common_point};
 use super::{AnchorError, AnchorSettings};
 use crate::fit::{Parameters, Real, Timeline};
 
@@ -28,7 +28,7 @@ pub fn scatter(
     seed: u64,
 ) -> Result<Parameters<f32>, AnchorError> {
     let pinholes: Vec<Pinhole> = cameras.iter().map(|camera| Pinhole::new(camera)).collect();
-    let center = nearest_to_axes(&pinholes).ok_or(AnchorError::NoCenter)?;
+    let center = common_point(&pinholes).ok_or(AnchorError::NoCenter)?;
     let distance =
         pinholes.iter().map(|pinhole| pinhole.position.distance(center)).sum::<f64>() / pinholes.len() as f64;
     let radius = BALL_RADIUS * distance;
@@ -38,6 +38,7 @@ pub fn scatter(
     let columns = Parameters {
         sh_degree: settings.sh_degree,
         filter: settings.filter,
+        near: settings.near,
         motion_order: if timed { settings.motion_order } else { 0 },
         // Only its emptiness matters: it tells `zeros` whether to make temporal columns.
         tau: vec![0.0; usize::from(timed)],

@@ -31,6 +31,8 @@ pub struct AnchorSettings {
     pub width: f64,
     /// The filter that the Gaussians are drawn with.
     pub filter: PixelFilter,
+    /// Depth from which on they are drawn whole, [`codec::Field::near`].
+    pub near: f64,
     /// Degree of the spherical harmonics, 0 to 3; all coefficients above degree 0 start at 0.
     pub sh_degree: u8,
     /// Highest power of time in the trajectories, 0 to 3.
@@ -50,6 +52,7 @@ impl Default for AnchorSettings {
             sweep: SweepSettings::default(),
             width: 0.75,
             filter: PixelFilter::Mip,
+            near: 0.0,
             sh_degree: 3,
             motion_order: 3,
             motion_start: true,

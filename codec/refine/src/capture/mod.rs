@@ -4,6 +4,7 @@
 //! own: that of its frame, later by its camera's offset and by a deviation of its own. [`Photo`] is a photograph in memory, free of lens
 //! distortion and multiplied by its mask.
 
+mod focus;
 mod lens;
 mod response;
 mod split;
@@ -11,6 +12,8 @@ mod split;
 use codec::Camera;
 
 use crate::image::Image;
+pub use focus::Focus;
+pub(crate) use focus::{Axis, nearest_to_axes};
 pub use lens::Lens;
 pub use response::Response;
 pub use split::{Holdout, Split, SplitError};

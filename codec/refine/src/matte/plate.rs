@@ -75,6 +75,20 @@ impl Plate {
         plate
     }
 
+    /// A plate with these colours and standard deviations of their channels in levels, row by row of `width`.
+    ///
+    /// # Panics
+    /// If there are not as many of both, or no whole rows.
+    pub fn with_spread(width: usize, colors: Vec<[u8; 3]>, spread: Vec<f32>) -> Plate {
+        assert!(colors.len() == spread.len() && colors.len().is_multiple_of(width.max(1)), "whole rows");
+        Plate { width, colors, spread: spread.into_iter().map(|spread| spread.max(SPREAD_MIN)).collect() }
+    }
+
+    /// Standard deviations of the channels in levels, row by row.
+    pub fn spread(&self) -> &[f32] {
+        &self.spread
+    }
+
     /// Calls `with` for the number, colour and spread of each pixel, rows in parallel.
     fn each_pixel(&mut self, with: impl Fn(usize, &mut [u8; 3], &mut f32) + Sync) {
         let width = self.width.max(1);

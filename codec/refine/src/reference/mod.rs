@@ -139,12 +139,28 @@ impl<'a> From<&'a Clip> for RenderScene<'a> {
 /// The picture does not depend on the number of threads. No pixel is NaN, even if numbers of the scene or
 /// `t` are not finite.
 pub fn render(scene: &RenderScene, camera: &Camera, t: f64, order: Order) -> Image {
+    let (mut splats, mut behind) = sorted(scene, camera, t, order);
+    splats.append(&mut behind);
+    splat::splat(&splats, camera.width, camera.height)
+}
+
+/// What [`render`] returns, and the alpha of the Gaussians before the plates alone, pixel by pixel: how much of the subject
+/// each pixel shows.
+pub fn render_with_subject(scene: &RenderScene, camera: &Camera, t: f64, order: Order) -> (Image, Vec<f64>) {
+    let (mut splats, mut behind) = sorted(scene, camera, t, order);
+    let subject = splat::splat(&splats, camera.width, camera.height);
+    splats.append(&mut behind);
+    let whole = splat::splat(&splats, camera.width, camera.height);
+    (whole, subject.pixels.iter().map(|pixel| pixel[3]).collect())
+}
+
+/// The sorted splats of a scene, and those of its plates.
+fn sorted(scene: &RenderScene, camera: &Camera, t: f64, order: Order) -> (Vec<Splat>, Vec<Splat>) {
     let mut splats = evaluate_all(&scene.prefixes, camera, t);
     sort::sort(&mut splats, order);
     let mut behind = evaluate_all(&scene.plates, camera, t);
     sort::sort(&mut behind, order);
-    splats.append(&mut behind);
-    splat::splat(&splats, camera.width, camera.height)
+    (splats, behind)
 }
 
 fn evaluate_all(prefixes: &[FieldPrefix], camera: &Camera, t: f64) -> Vec<Splat> {

@@ -345,6 +345,18 @@ fn the_plate_is_behind_at_any_depth() {
 }
 
 #[test]
+fn the_subject_is_what_is_before_the_plate() {
+    let front = field(&[Ball::at([0.0, 0.0, 3.0], RED)]);
+    let plate = field(&[Ball::at([0.1, 0.0, 2.0], BLUE), Ball::at([0.6, 0.0, 2.0], BLUE)]);
+    let scene = RenderScene::from(&front).with_plate(&plate);
+    let (whole, subject) = render_with_subject(&scene, &camera(), 0.0, Order::Depth);
+    assert_eq!(whole, render(&scene, &camera(), 0.0, Order::Depth));
+    let alone = render(&(&front).into(), &camera(), 0.0, Order::Depth);
+    assert!(subject.iter().zip(&alone.pixels).all(|(alpha, pixel)| *alpha == pixel[3]));
+    assert!(whole.pixels.iter().zip(&subject).any(|(pixel, alpha)| pixel[3] > 0.5 && *alpha == 0.0));
+}
+
+#[test]
 fn gaussians_fade_near_the_eye() {
     let alpha = |depth: f32, near: f32| {
         let field = Field { near, ..field(&[Ball::at([0.0, 0.0, depth], WHITE)]) };

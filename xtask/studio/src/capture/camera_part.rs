@@ -10,6 +10,8 @@ use serde::Deserialize;
 pub enum CameraPart {
     /// When it takes its photographs, against the first camera
     Offsets,
+    /// Gain and offset of each of its colour channels
+    Gains,
     /// An affine transform of its colours, and its vignette
     Colors,
     /// The exposure of each photograph
@@ -26,6 +28,7 @@ impl CameraPart {
         let has = |part| parts.contains(&part);
         Learned {
             offsets: has(CameraPart::Offsets),
+            gains: has(CameraPart::Gains),
             colors: has(CameraPart::Colors),
             exposures: has(CameraPart::Exposures),
             poses: has(CameraPart::Poses),

@@ -21,6 +21,12 @@ pub(super) const TRANSLATION: Range<usize> = 4..7;
 pub(super) const FOCAL: usize = 7;
 /// What is added to [`Response::color`](crate::capture::Response::color), row by row.
 pub(super) const COLOR: Range<usize> = 8..20;
+/// Whether one of [`COLOR`] is the gain or the offset of a channel: what turns its own colour into itself.
+pub(super) fn is_gain(number: usize) -> bool {
+    let (row, column) = ((number - COLOR.start) / 4, (number - COLOR.start) % 4);
+    column == row || column == 3
+}
+
 /// What is added to [`Response::vignette`](crate::capture::Response::vignette).
 pub(super) const VIGNETTE: Range<usize> = 20..23;
 

@@ -14,7 +14,9 @@ use codec::Camera;
 use glam::{DMat3, DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
-use super::numbers::{CAMERA_NUMBERS, COLOR, CameraNumbers, FOCAL, ROTATION, TIME, TRANSLATION, VIGNETTE};
+use super::numbers::{
+    CAMERA_NUMBERS, COLOR, CameraNumbers, FOCAL, ROTATION, TIME, TRANSLATION, VIGNETTE, is_gain,
+};
 use crate::capture::Response;
 use crate::fit::optimizer::{BETA1, BETA2, EPSILON};
 use crate::fit::views::{FrameView, TrainingView};
@@ -53,7 +55,9 @@ const COLOR_MAX: f64 = 0.9;
 pub struct Learned {
     /// When each camera takes its photographs.
     pub offsets: bool,
-    /// Colours and vignette of each camera.
+    /// Gain and offset of each colour channel of each camera.
+    pub gains: bool,
+    /// Colours and vignette of each camera; gains are part of them.
     pub colors: bool,
     /// The exposure of each photograph.
     pub exposures: bool,
@@ -201,7 +205,7 @@ impl Rig {
         if self.learned.exposures {
             self.learn_exposure(camera, place, &mut by, factor);
         }
-        let Learned { offsets, colors, poses, focals, .. } = self.learned;
+        let Learned { offsets, gains, colors, poses, focals, .. } = self.learned;
         let is_free = camera != self.fixed;
         let first = camera * CAMERA_NUMBERS;
         let parts = [
@@ -209,11 +213,11 @@ impl Rig {
             (poses && is_free, ROTATION, ANGLE_RATE, ANGLE_MAX, 0.0),
             (poses && is_free, TRANSLATION, TRANSLATION_RATE * extent, TRANSLATION_MAX * extent, 0.0),
             (focals, FOCAL..FOCAL + 1, ANGLE_RATE, ANGLE_MAX, 0.0),
-            (colors, COLOR, COLOR_RATE, COLOR_MAX, COLOR_WEIGHT),
+            (colors || gains, COLOR, COLOR_RATE, COLOR_MAX, COLOR_WEIGHT),
             (colors, VIGNETTE, VIGNETTE_RATE, COLOR_MAX, VIGNETTE_WEIGHT),
         ];
         for (_, numbers, rate, most, weight) in parts.into_iter().filter(|(is_learned, ..)| *is_learned) {
-            for number in numbers {
+            for number in numbers.filter(|number| colors || !COLOR.contains(number) || is_gain(*number)) {
                 let to_zero = weight * self.cameras.values[first + number];
                 self.cameras.step(first + number, by[number] + to_zero, factor * rate, most);
             }
@@ -221,7 +225,7 @@ impl Rig {
         if offsets {
             self.center(TIME..TIME + 1);
         }
-        if colors {
+        if colors || gains {
             self.center(COLOR);
         }
         true
@@ -294,5 +298,35 @@ impl Learning {
         let first = self.first[at] / (1.0 - libm::pow(BETA1, visits));
         let second = self.second[at] / (1.0 - libm::pow(BETA2, visits));
         self.values[at] = (self.values[at] - rate * first / (second.sqrt() + EPSILON)).clamp(-most, most);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn gains_are_the_gain_and_the_offset_of_each_channel() {
+        let learned = Learned { gains: true, ..Learned::default() };
+        let mut rig = Rig::new(learned, vec![Response::NEUTRAL; 2], 0);
+        for camera in [0, 1] {
+            let by = [if camera == 0 { 1.0 } else { -1.0 }; CAMERA_NUMBERS];
+            assert!(rig.learn(camera, 0, &by, 1.0, 1.0));
+        }
+        let Response { color, vignette } = rig.response(0);
+        assert_eq!(vignette, [0.0; 3]);
+        for (channel, row) in color.into_iter().enumerate() {
+            for (column, x) in row.into_iter().enumerate() {
+                let neutral = f64::from(u8::from(column == channel));
+                let is_learned = column == channel || column == 3;
+                assert_eq!(x != neutral, is_learned, "{channel} {column}: {x}");
+            }
+        }
+        assert_eq!(rig.corrected(1, &camera()), camera(), "nothing else is learned");
+        assert_eq!(rig.late(1), 0.0);
+    }
+
+    fn camera() -> Camera {
+        Camera::look_at([0.0, 0.0, -2.0], [0.0; 3], [0.0, -1.0, 0.0], 1.0, 8, 8)
     }
 }

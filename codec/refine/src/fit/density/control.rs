@@ -117,7 +117,7 @@ impl DensityControl {
                 }
             }
             DensityRule::Relocate => {
-                let floating = floaters(parameters, bounds);
+                let floating = floaters(parameters, |row| moments.is_static(row), bounds);
                 change.floaters = floating.iter().filter(|floats| **floats).count();
                 let dead: Vec<bool> = (0..count)
                     .map(|row| moments.is_own(row) && (floating[row] || !is_opaque(parameters, row)))

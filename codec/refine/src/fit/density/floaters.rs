@@ -25,14 +25,19 @@ const ITERATIONS: usize = 10;
 
 /// Whether each Gaussian is a floater: at the largest scale that the bounds allow, or further than four
 /// median distances from the geometric median of the centres in its interval. A Gaussian belongs to the
-/// whole interval nearest to its window's centre.
-pub(super) fn floaters<T: Real>(parameters: &Parameters<T>, bounds: &Bounds) -> Vec<bool> {
+/// whole interval nearest to its window's centre; those that are always on are a group of their own.
+pub(super) fn floaters<T: Real>(
+    parameters: &Parameters<T>,
+    is_static: impl Fn(usize) -> bool,
+    bounds: &Bounds,
+) -> Vec<bool> {
     let largest = T::from_f64(bounds.log_scales[1]);
     let mut floating: Vec<bool> =
         parameters.log_scales.iter().map(|scales| scales.iter().any(|s| *s >= largest)).collect();
-    let mut frames: BTreeMap<i64, Vec<usize>> = BTreeMap::new();
+    let mut frames: BTreeMap<Option<i64>, Vec<usize>> = BTreeMap::new();
     for row in (0..parameters.len()).filter(|row| parameters.is_finite(*row)) {
-        let frame = parameters.tau.get(row).map_or(0, |tau| tau.round().to_double() as i64);
+        let moving = Some(row).filter(|row| !is_static(*row));
+        let frame = moving.and_then(|row| parameters.tau.get(row)).map(|tau| tau.round().to_double() as i64);
         frames.entry(frame).or_default().push(row);
     }
     for rows in frames.values().filter(|rows| rows.len() >= SAMPLES_MIN) {
@@ -118,9 +123,22 @@ mod tests {
         centers.extend(cross(20.0));
         centers.extend([[1.0, 0.0, 0.0], [20.0, 3.0, 0.0]]);
         let tau = (0..18).map(|i| if i < 9 { 2.4 } else { 2.6 }).collect();
-        let found = floaters(&at(centers, tau), &bounds());
+        let found = floaters(&at(centers, tau), |_| false, &bounds());
         let rows: Vec<usize> = (0..18).filter(|row| found[*row]).collect();
         assert_eq!(rows, [7, 16]);
+    }
+
+    /// A room around a subject: its walls are far from the subject, but not from each other.
+    #[test]
+    fn what_is_always_on_is_judged_by_itself() {
+        let mut centers = [cross(0.0), cross(0.0)].concat();
+        centers.extend((0..8).map(|i| [if i % 2 == 0 { 9.0 } else { -9.0 }, f64::from(i), 5.0]));
+        let all = at(centers, vec![4.0; 22]);
+        let found = |is_static: &dyn Fn(usize) -> bool| {
+            floaters(&all, is_static, &bounds()).iter().filter(|floats| **floats).count()
+        };
+        assert_eq!(found(&|row| row >= 14), 0);
+        assert_eq!(found(&|_| false), 8, "beside the subject, the room floats");
     }
 
     #[test]
@@ -129,7 +147,7 @@ mod tests {
         parameters.log_scales[3][1] = 40.0;
         parameters.log_scales[4][1] = bounds().log_scales[1] - 1e-3;
         bounds().project(&mut parameters, 3);
-        let found = floaters(&parameters, &bounds());
+        let found = floaters(&parameters, |_| false, &bounds());
         assert_eq!((0..7).filter(|row| found[*row]).collect::<Vec<_>>(), [3]);
     }
 
@@ -138,23 +156,23 @@ mod tests {
         let mut parameters = at(cross(0.0), Vec::new());
         parameters.log_scales[3] = [1.0; 3];
         let bounds = bounds().around(&parameters);
-        assert!(floaters(&parameters, &bounds).iter().all(|found| !found));
+        assert!(floaters(&parameters, |_| false, &bounds).iter().all(|found| !found));
         parameters.log_scales[4][1] = 40.0;
         bounds.project(&mut parameters, 4);
-        assert!(floaters(&parameters, &bounds)[4]);
+        assert!(floaters(&parameters, |_| false, &bounds)[4]);
     }
 
     #[test]
     fn few_or_equal_or_non_finite_centers() {
-        assert!(floaters(&at(Vec::new(), Vec::new()), &bounds()).is_empty());
-        assert_eq!(floaters(&at(vec![[1e9; 3]], vec![1.0]), &bounds()), [false]);
+        assert!(floaters(&at(Vec::new(), Vec::new()), |_| false, &bounds()).is_empty());
+        assert_eq!(floaters(&at(vec![[1e9; 3]], vec![1.0]), |_| false, &bounds()), [false]);
         // All but one coincide: the median distance is 0.
         let mut centers = vec![[1.0; 3]; 20];
         centers[7] = [2.0; 3];
-        assert!(floaters(&at(centers, Vec::new()), &bounds()).iter().all(|found| !found));
+        assert!(floaters(&at(centers, Vec::new()), |_| false, &bounds()).iter().all(|found| !found));
         let mut centers = cross(0.0);
         centers.extend([[f64::NAN; 3], [0.5, 0.0, 0.0], [50.0, 0.0, 0.0]]);
-        let found = floaters(&at(centers, Vec::new()), &bounds());
+        let found = floaters(&at(centers, Vec::new()), |_| false, &bounds());
         assert_eq!((0..10).filter(|row| found[*row]).collect::<Vec<_>>(), [9]);
     }
 
@@ -169,7 +187,7 @@ mod tests {
         for i in (0..10_000).step_by(10) {
             centers[i] = [8.0, 0.0, 0.0];
         }
-        let found = floaters(&at(centers, Vec::new()), &bounds());
+        let found = floaters(&at(centers, Vec::new()), |_| false, &bounds());
         assert!((0..10_000).all(|row| found[row] == (row % 10 == 0)));
     }
 }

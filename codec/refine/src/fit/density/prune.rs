@@ -22,7 +22,7 @@ pub(super) fn prune<T: Real>(
     change: &mut DensityChange,
 ) {
     let count = parameters.len();
-    let mut floating = floaters(parameters, bounds);
+    let mut floating = floaters(parameters, |row| moments.is_static(row), bounds);
     (0..count).for_each(|row| floating[row] &= moments.is_own(row));
     let stays = |row: usize| parameters.is_finite(row) && !moments.is_own(row);
     let mut kept: Vec<usize> =

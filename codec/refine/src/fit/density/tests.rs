@@ -293,3 +293,23 @@ fn the_fixed_rule_never_controls() {
         assert!(!control.is_due(&mut state, 3, [step, 1000]), "step {step}");
     }
 }
+
+#[test]
+fn static_rows_grow_into_static_rows() {
+    use crate::fit::parameters::Carried;
+    let mut all = parameters(&[0.9, 0.9, 0.001]);
+    all.behind = vec![false, true, true];
+    let mut moments = Moments::new(&all);
+    moments.carried = vec![Carried::NONE, Carried::STATIC, Carried::STATIC];
+    let mut state = DensityState::new(3, 0);
+    state.screen_gradients.sums = vec![1.0, 1.0, 0.0];
+    state.screen_gradients.images = vec![1; 3];
+    assert!(CONTROL.is_due(&mut state, 3, DUE));
+    let change = CONTROL.control(&mut state, DUE[0], &mut all, &mut moments, &bounds());
+    // The transparent one goes, and the others are two each.
+    assert_eq!((change.pruned, all.len()), (1, 4));
+    for row in 0..4 {
+        let is_of_second = numbers(&all)[row] == 1;
+        assert_eq!((all.is_behind(row), moments.is_static(row)), (is_of_second, is_of_second), "row {row}");
+    }
+}

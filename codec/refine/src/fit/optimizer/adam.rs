@@ -172,6 +172,7 @@ mod tests {
             log_widths: vec![T::from_f64(0.5); rows],
             filter: codec::PixelFilter::default(),
             near: 0.0,
+            behind: Vec::new(),
             motion_order: 2,
             motion: vec![[T::zero(); 3]; 2 * rows],
             rotation_rates: vec![[T::zero(); 4]; rows],
@@ -232,7 +233,7 @@ mod tests {
 
     #[test]
     fn steps_of_carried_rows_are_shorter_and_what_stands_still_keeps_its_time() {
-        use crate::fit::parameters::Carried;
+        use crate::fit::parameters::{Carried, STATIC_SHARE};
         let mut all = parameters::<f64>(3);
         let mut moments = Moments::new(&all);
         moments.carried = vec![
@@ -250,7 +251,7 @@ mod tests {
         for (number, (before, after)) in columns {
             let per_row = before.len() / 3;
             let moved = |row: usize| before[row * per_row] - after[row * per_row];
-            let of_static = if number >= TIME_COLUMN { 0.0 } else { 0.5 };
+            let of_static = if number >= TIME_COLUMN { 0.0 } else { 0.5 * f64::from(STATIC_SHARE) };
             assert!(moved(0) > 0.0, "column {number}");
             assert!((moved(1) - 0.25 * moved(0)).abs() < 1e-12, "column {number}");
             assert!((moved(2) - of_static * moved(0)).abs() < 1e-12, "column {number}");

@@ -9,7 +9,7 @@ use codec::sh_coefficients;
 
 use serde::{Deserialize, Serialize};
 
-use crate::fit::parameters::{COLUMNS, Carried, Parameters};
+use crate::fit::parameters::{COLUMNS, Carried, Parameters, STATIC_SHARE};
 use crate::fit::precision::Real;
 use crate::median::median;
 
@@ -40,10 +40,6 @@ const LOG_WIDTHS: f64 = 5e-3;
 
 /// For the rates of the quaternions per interval.
 const ROTATION_RATES: f64 = 1e-3;
-
-/// Factor of the rates for a static field: all photographs show all of its Gaussians, so each moves in more of the steps
-/// than in a clip, and shorter ones suffice. Measured on NeRF's chair.
-const STATIC: f64 = 0.4;
 
 /// Distance from its centre, in widths, up to which a window's opacity matters: it is 1/90 of the peak there.
 const SUPPORT_RADIUS: f64 = 3.0;
@@ -91,7 +87,7 @@ impl LearningRates {
     pub(in crate::fit) fn new<T: Real>(extent: f64, parameters: &Parameters<T>) -> LearningRates {
         let rates =
             LearningRates::of_widths(extent, parameters.log_widths.iter().map(|width| width.to_double()));
-        if parameters.tau.is_empty() { rates.scaled(STATIC) } else { rates }
+        if parameters.tau.is_empty() { rates.scaled(STATIC_SHARE.into()) } else { rates }
     }
 
     /// Those of a field that moves, from the logarithms of the widths of its windows.
@@ -120,9 +116,8 @@ impl LearningRates {
         carried: &[Carried],
     ) -> LearningRates {
         let moves = |(_, carried): &(&f32, &Carried)| carried.share_of_time() > 0.0;
-        let dynamic = || parameters.log_widths.iter().zip(carried).filter(moves);
-        let rates = LearningRates::of_widths(extent, dynamic().map(|(width, _)| f64::from(*width)));
-        if dynamic().next().is_none() { rates.scaled(STATIC) } else { rates }
+        let dynamic = parameters.log_widths.iter().zip(carried).filter(moves);
+        LearningRates::of_widths(extent, dynamic.map(|(width, _)| f64::from(*width)))
     }
 
     /// The rates times `factor`.
@@ -214,7 +209,8 @@ mod tests {
         let timed = Parameters::<f64> { tau: vec![0.0], log_widths: vec![0.0], ..Parameters::default() };
         let fixed = LearningRates::new(2.0, &Parameters::<f64>::default());
         let rates = LearningRates::new(2.0, &timed);
-        assert_eq!((rates.centers, fixed.centers), (2.0 * CENTERS, 0.4 * 2.0 * CENTERS));
-        assert_eq!((fixed.logits, fixed.sh_rest), (0.4 * LOGITS, 0.4 * SH_REST));
+        let share = f64::from(STATIC_SHARE);
+        assert_eq!((rates.centers, fixed.centers), (2.0 * CENTERS, share * (2.0 * CENTERS)));
+        assert_eq!((fixed.logits, fixed.sh_rest), (share * LOGITS, share * SH_REST));
     }
 }

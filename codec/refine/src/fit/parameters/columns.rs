@@ -36,6 +36,8 @@ pub struct Parameters<T> {
     pub filter: PixelFilter,
     /// Depth from which on the Gaussians are drawn whole, as [`Field::near`]; not optimised.
     pub near: f64,
+    /// Whether each is drawn behind all others, as a plate is; empty if none is. Not optimised.
+    pub behind: Vec<bool>,
     /// Window centres in intervals; empty for a scene without time.
     pub tau: Vec<T>,
     /// Natural logarithms of the window widths in intervals; empty for a scene without time.
@@ -76,6 +78,7 @@ impl<T: Real> Parameters<T> {
             && self.log_widths.len() == self.tau.len()
             && per_row(self.motion.len(), usize::from(self.motion_order))
             && absent_or(self.rotation_rates.len())
+            && absent_or(self.behind.len())
     }
 
     /// Whether the columns are consistent and as long as those of `other`.
@@ -100,6 +103,7 @@ impl<T: Real> Parameters<T> {
             sh: vec![[z; 3]; rows * sh_coefficients(self.sh_degree)],
             filter: self.filter,
             near: self.near,
+            behind: vec![false; if self.behind.is_empty() { 0 } else { rows }],
             tau: vec![z; if_timed(rows)],
             log_widths: vec![z; if_timed(rows)],
             motion_order: self.motion_order,
@@ -134,6 +138,7 @@ impl<T: Real> Parameters<T> {
             sh: field.sh.iter().map(|c| c.map(convert)).collect(),
             filter: field.filter,
             near: f64::from(field.near),
+            behind: Vec::new(),
             tau: temporal.tau.iter().map(|t| T::from_f64(f64::from(*t) * per_clip)).collect(),
             log_widths: temporal.s.iter().map(width).collect(),
             motion_order: temporal.motion_order,
@@ -193,11 +198,17 @@ impl<T: Real> Parameters<T> {
                 to.copy_from_slice(&from[row * per_row..(row + 1) * per_row]);
             }
         }
+        selected.behind = rows.iter().filter_map(|row| self.behind.get(*row).copied()).collect();
         selected
     }
 
-    /// Appends the rows of `other`, which has the same columns and filter.
+    /// Appends the rows of `other`, which has the same columns, filter and near distance.
     pub fn append(&mut self, other: Parameters<T>) {
+        if !(self.behind.is_empty() && other.behind.is_empty()) {
+            self.behind.resize(self.len(), false);
+            self.behind.extend(&other.behind);
+            self.behind.resize(self.len() + other.len(), false);
+        }
         self.centers.extend(other.centers);
         self.rotations.extend(other.rotations);
         self.log_scales.extend(other.log_scales);
@@ -207,6 +218,11 @@ impl<T: Real> Parameters<T> {
         self.log_widths.extend(other.log_widths);
         self.motion.extend(other.motion);
         self.rotation_rates.extend(other.rotation_rates);
+    }
+
+    /// Whether a row is drawn behind all others.
+    pub fn is_behind(&self, row: usize) -> bool {
+        self.behind.get(row).is_some_and(|behind| *behind)
     }
 
     /// How far the window of a row reaches from its centre, in its widths: until the opacity falls below

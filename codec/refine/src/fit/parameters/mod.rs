@@ -9,7 +9,7 @@ mod timeline;
 
 pub(super) use bounds::{Bounds, NORM_MIN};
 pub use carried::Carried;
-pub(super) use carried::keep_limits;
+pub(super) use carried::{STATIC_SHARE, keep_limits};
 pub(super) use columns::COLUMNS;
 #[cfg(feature = "gpu")]
 pub(super) use columns::LOGIT_MAX;

@@ -184,6 +184,16 @@ impl Fit {
         self.parameters.to_field(self.timeline)
     }
 
+    /// The fitted field in two: what moves, and the plate, which is [behind](Parameters::behind) it and has no temporal
+    /// columns.
+    pub fn to_field_and_plate(&self) -> [Field; 2] {
+        let (still, moving): (Vec<usize>, Vec<usize>) =
+            (0..self.len()).partition(|row| self.parameters.is_behind(*row));
+        let [moving, still] =
+            [moving, still].map(|rows| self.parameters.select(&rows).to_field(self.timeline));
+        [moving, Field { temporal: None, ..still }]
+    }
+
     /// The parameters of the rows that are not [fixed](Carried::is_fixed).
     pub fn into_fitted(self) -> Parameters<f32> {
         let Fit { parameters, moments: Moments { carried, .. }, .. } = self;

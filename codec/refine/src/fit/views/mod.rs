@@ -7,7 +7,5 @@ mod training_view;
 
 pub use frame_view::FrameView;
 pub use photograph::Photograph;
-#[cfg(all(test, feature = "gpu"))]
-pub(in crate::fit) use photograph::UNMASKED;
 pub use rendered_image::RenderedImage;
 pub use training_view::TrainingView;

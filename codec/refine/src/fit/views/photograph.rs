@@ -6,9 +6,6 @@ use crate::image::Image;
 /// Mask value, out of 255, above which a pixel belongs to the subject.
 const SUBJECT: u8 = 127;
 
-/// What a device has in place of the mask of a photograph without one.
-pub(in crate::fit) const UNMASKED: u8 = 1;
-
 /// A photograph with 8 bits per channel: a quarter of the memory of floats.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Photograph {
@@ -39,6 +36,30 @@ impl From<&Photo> for Photograph {
 }
 
 impl Photograph {
+    /// The photograph with pixels `factor` times as large, means of its own; one is valid if all in it are. What is left at
+    /// the right and bottom is cut off.
+    ///
+    /// # Panics
+    /// If `factor` is 0.
+    pub fn shrunk(&self, factor: u32) -> Photograph {
+        let (width, height) = (self.width / factor, self.height / factor);
+        let inside = |i: u32| {
+            let corner = [i % width, i / width].map(|at| at * factor);
+            (0..factor * factor)
+                .map(move |k| ((corner[1] + k / factor) * self.width + corner[0] + k % factor) as usize)
+        };
+        let mean = |i: u32| {
+            let sum = inside(i).fold([0; 4], |sum: [u32; 4], at| {
+                std::array::from_fn(|c| sum[c] + u32::from(self.pixels[at][c]))
+            });
+            sum.map(|sum| ((sum + factor * factor / 2) / (factor * factor)) as u8)
+        };
+        let is_valid = |i: u32| inside(i).all(|at| self.is_valid(at));
+        let valid =
+            if self.valid.is_empty() { Vec::new() } else { (0..width * height).map(is_valid).collect() };
+        Photograph { width, height, pixels: (0..width * height).map(mean).collect(), valid }
+    }
+
     /// Whether the pixel at this index shows the subject.
     pub fn is_subject(&self, pixel: usize) -> bool {
         self.pixels[pixel][3] > SUBJECT && self.is_valid(pixel)
@@ -54,24 +75,18 @@ impl Photograph {
         (0..self.pixels.len()).any(|pixel| self.is_valid(pixel) && !self.is_subject(pixel))
     }
 
-    /// The mask at a pixel as the loss compares it. Less than one percent is 0: a device's word for a pixel has no room for
-    /// all values beside those of invalid and unmasked pixels.
+    /// The mask at a pixel as the loss compares it. 1 of 255 is 0: a device's word for a pixel has no room for all values
+    /// beside that of an invalid pixel.
     pub(in crate::fit) fn opacity(&self, pixel: usize) -> u8 {
         let mask = self.pixels[pixel][3];
-        if mask > UNMASKED + 1 { mask } else { 0 }
+        if mask > 1 { mask } else { 0 }
     }
 
-    /// Red, green, blue and a byte more of each pixel: 0 if it is invalid, [`UNMASKED`] if the photograph has no mask, one
-    /// more outside of the subject, else the mask.
+    /// Red, green, blue and a byte more of each pixel: 0 if it is invalid, 1 outside of the subject, else the mask.
     #[cfg(feature = "gpu")]
     pub(in crate::fit) fn words(&self) -> Vec<u32> {
-        let is_masked = self.is_masked();
         let word = |(i, [r, g, b, _]): (usize, &[u8; 4])| {
-            let state = match (self.is_valid(i), is_masked) {
-                (false, _) => 0,
-                (true, false) => UNMASKED,
-                (true, true) => self.opacity(i).max(UNMASKED + 1),
-            };
+            let state = if self.is_valid(i) { self.opacity(i).max(1) } else { 0 };
             u32::from_le_bytes([*r, *g, *b, state])
         };
         self.pixels.iter().enumerate().map(word).collect()
@@ -80,5 +95,22 @@ impl Photograph {
     /// Whether the photograph covers the pixel at this index.
     pub fn is_valid(&self, pixel: usize) -> bool {
         self.valid.get(pixel).is_none_or(|valid| *valid)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn larger_pixels_are_means() {
+        let pixels: Vec<[u8; 4]> = (0..15).map(|i| [i, 10 * i, 0, 255]).collect();
+        let whole = Photograph { width: 5, height: 3, pixels, valid: Vec::new() };
+        let shrunk = whole.shrunk(2);
+        assert_eq!((shrunk.width, shrunk.height, shrunk.valid.len()), (2, 1, 0));
+        assert_eq!(shrunk.pixels, [[3, 30, 0, 255], [5, 50, 0, 255]]);
+        let valid = (0..15).map(|i| i != 6).collect();
+        assert_eq!(Photograph { valid, ..whole.clone() }.shrunk(2).valid, [false, true]);
+        assert_eq!(whole.shrunk(1), whole);
     }
 }

@@ -34,25 +34,30 @@ pub struct ForwardPass<T> {
 /// parameters.
 pub fn render<T: Real>(parameters: &Parameters<T>, view: &FrameView) -> ForwardPass<T> {
     let projected = Projection::new(view, parameters).all(parameters);
-    let (splats, places) = front_to_back(&projected);
+    let (splats, places) = front_to_back(&projected, parameters);
     let (width, height) = (view.camera.width, view.camera.height);
     let tiles = Tiles::new(&splats, width, height);
     let (image, drawn) = rasterize(Arch::new(), &splats, &tiles, width, height);
     ForwardPass { image, projected, splats, places, tiles, drawn }
 }
 
-/// The splats in the order of their depths, and the place of each in that order. Splats of equal depth keep their
-/// order.
-fn front_to_back<T: Real>(projected: &[Projected<T>]) -> (Vec<Splat<T>>, Vec<u32>) {
-    let mut order: Vec<(T, u32)> = (0..).zip(projected).map(|(i, p)| (p.splat.depth, i)).collect();
-    order.par_sort_unstable_by(|(a, i), (b, j)| {
-        a.partial_cmp(b).expect("depths of splats are finite").then(i.cmp(j))
+/// The splats in the order of their depths, those [behind](Parameters::behind) all others after them, and the place of each
+/// in that order. Splats of equal depth keep their order.
+fn front_to_back<T: Real>(
+    projected: &[Projected<T>],
+    parameters: &Parameters<T>,
+) -> (Vec<Splat<T>>, Vec<u32>) {
+    let key = |(i, p): (u32, &Projected<T>)| (parameters.is_behind(p.splat.row as usize), p.splat.depth, i);
+    let mut order: Vec<(bool, T, u32)> = (0..).zip(projected).map(key).collect();
+    order.par_sort_unstable_by(|(behind, a, i), (other_behind, b, j)| {
+        let by_depth = a.partial_cmp(b).expect("depths of splats are finite");
+        behind.cmp(other_behind).then(by_depth).then(i.cmp(j))
     });
     let mut places = vec![0; order.len()];
-    for (place, (_, index)) in (0..).zip(&order) {
+    for (place, (.., index)) in (0..).zip(&order) {
         places[*index as usize] = place;
     }
-    (order.iter().map(|(_, index)| projected[*index as usize].splat).collect(), places)
+    (order.iter().map(|(.., index)| projected[*index as usize].splat).collect(), places)
 }
 
 impl<T: Real> ForwardPass<T> {

@@ -212,6 +212,26 @@ fn gradients_match_where_gaussians_fade_near_the_camera() {
     );
 }
 
+/// A plate is behind what moves at any depth, as the player draws it, and its gradient knows.
+#[test]
+fn what_is_behind_is_drawn_last() {
+    let camera = camera(21, 18);
+    let view = FrameView { camera: &camera, time: 3.3 };
+    let parameters = smooth(1, 2, true);
+    let rows = parameters.len();
+    let nearest = render(&parameters, &view).splats[0].row as usize;
+    let behind = Parameters { behind: (0..rows).map(|row| row == nearest).collect(), ..parameters.clone() };
+    let drawn = render(&behind, &view);
+    assert_eq!(drawn.splats.last().unwrap().row as usize, nearest);
+    let alpha = |image: &crate::fit::views::RenderedImage<f64>| -> Vec<f64> {
+        image.pixels.iter().map(|pixel| pixel[3]).collect()
+    };
+    assert!(drawn.image != render(&parameters, &view).image, "the order is another");
+    let pairs = alpha(&drawn.image).into_iter().zip(alpha(&render(&parameters, &view).image));
+    assert!(pairs.into_iter().all(|(a, b)| (a - b).abs() < 1e-9), "alpha does not depend on the order");
+    check_gradients(&behind, &view, false, "behind");
+}
+
 #[test]
 fn gradients_match_where_the_slope_is_clamped() {
     let camera = camera(21, 18);

@@ -348,14 +348,12 @@ mod tests {
     use crate::fit::loss::{ALPHA_CHANNELS, LAMBDA};
     use crate::fit::optimizer::{BETA1, BETA2, EPSILON};
     use crate::fit::parameters::NORM_MIN;
-    use crate::fit::views::UNMASKED;
 
     #[test]
     fn shaders_have_the_constants_of_the_cpu() {
         assert_eq!(shaders::fit::ADAM, [BETA1, BETA2, EPSILON].map(|x| x as f32));
         assert_eq!(shaders::fit::LAMBDA, LAMBDA as f32);
         assert_eq!(shaders::fit::ALPHA_CHANNELS, ALPHA_CHANNELS as f32);
-        assert_eq!(shaders::fit::UNMASKED, u32::from(UNMASKED));
         let raster = [shaders::ALPHA_MIN, shaders::ALPHA_MAX, shaders::fit::TRANSMITTANCE_MIN];
         assert_eq!(raster, [codec::ALPHA_MIN, cpu::ALPHA_MAX, cpu::TRANSMITTANCE_MIN].map(|x| x as f32));
         assert_eq!(shaders::fit::LENGTH_MIN, NORM_MIN as f32);

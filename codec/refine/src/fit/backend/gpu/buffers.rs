@@ -12,8 +12,8 @@ use crate::fit::backend::DeviceError;
 /// Bytes per number.
 const WORD: u64 = 4;
 
-/// Significant bits of a depth: those of a positive float.
-pub(super) const DEPTH_BITS: u32 = 31;
+/// Significant bits of a sort key: those of a positive float, and one for what is behind all others.
+pub(super) const DEPTH_BITS: u32 = 32;
 
 /// The buffers that a sort alternates between.
 pub(super) type PingPong = [Buffer; 2];

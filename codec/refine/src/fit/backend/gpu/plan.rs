@@ -93,6 +93,7 @@ impl Builder<'_> {
         let project = [
             (UNIFORMS, &fixed.uniforms),
             (PARAMETERS, &gaussians.parameters),
+            (STATISTICS, &gaussians.statistics),
             (SPLATS, &gaussians.splats),
             (KEYS, &gaussians.keys[0]),
             (ROWS, &gaussians.rows[0]),

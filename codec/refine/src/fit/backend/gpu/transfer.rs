@@ -49,6 +49,7 @@ pub(super) fn upload(device: &Device, to: &PerGaussian, state: &TrainingState) {
         is_usable: 0,
         share: moments.share(row),
         share_of_time: moments.share_of_time(row),
+        is_behind: parameters.is_behind(row).into(),
     };
     let statistics: Vec<Statistics> = (0..parameters.len()).map(statistics_of).collect();
     device.write(&to.statistics, 0, &statistics);
@@ -62,10 +63,13 @@ pub(super) fn download(
     carried: Vec<Carried>,
 ) -> Result<TrainingState, DeviceError> {
     let rows = from.count as usize;
-    let parameters = rows_of(device, &from.parameters, shape, rows, rows)?;
+    let mut parameters = rows_of(device, &from.parameters, shape, rows, rows)?;
     let first = rows_of(device, &from.first_moments, shape, rows, rows)?;
     let second = rows_of(device, &from.second_moments, shape, rows, rows)?;
     let statistics: Vec<Statistics> = device.read(&from.statistics, rows)?;
+    if !shape.behind.is_empty() {
+        parameters.behind = statistics.iter().map(|row| row.is_behind != 0).collect();
+    }
     Ok(TrainingState {
         parameters,
         moments: Moments {
