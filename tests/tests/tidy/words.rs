@@ -36,9 +36,6 @@ pub(crate) const TERMS: &[Term] = &[
     term("faint", "culled", &["client/src/gpu/"], &[]),
     term("least_px", "min_contribution_px", EVERYWHERE, &[]),
     term("middle", "origin, center", &["codec/src/", "client/src/clips/", "client/src/gpu/pack"], &[]),
-    // Time and cameras move, and a frozen image is still.
-    term("still", "static", EVERYWHERE, &["client/src/player.rs", "client/src/window/", "client/src/xr/"]),
-    term("moving", "dynamic", EVERYWHERE, &["client/src/player.rs", "client/src/window/", "client/src/xr/"]),
     // The range of a search, and of a filter's window.
     term("reach", "support_radius", EVERYWHERE, &["codec/refine/src/anchor/", "codec/refine/src/fit/loss/"]),
     term("told", "event", LOADING, &["client/src/xr/interaction/"]),

@@ -18,6 +18,8 @@ pub(super) struct CameraPlate {
     stated: Option<PathBuf>,
     /// Known from its first use on.
     known: Arc<OnceLock<Plate>>,
+    /// The same at the resolution of photographs that are shrunk, known from its first use on.
+    shrunk: Arc<OnceLock<Plate>>,
 }
 
 impl CameraPlate {
@@ -41,6 +43,16 @@ impl CameraPlate {
     /// The path of the picture that is stated.
     pub(super) fn stated_path(&self) -> Option<&Path> {
         self.stated.as_deref()
+    }
+
+    /// The plate at the resolution of shrunk photographs, which `make` makes of it.
+    pub(super) fn shrunk(&self, make: impl FnOnce() -> Plate) -> &Plate {
+        self.shrunk.get_or_init(make)
+    }
+
+    /// Forgets that one, for photographs of another resolution.
+    pub(super) fn forget_shrunk(&mut self) {
+        self.shrunk = Arc::default();
     }
 
     /// Makes a plate known that was not.

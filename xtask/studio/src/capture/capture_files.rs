@@ -11,8 +11,9 @@ use program::Fault;
 use refine::capture::{CalibratedCamera, Capture, Lens, Photo, PhotoId, Response};
 use refine::fit::Learned;
 use refine::image::Image;
+use refine::matte::Plate;
 
-use super::camera_plate::{Background, CameraPlate, matte, take_out};
+use super::camera_plate::{Background, CameraPlate, colors_of, matte, take_out};
 use super::image_file::{Mask, apply_mask, bad, check_size, multiply_alpha, read, read_image};
 use super::photo_paths::{PhotoPath, PhotoPaths};
 use super::video::Video;
@@ -238,6 +239,12 @@ impl CaptureFiles {
     pub fn photo(&self, photo_id: PhotoId) -> Result<Photo, Fault> {
         let mut image = self.taken(photo_id)?;
         let plate = self.plates[photo_id.camera].plate(&self.file_cameras[photo_id.camera])?;
+        let has_mask = self.mask_path(self.index(photo_id)).is_some();
+        if let Some(plate) =
+            plate.filter(|_| self.background.is_matted && !has_mask && self.is_small(photo_id.camera))
+        {
+            return Ok(self.small_matted(photo_id.camera, image, plate));
+        }
         let mask = match self.mask_path(self.index(photo_id)) {
             Some(path) => Some(self.mask(&path, photo_id.camera)?),
             None => plate.filter(|_| self.background.is_matted).map(|plate| matte(plate, &image)),
@@ -253,6 +260,37 @@ impl CaptureFiles {
             }
         }
         Ok(self.seen(photo_id.camera, image))
+    }
+
+    /// Whether the photographs of a camera have at most half of the pixels of their files.
+    fn is_small(&self, camera: usize) -> bool {
+        let pixels = |camera: &Camera| u64::from(camera.width) * u64::from(camera.height);
+        2 * pixels(&self.capture.cameras[camera].camera) <= pixels(&self.file_cameras[camera])
+    }
+
+    /// A photograph that is shrunk first and gets its matte then: a matte takes time for each pixel.
+    fn small_matted(&self, camera: usize, taken: Image, plate: &Plate) -> Photo {
+        let mut photo = self.seen(camera, taken);
+        let plate = self.plates[camera].shrunk(|| {
+            let Camera { width, height, .. } = self.file_cameras[camera];
+            let shrunk = |pixel: &dyn Fn(usize) -> [f64; 4]| {
+                let pixels = (0..plate.colors().len()).map(pixel).collect();
+                self.seen(camera, Image { width, height, pixels }).image
+            };
+            let colors = shrunk(&|i| {
+                let [r, g, b] = plate.colors()[i].map(|c| f64::from(c) / 255.0);
+                [r, g, b, 1.0]
+            });
+            let spread = shrunk(&|i| [f64::from(plate.spread()[i]), 0.0, 0.0, 1.0]);
+            let spread = spread.pixels.iter().map(|pixel| pixel[0] as f32).collect();
+            Plate::with_spread(colors.width as usize, colors_of(&colors), spread)
+        });
+        let mask = matte(plate, &photo.image);
+        multiply_alpha(&mut photo.image, &mask);
+        if !self.background.is_kept {
+            take_out(&mut photo.image, plate);
+        }
+        photo
     }
 
     /// The picture of a photograph as it was taken, with lens distortion and background.

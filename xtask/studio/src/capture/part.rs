@@ -6,6 +6,7 @@ use codec::Camera;
 use program::Fault;
 use refine::capture::PhotoId;
 
+use super::camera_plate::CameraPlate;
 use super::capture_files::CaptureFiles;
 
 /// Maximum number of cameras that an error lists.
@@ -106,7 +107,19 @@ impl CaptureFiles {
             }
             camera.camera = scaled(&camera.camera, width, height);
         }
+        self.plates.iter_mut().for_each(CameraPlate::forget_shrunk);
         Ok(())
+    }
+
+    /// The capture with photographs whose pixels are `factor` times as large.
+    pub fn coarser(&self, factor: u32) -> CaptureFiles {
+        let mut coarser = self.clone();
+        for camera in &mut coarser.capture.cameras {
+            let Camera { width, height, .. } = camera.camera;
+            camera.camera = scaled(&camera.camera, (width / factor).max(1), (height / factor).max(1));
+        }
+        coarser.plates.iter_mut().for_each(CameraPlate::forget_shrunk);
+        coarser
     }
 }
 

@@ -163,7 +163,7 @@ impl PartSelection {
     /// with the holdout that its field records, or else with `holdout`.
     ///
     /// # Errors
-    /// Those of [`FrameSelection::open_for`]; [`Fault::Usage`] if photographs without masks show what a plate draws.
+    /// Those of [`FrameSelection::open_for`].
     pub(crate) fn photographs_of(
         &self,
         folder: &Path,
@@ -174,15 +174,13 @@ impl PartSelection {
     ) -> anyhow::Result<TrainingViews> {
         let source = FitSource::of_scene(path, scene);
         let (holdout, note) = source.held_frames(holdout);
-        let capture_files = self.open_for(folder, size, &source, holdout)?;
+        let mut capture_files = self.open_for(folder, size, &source, holdout)?;
+        if scene.plate.is_some() {
+            // The field is refined before its plate, so photographs are compared as they are.
+            capture_files.forget_mattes();
+        }
         source.note_static(&capture_files);
         let views = load_training_views(&capture_files, holdout)?;
-        if scene.plate.is_some() && !views.train.iter().any(|(_, view)| view.photograph.is_masked()) {
-            bail!(Fault::Usage(
-                "--refine: the photographs show the background, which plate.ply draws, too; give them masks"
-                    .into()
-            ));
-        }
         if let Some(note) = note {
             eprintln!("note: {note}");
         }

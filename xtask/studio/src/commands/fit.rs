@@ -1,15 +1,17 @@
 //! `cargo xtask fit`: fits a field to the photographs of a capture.
 
 use std::ffi::OsStr;
+use std::num::NonZero;
 use std::path::{Path, PathBuf};
+use std::thread::available_parallelism;
 use std::time::{Duration, Instant};
 
 use crate::capture::{CameraCorrections, CameraPart, CaptureFiles};
 use crate::eval::{HeldCameras, Subject, fragments_per_lit_pixel, held_photos, judge_held_cameras};
 use crate::export::fitted_field_file;
 use crate::fit::{
-    self, DepthScale, FitPlan, FitRuntime, FitStart, Fitted, PlatePlan, Segments, SlidePlan, TrainingViews,
-    WorkFolder, log,
+    self, DepthScale, FitPlan, FitRuntime, FitStart, Fitted, FittedPlate, PlatePlan, Segments, SlidePlan,
+    TrainingViews, WorkFolder, log,
 };
 use crate::input::{Input, is_take, not_one_field};
 use crate::messages::count;
@@ -33,7 +35,7 @@ use super::capture::{
     FrameSelection, HeldFrames, LpipsOption, describe, load_training_views, note_assumed_fps,
 };
 use super::fit_folder::{fit_folder, report_finished, report_folder};
-use super::fit_plate::{PlateWhen, fit_plate, settle_plate};
+use super::fit_plate::{PlateWhen, fit_plate, settle_plate, write_plate};
 use super::fit_progress::show;
 use super::fit_source::FitSource;
 use super::takes::{self, TakeCommand, TakeOptions, part_seconds};
@@ -96,7 +98,7 @@ pub struct Args {
 /// The options of a fit to any capture, which `report --fit` shares.
 #[derive(clap::Args, Clone, Debug)]
 pub(super) struct FitOptions {
-    /// Number of steps; 5600 per training frame, at most 96000, by default
+    /// Number of steps; by default 5600 per training frame, at most 96000, and 7000 for whole photographs with a plate
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
     steps: Option<u64>,
     /// Cameras whose pixels become Gaussians of the anchor, by name, like the paper's frontal ones; all by
@@ -114,7 +116,8 @@ pub(super) struct FitOptions {
     #[arg(long, value_enum, default_value_t = Filter::Mip)]
     filter: Filter,
     /// Number of Gaussians below which pruning stops, and approximate number at the start; by default 12000
-    /// per training frame, at most 200000, and fewer for photographs below 512x375
+    /// per training frame, at most 200000, for whole photographs 2000 and 60000 beside those of the plate; fewer for
+    /// photographs below 512x375
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
     gaussians: Option<u32>,
     /// How Gaussians are added and removed
@@ -124,10 +127,9 @@ pub(super) struct FitOptions {
     /// --rule paper
     #[arg(long, value_name = "W", value_parser = fragment_weight)]
     fragment_weight: Option<f64>,
-    /// Degree of view-dependent colour; with --from, the degree of FIELD
-    #[arg(long, value_name = "0..3", default_value_t = fit::SH_DEGREE,
-          value_parser = clap::value_parser!(u8).range(0..=3))]
-    sh_degree: u8,
+    /// Degree of view-dependent colour; 3 by default, 0 for whole photographs, and with --from the degree of FIELD
+    #[arg(long, value_name = "0..3", value_parser = clap::value_parser!(u8).range(0..=3))]
+    sh_degree: Option<u8>,
     #[command(flatten)]
     pub(super) lpips: LpipsOption,
     #[command(flatten)]
@@ -171,10 +173,11 @@ enum Learn {
 
 impl ValueEnum for Learn {
     fn value_variants<'a>() -> &'a [Learn] {
-        use CameraPart::{Colors, Exposures, Focals, Offsets, Poses};
+        use CameraPart::{Colors, Exposures, Focals, Gains, Offsets, Poses};
         const {
             &[
                 Learn::Part(Offsets),
+                Learn::Part(Gains),
                 Learn::Part(Colors),
                 Learn::Part(Exposures),
                 Learn::Part(Poses),
@@ -239,9 +242,9 @@ pub(super) fn by_default(
         FitRuntime { backend, lpips: None, checkpoint_every: fit::CHECKPOINT_EVERY }
     }
     let mut capture_files = capture_files.clone();
-    let mut views = load_training_views(&capture_files, plan.holdout)?;
-    fit_plate(plan, &mut capture_files, &mut views, runtime(backend), out)?;
-    fit_and_write(out, plan, &capture_files, &views, runtime(backend)).map(drop)
+    let mut views = load_training_views(&plan.start_files(&capture_files), plan.holdout)?;
+    let plate = fit_plate(plan, &mut capture_files, &mut views, runtime(backend), out)?;
+    fit_and_write(out, plan, &capture_files, &views, plate.as_ref(), runtime(backend)).map(drop)
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
@@ -322,9 +325,15 @@ impl FitOptions {
         self.fps.map_or(Ok(()), |fps| capture_files.state_fps(fps))
     }
 
-    /// The plan of these options, with the default anchor and the floor.
-    pub(super) fn plan(&self, capture_files: &CaptureFiles, holdout: Holdout) -> Result<FitPlan, Fault> {
-        self.plan_from(FitPlan::default_for(capture_files, holdout)?)
+    /// The plan of these options for a capture whose background `plate` tells, with the default anchor and the floor.
+    pub(super) fn plan(
+        &self,
+        capture_files: &CaptureFiles,
+        holdout: Holdout,
+        plate: PlatePlan,
+    ) -> Result<FitPlan, Fault> {
+        let plan = self.plan_from(FitPlan::default_for(capture_files, holdout, plate)?)?;
+        Ok(plan.with_coarse_steps(capture_files))
     }
 
     /// `default`, with what these options state instead.
@@ -355,9 +364,10 @@ impl FitOptions {
                 Rule::Paper => 0.0,
                 Rule::Floor | Rule::Relocate => default.fragment_weight,
             }),
-            sh_degree: self.sh_degree,
+            sh_degree: self.sh_degree.unwrap_or(default.sh_degree),
             seed: self.seed,
             learned: self.learned(default.learned)?,
+            learns_disagreement: default.learns_disagreement && self.learn.is_empty(),
             ..default
         })
     }
@@ -407,19 +417,24 @@ fn fit_capture(args: &Args, out: &Path) -> anyhow::Result<FitResult> {
     let holdout = Holdout::from(args.holdout);
     let splits = describe(&capture_files, holdout)?;
     let lpips = args.options.lpips.load()?;
-    let plan = plan(args, args.options.plan(&capture_files, holdout)?)?;
-    let plan = FitPlan { plate: plate_plan(args, &mut capture_files, holdout)?, ..plan };
+    let plate = plate_plan(args, &mut capture_files, holdout)?;
+    let plan = plan(args, args.options.plan(&capture_files, holdout, plate)?)?;
     fit::check_checkpoint(&plan, out)?;
     let mut backend = args.options.backend.open()?;
+    if plan.plate == PlatePlan::Fitted && backend.peak_device_bytes().is_none() {
+        let cores = available_parallelism().map_or(1, NonZero::get);
+        eprintln!("note: {}", plan.describe_whole(&capture_files, cores));
+    }
     let runtime = args.options.runtime(&mut *backend, lpips.as_ref());
-    let mut views = load_training_views(&capture_files, holdout)?;
+    let mut views = load_training_views(&plan.start_files(&capture_files), holdout)?;
     let plate = fit_plate(&plan, &mut capture_files, &mut views, runtime, out)?;
     let runtime = args.options.runtime(&mut *backend, lpips.as_ref());
     note_assumed_fps(&capture_files, "--fps states another number");
-    let fitted = fit_and_write(out, &plan, &capture_files, &views, runtime)?;
+    let fitted = fit_and_write(out, &plan, &capture_files, &views, plate.as_ref(), runtime)?;
     let step = (views.train.len() / COUNTED_VIEWS).max(1);
     let counted = views.train.iter().step_by(step).map(|(photo_id, _)| photo_id);
     let field = fitted.fit.to_field();
+    let plate = plate.map(|_| fitted.fit.to_field_and_plate()[1].len());
     let scene = RenderScene::from(&field);
     let fragments_per_lit_pixel = fragments_per_lit_pixel(&scene, &capture_files, counted);
     // The field is written: a photograph that cannot be read does not undo it.
@@ -460,7 +475,10 @@ fn held_cameras(
 fn plate_plan(args: &Args, capture_files: &mut CaptureFiles, holdout: Holdout) -> anyhow::Result<PlatePlan> {
     let is_whole = args.depths.is_some() || matches!(args.anchor, Anchor::None);
     match args.options.plate {
-        PlateWhen::Auto if args.from.is_some() && capture_files.has_mattes() => Ok(PlatePlan::Mattes),
+        PlateWhen::Auto if capture_files.has_mattes() && args.from.is_some() => {
+            let from = args.from.as_ref().map(|from| Input::load(from)).transpose()?;
+            Ok(if from.is_some_and(|from| from.has_plate()) { PlatePlan::Fitted } else { PlatePlan::Mattes })
+        }
         PlateWhen::Auto if is_whole || args.from.is_some() => PlateWhen::Off.find(capture_files, holdout),
         when => when.find(capture_files, holdout),
     }
@@ -512,17 +530,19 @@ const UNIT_S: f64 = 1.0;
 /// About as many photographs, evenly, tell what a field costs a player.
 const COUNTED_VIEWS: usize = 8;
 
-/// Fits a field with a progress bar and writes it to `out`.
+/// Fits a field with a progress bar and writes it to `out`; with the `plate` behind it, that too, beside it.
 pub(super) fn fit_and_write(
     out: &Path,
     plan: &FitPlan,
     capture_files: &CaptureFiles,
     views: &TrainingViews,
+    plate: Option<&FittedPlate>,
     runtime: FitRuntime,
 ) -> anyhow::Result<Fitted> {
     let bar = counting(plan.steps, "steps");
     bar.println(describe(capture_files, plan.holdout)?);
-    let fitted = fit::fit(plan, capture_files, views, runtime, out, &mut |progress| show(&bar, progress))?;
+    let fitted =
+        fit::fit(plan, capture_files, views, plate, runtime, out, &mut |progress| show(&bar, progress))?;
     bar.finish_and_clear();
     let info = fit::clip_info(capture_files);
     let cameras = fit::learned_cameras(capture_files, &fitted.fit, views.timeline);
@@ -531,7 +551,11 @@ pub(super) fn fit_and_write(
     }
     // The checkpoint goes only when the field is safe.
     let record = capture_files.fit_record(plan.holdout);
-    output::write_durable(out, &fitted_field_file(&fitted.fit.to_field(), &info, &record))?;
+    let [moving, still] = fitted.fit.to_field_and_plate();
+    if plate.is_some() {
+        write_plate(&plate_path(out), &still, &info)?;
+    }
+    output::write_durable(out, &fitted_field_file(&moving, &info, &record))?;
     if cameras.is_none() && output::remove(&cameras_path(out))? {
         eprintln!("note: {} was of an earlier fit, and is removed", cameras_path(out).display());
     }
@@ -667,9 +691,7 @@ fn report(args: &Args, result: &FitResult, out: &Path, start: Instant) -> anyhow
         println!("fragments        {fragments:.1} per lit pixel, in pictures 512 pixels wide");
     }
     if let Some(psnr) = last.held_psnr_db {
-        println!(
-            "held             {psnr:.2} dB, the subject in a few held-out photographs; `eval` measures all"
-        );
+        println!("held             {psnr:.2} dB in a few held-out photographs; `eval` measures all");
     }
     if fitted.fit.non_finite() > 0 {
         println!("left out         {}, not finite", count(fitted.fit.non_finite() as usize, "gradient"));

@@ -6,10 +6,11 @@ use clap::ValueEnum;
 use codec::{ClipInfo, Field};
 use program::{Fault, output};
 use refine::capture::Holdout;
+use refine::fit::Rig;
 
 use crate::capture::CaptureFiles;
 use crate::export::fitted_field_file;
-use crate::fit::{self, FitPlan, FitRuntime, FitStart, PlatePlan, TrainingViews, log};
+use crate::fit::{self, FitPlan, FitRuntime, FitStart, FittedPlate, PlatePlan, TrainingViews, log};
 use crate::import::{FitRecord, import};
 use crate::input::Input;
 use crate::progress::counting;
@@ -60,7 +61,7 @@ impl PlateWhen {
 
 /// Fits the plate that belongs behind the field `out`, if the plan says so, and writes it beside; `capture_files` and
 /// `views`, its photographs, get the colours of cameras that it learned. If it is there and the fit of the field goes on, it
-/// is left as it is. Returns its number of Gaussians.
+/// is left as it is; a fit that starts from a field has the plate of that. Returns it.
 ///
 /// # Errors
 /// Those of [`fit::fit_plate`]; [`Fault::Data`] if nothing is in front of the plates; [`Fault::Usage`] if the file cannot be
@@ -71,7 +72,7 @@ pub(super) fn fit_plate(
     views: &mut TrainingViews,
     runtime: FitRuntime,
     out: &Path,
-) -> anyhow::Result<Option<usize>> {
+) -> anyhow::Result<Option<FittedPlate>> {
     if plan.plate != PlatePlan::Fitted {
         return Ok(None);
     }
@@ -80,11 +81,16 @@ pub(super) fn fit_plate(
                     fit all that is seen, --plate off";
         return Err(Fault::Data(what.into()).into());
     }
+    if let FitStart::Field(from, _) = &plan.start {
+        let plate = Input::load(Path::new(from))?.plate().cloned();
+        return Ok(plate.map(|field| FittedPlate { field, learned: plan.learned }));
+    }
     let path = plate_path(out);
     if path.is_file() && fit::has_checkpoint(out) {
-        return Ok(Some(import(&path)?.field.len()));
+        // The checkpoint has its rows and the cameras.
+        return Ok(Some(FittedPlate { field: import(&path)?.field, learned: plan.learned }));
     }
-    let bar = counting(plan.steps, "steps");
+    let bar = counting(plan.plate_steps(), "steps");
     bar.println(format!("plate: {}", path.display()));
     let fitted = fit::fit_plate(plan, capture_files, runtime, out, &mut |progress| show(&bar, progress))?;
     bar.finish_and_clear();
@@ -94,12 +100,14 @@ pub(super) fn fit_plate(
             views.responses[i] = camera.response;
         }
     }
-    write_plate(&path, &fitted.fit.to_field(), &fit::clip_info(capture_files))?;
+    let plate = fitted.fit.to_field();
+    write_plate(&path, &plate, &fit::clip_info(capture_files))?;
     fit::remove_checkpoint(&path)?;
-    Ok(Some(fitted.fit.len()))
+    let learned = fitted.fit.rig().map_or(plan.learned, Rig::learned);
+    Ok(Some(FittedPlate { field: plate, learned }))
 }
 
-fn write_plate(path: &Path, plate: &Field, info: &ClipInfo) -> Result<(), Fault> {
+pub(super) fn write_plate(path: &Path, plate: &Field, info: &ClipInfo) -> Result<(), Fault> {
     let record = FitRecord { has_mattes: true, ..FitRecord::default() };
     output::write_durable(path, &fitted_field_file(plate, info, &record))
 }

@@ -375,6 +375,7 @@ fn write_package(args: &Args) -> anyhow::Result<WrittenPackage> {
     };
     let refinement = views.as_ref().zip(args.refine).map(|(views, steps)| Refinement {
         views,
+        plate: scene.plate.as_ref().map(|plate| &plate.field).filter(|_| views.are_whole()),
         steps,
         fragment_weight: args.fragment_weight,
     });
@@ -548,8 +549,8 @@ impl Captured {
 
     /// The plan of the fit of a capture.
     fn plan(&self, args: &Args) -> Result<FitPlan, Fault> {
-        let plan = FitPlan::default_for(&self.capture_files, args.holdout_of_fit())?;
-        Ok(FitPlan { plate: self.plate, ..plan })
+        let plan = FitPlan::default_for(&self.capture_files, args.holdout_of_fit(), self.plate)?;
+        Ok(plan.with_coarse_steps(&self.capture_files))
     }
 
     /// Fits a field to the capture, to a file beside the package; with a list, unless that is done.

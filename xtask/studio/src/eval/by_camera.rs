@@ -6,8 +6,20 @@ use program::Fault;
 use refine::capture::{PhotoId, Split};
 use refine::metrics::{AlignedPsnr, ImageMetrics, ImageSums, TemporalMedian};
 
-use super::Judged;
 use crate::capture::CaptureFiles;
+
+/// Measures of one picture.
+#[derive(Clone, Debug)]
+pub struct Judged {
+    /// Camera and frame.
+    pub photo_id: PhotoId,
+    /// The split of the photograph.
+    pub split: Split,
+    /// Similarity of picture and photograph.
+    pub measures: ImageMetrics,
+    /// PSNR after the transform of the camera's colours.
+    pub aligned: AlignedPsnr,
+}
 
 /// A compared picture whose colours are not aligned yet.
 pub(super) struct Measured {

@@ -25,11 +25,12 @@ use program::Fault;
 use refine::capture::{Holdout, Photo, PhotoId, Split};
 use refine::fit::{Lpips, LpipsError};
 use refine::image::Image;
-use refine::metrics::{AlignedPsnr, ImageMetrics};
+use refine::metrics::ImageMetrics;
 use refine::reference::{self, Order};
 
 use crate::capture::{CaptureFiles, find_image, read_picture};
 use crate::input::Input;
+pub use by_camera::Judged;
 use by_camera::{Measured, Medians, align, by_camera};
 
 pub use baselines::{Baseline, judge_baselines};
@@ -84,36 +85,45 @@ impl Subject {
         let Subject::Pictures(_) = self else { return Ok(()) };
         let first =
             capture_files.capture.photos.iter().find(|photo_id| self.shows(capture_files, **photo_id));
-        first.map_or(Ok(()), |photo_id| self.picture(capture_files, *photo_id).map(drop))
+        first.map_or(Ok(()), |photo_id| self.picture(capture_files, *photo_id, false).map(drop))
     }
 
-    /// Its picture of a photograph's view, if any.
-    fn picture(&self, capture_files: &CaptureFiles, photo_id: PhotoId) -> Result<Option<Image>, Fault> {
+    /// Whether it tells what the subject is in photographs without masks: what it draws before a plate.
+    fn tells_subject(&self, capture_files: &CaptureFiles) -> bool {
+        matches!(self, Subject::Drawn(input) if input.has_plate()) && capture_files.has_mattes()
+    }
+
+    /// Its picture of a photograph's view, if any, and `with_subject` the alpha of what is before the plate.
+    fn picture(
+        &self,
+        capture_files: &CaptureFiles,
+        photo_id: PhotoId,
+        with_subject: bool,
+    ) -> Result<Option<Picture>, Fault> {
         let camera = &capture_files.capture.cameras[photo_id.camera].camera;
         match self {
             Subject::Drawn(input) => {
-                let t = capture_files.capture.clip_time(photo_id);
-                Ok(Some(reference::render(&input.to_reference(), camera, t, Order::Depth)))
+                let (scene, t) = (input.to_reference(), capture_files.capture.clip_time(photo_id));
+                Ok(Some(if with_subject {
+                    let (picture, alpha) = reference::render_with_subject(&scene, camera, t, Order::Depth);
+                    Picture { image: picture, subject: Some(alpha) }
+                } else {
+                    Picture { image: reference::render(&scene, camera, t, Order::Depth), subject: None }
+                }))
             }
             Subject::Pictures(folder) => match find_image(&folder.join(capture_files.name(photo_id))) {
-                Some(path) => read_picture(&path, camera).map(Some),
+                Some(path) => Ok(Some(Picture { image: read_picture(&path, camera)?, subject: None })),
                 None => Ok(None),
             },
         }
     }
 }
 
-/// Measures of one picture.
-#[derive(Clone, Debug)]
-pub struct Judged {
-    /// Camera and frame.
-    pub photo_id: PhotoId,
-    /// The split of the photograph.
-    pub split: Split,
-    /// Similarity of picture and photograph.
-    pub measures: ImageMetrics,
-    /// PSNR after the transform of the camera's colours.
-    pub aligned: AlignedPsnr,
+/// A picture of a subject.
+struct Picture {
+    image: Image,
+    /// Alpha of what is before the plate, pixel by pixel, if it was asked for.
+    subject: Option<Vec<f64>>,
 }
 
 /// A picture, its photograph and their measures.
@@ -180,6 +190,12 @@ fn judge_photos(
     lpips: Option<&Lpips<f32>>,
     mut on_photo: impl FnMut(Option<Comparison>),
 ) -> anyhow::Result<Vec<Judged>> {
+    let tells_subject = subject.tells_subject(capture_files);
+    let mut whole = capture_files.clone();
+    if tells_subject {
+        whole.forget_mattes();
+    }
+    let capture_files = &whole;
     let mut medians = Medians::new(capture_files);
     let mut measured = Vec::new();
     for (photo_id, split) in by_camera(photos) {
@@ -188,8 +204,13 @@ fn judge_photos(
             continue;
         }
         // The photograph first: reading it checks its size against the camera's.
-        let photo = photo_for(capture_files, photo_id, lpips)?;
-        if let Some(picture) = subject.picture(capture_files, photo_id)? {
+        let mut photo = photo_for(capture_files, photo_id, lpips)?;
+        if let Some(Picture { image: picture, subject }) =
+            subject.picture(capture_files, photo_id, tells_subject)?
+        {
+            for (pixel, alpha) in photo.image.pixels.iter_mut().zip(subject.iter().flatten()) {
+                pixel[3] = *alpha;
+            }
             let median = medians.median(photo_id.camera)?;
             let (measures, sums) = ImageMetrics::with_sums(&picture, &photo, median, lpips);
             on_photo(Some(Comparison {

@@ -18,7 +18,7 @@ pub struct LogEntry {
     pub seconds: f64,
     /// Mean loss of the steps since the last line.
     pub loss: f64,
-    /// PSNR of the subject in a few held-out photographs, in dB; `None` if none is held out.
+    /// PSNR in a few held-out photographs, of the subject where they have masks, in dB; `None` if none is held out.
     pub held_psnr_db: Option<f64>,
     /// Number of Gaussians.
     pub gaussians: usize,

@@ -1,8 +1,8 @@
 //! Fitting: the photographs of a capture become a field.
 //!
 //! ```text
-//! CaptureFiles -> TrainingViews -> anchor | field -> Fit -> field
-//!              -> plates        -> anchor         -> Fit -> plate behind it
+//! CaptureFiles -> TrainingViews -> anchor | field ------------> Fit -> field
+//!              -> plates        -> anchor -> Fit -> static rows -^  -> plate behind it
 //! ```
 //!
 //! Beside the field it writes a table of its progress, a picture and, until it is done, a checkpoint from
@@ -25,7 +25,8 @@ use std::time::{Duration, Instant};
 use codec::{ClipInfo, Viewpoint};
 use image::RgbImage;
 use program::{Fault, output};
-use refine::capture::CalibratedCamera;
+use rayon::prelude::*;
+use refine::capture::{CalibratedCamera, Focus};
 use refine::fit::{Backend, DeviceError, Fit, Lpips, RenderedImage, Run, TrainingView};
 
 use crate::capture::CaptureFiles;
@@ -34,10 +35,11 @@ use crate::scene::{DEFAULT_DURATION_S, DEFAULT_METRES_PER_UNIT, DEFAULT_UP, plat
 pub use cameras::learned_cameras;
 use checkpoint::{Checkpoint, Tally};
 use log::LogEntry;
-pub use plan::{DepthScale, FitPlan, FitStart, PlatePlan, SH_DEGREE, crc, file_crc};
+pub use plan::{Coarse, DepthScale, FitPlan, FitStart, PlatePlan, crc, file_crc};
 pub use plate::fit_plate;
 pub use refinement::{Refinement, RefinementReport};
 pub use slide::{Assembled, Segments, SlidField, SlidePlan, SlideProgress, WorkFolder, slide, slide_cost};
+pub use start::FittedPlate;
 pub(crate) use training_views::evenly;
 use training_views::mean_psnr;
 pub use training_views::{TrainingViews, train_frames};
@@ -95,7 +97,8 @@ pub struct Fitted {
 }
 
 /// Fits a field to the photographs of `views`. `out` is the path of the field: the table, the picture and
-/// the checkpoint are written beside it; the caller writes the field.
+/// the checkpoint are written beside it; the caller writes the field. With a `plate`, its rows and those of the field are
+/// fitted together to whole photographs, and `views` only tell where the first Gaussians of the field are.
 ///
 /// # Errors
 /// A [`Fault`] if there is no Gaussian to start from, a file cannot be read or written, or the device
@@ -104,12 +107,19 @@ pub fn fit(
     plan: &FitPlan,
     capture_files: &CaptureFiles,
     views: &TrainingViews,
+    plate: Option<&FittedPlate>,
     runtime: FitRuntime,
     out: &Path,
     on_progress: &mut dyn FnMut(&FitProgress),
 ) -> anyhow::Result<Fitted> {
-    let start = |_: &mut dyn Backend| start::start(plan, capture_files, views).map(Some);
-    let fitted = fit_from(plan, capture_files, views, runtime, out, on_progress, start)?;
+    let start = |_: &mut dyn Backend| start::start(plan, capture_files, views, plate).map(Some);
+    let fitted = match plate {
+        None => fit_from(plan, capture_files, views, runtime, out, on_progress, start)?,
+        Some(_) => {
+            let whole = views.whole(capture_files, plan.holdout)?;
+            fit_from(plan, capture_files, &whole, runtime, out, on_progress, start)?
+        }
+    };
     Ok(fitted.expect("there is something to fit"))
 }
 
@@ -149,13 +159,20 @@ fn fit_from(
     let resumed_at = fit.steps_done();
     let mut run = Run::start(fit, backend).map_err(on_device)?;
     let train: Vec<&TrainingView> = views.train.iter().map(|(_, view)| view).collect();
+    let Coarse { factor, steps: coarse_steps } = plan.coarse;
+    let small: Vec<TrainingView> = match resumed_at < coarse_steps {
+        true => train.par_iter().map(|view| view.shrunk(factor)).collect(),
+        false => Vec::new(),
+    };
+    let coarse: Vec<&TrainingView> = small.iter().collect();
     let start = Instant::now();
     let (mut saved_at, mut reported_at) = (start, start);
     let every = (plan.steps / LINES).max(1);
     let mut step_time = Duration::ZERO;
     while !run.is_done() {
         let step_start = Instant::now();
-        let step = run.step(&train, lpips).map_err(on_device)?;
+        let views_now = if run.steps_done() < coarse_steps { &coarse } else { &train };
+        let step = run.step(views_now, lpips).map_err(on_device)?;
         step_time += step_start.elapsed();
         tally.loss += step.loss;
         tally.drawn += step.drawn;
@@ -257,11 +274,14 @@ pub fn remove_checkpoint(out: &Path) -> Result<(), Fault> {
 }
 
 /// Metadata of a clip of this capture: its duration and frame rate, its up direction or else the mean of its cameras', its
-/// scale, and viewpoints at its first camera and a few others.
+/// scale, and viewpoints at some of the cameras that it is fitted to.
 pub fn clip_info(capture_files: &CaptureFiles) -> ClipInfo {
     let cameras = &capture_files.capture.cameras;
     let duration_s = capture_files.capture.duration_s();
-    let views = cameras.len().min(VIEWPOINTS_MAX);
+    // A held camera may stand where no other looks.
+    let fitted: Vec<&CalibratedCamera> = cameras.iter().filter(|camera| !camera.held).collect();
+    let focus = Focus::of(fitted.iter().map(|camera| &camera.camera));
+    let views = fitted.len().min(VIEWPOINTS_MAX);
     ClipInfo {
         duration_s: if duration_s > 0.0 { duration_s as f32 } else { DEFAULT_DURATION_S },
         fps: capture_files.fps() as f32,
@@ -272,15 +292,22 @@ pub fn clip_info(capture_files: &CaptureFiles) -> ClipInfo {
         metres_per_unit: capture_files
             .metres_per_unit
             .map_or(DEFAULT_METRES_PER_UNIT, |metres| metres as f32),
-        viewpoints: (0..views).map(|i| viewpoint(&cameras[i * cameras.len() / views])).collect(),
+        viewpoints: (0..views).map(|i| viewpoint(fitted[i * fitted.len() / views], focus.as_ref())).collect(),
     }
 }
 
-fn viewpoint(camera: &CalibratedCamera) -> Viewpoint {
+/// A viewpoint at a camera, with its target as far away as the focus of all cameras.
+fn viewpoint(camera: &CalibratedCamera, focus: Option<&Focus>) -> Viewpoint {
     let CalibratedCamera { name, camera, .. } = camera;
     let (position, forward) = (camera.position(), camera.camera_from_world[2]);
-    // The target is as far away as the world's origin, which captures put near their subject.
-    let distance = position.iter().map(|x| x * x).sum::<f64>().sqrt().max(1e-3);
+    let ahead = |focus: &Focus| -> f64 {
+        let center = focus.center.to_array();
+        (0..3).map(|axis| (center[axis] - position[axis]) * forward[axis]).sum()
+    };
+    // A single camera has no focus: the world's origin is near the subject of most captures.
+    let to_origin = || position.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let distance = focus.map(ahead).filter(|ahead| *ahead > 0.0).unwrap_or_else(to_origin);
+    let distance = if distance > 0.0 { distance } else { 1.0 };
     Viewpoint {
         name: name.clone(),
         position: position.map(|x| x as f32),

@@ -7,7 +7,7 @@ use clap::ValueEnum;
 use codec::PixelFilter;
 use program::Fault;
 use refine::anchor::Mirror;
-use refine::capture::{CalibratedCamera, Holdout};
+use refine::capture::{CalibratedCamera, Focus, Holdout};
 use refine::fit::{DensityRule, FRAGMENT_WEIGHT, FitSettings, Learned};
 use serde::{Deserialize, Serialize};
 
@@ -16,7 +16,7 @@ use crate::capture::CaptureFiles;
 use crate::messages::unreadable;
 
 /// Default degree of view-dependent colour.
-pub const SH_DEGREE: u8 = 3;
+const SH_DEGREE: u8 = 3;
 
 /// Settings that determine the result of a fit. A checkpoint with other settings is refused; the pixels
 /// of photographs and depth maps are not compared.
@@ -42,14 +42,20 @@ pub struct FitPlan {
     pub fragment_weight: f64,
     /// The filter of the field.
     pub filter: PixelFilter,
+    /// Near distance of the field, [`codec::Field::near`].
+    pub near: f64,
     /// Degree of the spherical harmonics.
     pub sh_degree: u8,
     /// Seed of the random numbers.
     pub seed: u64,
     /// What is learned of the cameras.
     pub learned: Learned,
+    /// Whether gains are learned, too, where the cameras disagree about colours.
+    pub learns_disagreement: bool,
     /// What becomes of the background.
     pub plate: PlatePlan,
+    /// The first steps, on smaller photographs.
+    pub coarse: Coarse,
     /// Held-out frames.
     pub holdout: Holdout,
     /// Network and checksum of the LPIPS weights; `None` if the loss has no LPIPS term.
@@ -81,9 +87,37 @@ pub enum PlatePlan {
     None,
     /// Photographs get mattes, so that the field is of the subject alone.
     Mattes,
-    /// The same, and first a plate is fitted to what is behind the subject.
+    /// First a plate is fitted to what is behind the subject, then both together to whole photographs. Mattes only place
+    /// the first Gaussians of what moves.
     Fitted,
 }
+
+/// The first steps of a fit, on smaller photographs: they find the large shapes in a fraction of the time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Coarse {
+    /// Pixels are so many times as large.
+    pub factor: u32,
+    /// Number of these steps.
+    pub steps: u64,
+}
+
+impl Coarse {
+    /// No such steps.
+    pub const NONE: Coarse = Coarse { factor: 1, steps: 0 };
+
+    /// Half of `steps`, at a size of at most [`COARSE_PIXELS`].
+    fn half_of(steps: u64, pixels: f64) -> Coarse {
+        let factor =
+            (0..).map(|power| 1 << power).find(|factor| pixels <= COARSE_PIXELS * f64::from(factor * factor));
+        match factor.unwrap_or(1) {
+            1 => Coarse::NONE,
+            factor => Coarse { factor, steps: steps / 2 },
+        }
+    }
+}
+
+/// Most pixels of a photograph that the first steps compare.
+const COARSE_PIXELS: f64 = 150_000.0;
 
 /// How depth maps are scaled to the units of the cameras. The variants' docs are help texts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
@@ -99,13 +133,22 @@ pub enum DepthScale {
 }
 
 impl FitPlan {
-    /// The default plan for a capture.
+    /// The default plan for a capture, whose background `plate` tells.
     ///
     /// # Errors
     /// [`Fault::Data`] if `holdout` leaves no photograph to fit to.
-    pub fn default_for(capture_files: &CaptureFiles, holdout: Holdout) -> Result<FitPlan, Fault> {
+    pub fn default_for(
+        capture_files: &CaptureFiles,
+        holdout: Holdout,
+        plate: PlatePlan,
+    ) -> Result<FitPlan, Fault> {
         let frames = train_frames(capture_files, holdout)?.len();
-        Ok(FitPlan::for_frames(capture_files, holdout, frames))
+        let plan = FitPlan { plate, ..FitPlan::for_frames(capture_files, holdout, frames) };
+        if plate != PlatePlan::Fitted {
+            return Ok(plan);
+        }
+        let gaussians = of_pixels(WHOLE_GAUSSIANS.min(WHOLE_GAUSSIANS_A_FRAME * frames), capture_files);
+        Ok(FitPlan { steps: WHOLE_STEPS, gaussians, floor: gaussians, sh_degree: 0, ..plan })
     }
 
     /// The default plan for so many frames to fit to of a capture.
@@ -122,14 +165,64 @@ impl FitPlan {
             rule: DensityRule::Floor,
             fragment_weight: FRAGMENT_WEIGHT,
             filter: PixelFilter::Mip,
+            near: near(capture_files),
             sh_degree: SH_DEGREE,
             seed: 0,
             learned: capture_files.learned,
+            learns_disagreement: capture_files.learned.is_nothing(),
             plate: PlatePlan::None,
+            coarse: Coarse::NONE,
             holdout,
             lpips: None,
             capture: fingerprint(capture_files),
         }
+    }
+
+    /// This plan, with its first steps on smaller photographs if they are whole.
+    pub fn with_coarse_steps(self, capture_files: &CaptureFiles) -> FitPlan {
+        let coarse = match self.plate {
+            PlatePlan::Fitted => Coarse::half_of(self.steps, largest_photograph(capture_files)),
+            PlatePlan::None | PlatePlan::Mattes => Coarse::NONE,
+        };
+        FitPlan { coarse, ..self }
+    }
+
+    /// Number of steps of the plate.
+    pub fn plate_steps(&self) -> u64 {
+        PLATE_STEPS.min(self.steps)
+    }
+
+    /// What a fit of whole photographs does, in a line, and how long that takes on so many cores.
+    pub fn describe_whole(&self, capture_files: &CaptureFiles, cores: usize) -> String {
+        let size = |factor: u32| {
+            let cameras = capture_files.capture.cameras.iter().map(|camera| &camera.camera);
+            let largest = cameras.max_by_key(|camera| u64::from(camera.width) * u64::from(camera.height));
+            largest.map_or(String::new(), |camera| {
+                format!("{}x{}", camera.width / factor, camera.height / factor)
+            })
+        };
+        let Coarse { factor, steps: coarse } = self.coarse;
+        let pixels = largest_photograph(capture_files);
+        let of_small = (self.plate_steps() + coarse) as f64 * (pixels / f64::from(factor * factor));
+        let of_large = (self.steps - coarse) as f64 * pixels;
+        let minutes = (of_small + of_large) * CORE_S_A_PIXEL / cores as f64 / 60.0;
+        let first = match coarse {
+            0 => String::new(),
+            _ => format!(", the first {coarse} at {}", size(factor)),
+        };
+        format!(
+            "whole photographs of {}: {} steps for what stands still, then {} together with what moves{first}; about {:.0} \
+             minutes on {cores} cores",
+            size(1),
+            self.plate_steps(),
+            self.steps,
+            minutes.max(1.0)
+        )
+    }
+
+    /// The capture with the photographs that place the first Gaussians, which are those of the first steps.
+    pub fn start_files(&self, capture_files: &CaptureFiles) -> CaptureFiles {
+        capture_files.coarser(self.coarse.factor)
     }
 
     /// The default plan for `unit_s` seconds of a capture that lasts longer.
@@ -159,17 +252,45 @@ impl FitPlan {
 }
 
 /// Default number of steps for a number of training frames; the paper takes 96,000 for 17.
-pub(super) fn default_steps(frames: usize) -> u64 {
+fn default_steps(frames: usize) -> u64 {
     (5_600 * frames as u64).min(96_000)
 }
 
 /// Default number of Gaussians for a number of training frames. The paper takes 200,000 for 17 frames of
 /// 512x375 pixels; smaller photographs need fewer in proportion to their pixels.
 pub(super) fn default_gaussians(frames: usize, capture_files: &CaptureFiles) -> usize {
+    of_pixels((12_000 * frames).min(200_000), capture_files)
+}
+
+/// Seconds of a core that a step takes for each pixel of a whole photograph: 0.1 for 320x180.
+const CORE_S_A_PIXEL: f64 = 1.7e-6;
+
+/// Default number of steps for whole photographs, beside those of the plate.
+const WHOLE_STEPS: u64 = 7000;
+
+/// Most steps of a plate: it becomes part of a longer fit.
+const PLATE_STEPS: u64 = 4000;
+
+/// Default number of the first Gaussians of what moves in whole photographs of 512x375 pixels, and the most for a frame.
+const WHOLE_GAUSSIANS: usize = 60_000;
+const WHOLE_GAUSSIANS_A_FRAME: usize = 2000;
+
+/// A number of Gaussians for photographs of 512x375 pixels, in proportion to those of the capture if these are fewer.
+fn of_pixels(gaussians: usize, capture_files: &CaptureFiles) -> usize {
+    let fraction = (largest_photograph(capture_files) / (512.0 * 375.0)).min(1.0);
+    (fraction * gaussians as f64).ceil() as usize
+}
+
+/// Number of pixels of the largest photograph.
+fn largest_photograph(capture_files: &CaptureFiles) -> f64 {
     let pixels = |camera: &CalibratedCamera| f64::from(camera.camera.width) * f64::from(camera.camera.height);
-    let largest = capture_files.capture.cameras.iter().map(pixels).fold(0.0, f64::max);
-    let fraction = (largest / (512.0 * 375.0)).min(1.0);
-    (fraction * (12_000.0 * frames as f64).min(200_000.0)).ceil() as usize
+    capture_files.capture.cameras.iter().map(pixels).fold(0.0, f64::max)
+}
+
+/// The near distance of what the cameras that are fitted to look at; 0 if that is unknown.
+fn near(capture_files: &CaptureFiles) -> f64 {
+    let fitted = capture_files.capture.cameras.iter().filter(|camera| !camera.held);
+    Focus::of(fitted.map(|camera| &camera.camera)).map_or(0.0, |focus| focus.near())
 }
 
 /// CRC-32 of `bytes`.
@@ -211,4 +332,18 @@ fn fingerprint(capture_files: &CaptureFiles) -> String {
         capture.photos.len(),
         crc.sum()
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_steps_see_no_more_pixels_than_they_need() {
+        let coarse = |pixels| Coarse::half_of(7000, pixels);
+        assert_eq!(coarse(320.0 * 180.0), Coarse::NONE);
+        assert_eq!(coarse(COARSE_PIXELS), Coarse::NONE);
+        assert_eq!(coarse(640.0 * 360.0), Coarse { factor: 2, steps: 3500 });
+        assert_eq!(coarse(1920.0 * 1080.0), Coarse { factor: 4, steps: 3500 });
+    }
 }

@@ -9,14 +9,13 @@ use refine::anchor::Mirror;
 use refine::capture::{Holdout, PhotoId};
 use refine::fit::{Learned, Photograph, Timeline, TrainingView};
 
-use super::plan::{FitPlan, FitStart, default_gaussians, default_steps};
+use super::plan::{Coarse, FitPlan, FitStart, default_gaussians};
 use super::training_views::{TrainingViews, responses};
 use super::{FitProgress, FitRuntime, Fitted, fit};
 use crate::capture::CaptureFiles;
 use crate::scene::plate_path;
 
-/// A plate gets as many steps and Gaussians as a subject in so many frames: a room is larger than who is in it, and does
-/// not move.
+/// A plate gets as many Gaussians as a subject in so many frames: a room is larger than who is in it, and does not move.
 const FRAMES: usize = 4;
 
 /// Fits a static field to the plates of the cameras that are not held out. `out` is the path of the field that belongs in
@@ -33,19 +32,22 @@ pub fn fit_plate(
     on_progress: &mut dyn FnMut(&FitProgress),
 ) -> anyhow::Result<Fitted> {
     let gaussians = default_gaussians(FRAMES, capture_files).min(plan.gaussians);
+    let steps = plan.plate_steps();
+    let small = plan.start_files(capture_files);
     let plan = FitPlan {
-        steps: default_steps(FRAMES).min(plan.steps),
         start: FitStart::Sweep,
         mirror: Mirror::Off,
         gaussians,
         floor: gaussians.min(plan.floor),
+        coarse: Coarse::NONE,
+        steps,
         // Plates have no times, and tell colours best.
-        learned: Learned { colors: plan.learned.colors, ..Learned::default() },
+        learned: Learned { gains: plan.learned.gains, colors: plan.learned.colors, ..Learned::default() },
         holdout: Holdout::None,
         ..plan.clone()
     };
-    let views = views(capture_files)?;
-    fit(&plan, capture_files, &views, runtime, &plate_path(out), on_progress)
+    let views = views(&small)?;
+    fit(&plan, &small, &views, None, runtime, &plate_path(out), on_progress)
 }
 
 /// The plates as photographs of one frame.

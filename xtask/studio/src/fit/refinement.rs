@@ -3,11 +3,12 @@
 
 use codec::Field;
 use refine::fit::{
-    Backend, DensityRule, DeviceError, Fit, FitSettings, Learned, Parameters, RenderedImage, Run,
+    Backend, Carried, DensityRule, DeviceError, Fit, FitSettings, Learned, Parameters, RenderedImage, Run,
     TrainingView,
 };
 use serde::Serialize;
 
+use super::start::always_on;
 use super::training_views::{TrainingViews, mean_psnr};
 
 /// Settings of a refinement.
@@ -15,6 +16,8 @@ use super::training_views::{TrainingViews, mean_psnr};
 pub struct Refinement<'a> {
     /// The photographs.
     pub views: &'a TrainingViews,
+    /// What the photographs show behind the field; it stays as it is. `None` if they show nothing there.
+    pub plate: Option<&'a Field>,
     /// Steps to take.
     pub steps: u64,
     /// Weight of the fragment term, [`FitSettings::fragment_weight`]; 0 for none.
@@ -52,7 +55,7 @@ impl Refinement<'_> {
         backend: &mut dyn Backend,
         mut on_step: impl FnMut(),
     ) -> Result<(Field, RefinementReport), DeviceError> {
-        let Refinement { views, steps, fragment_weight } = *self;
+        let Refinement { views, plate, steps, fragment_weight } = *self;
         let settings = FitSettings {
             steps,
             floor: 0,
@@ -60,9 +63,15 @@ impl Refinement<'_> {
             fragment_weight,
             ..FitSettings::default()
         };
-        let parameters = Parameters::from_field(field, views.timeline);
+        let mut parameters = Parameters::from_field(field, views.timeline);
+        let mut carried = vec![Carried::NONE; parameters.len()];
+        if let Some(plate) = plate {
+            let behind = always_on(plate, &parameters, views.timeline);
+            carried.extend(vec![Carried::FIXED; behind.len()]);
+            parameters.append(behind);
+        }
         let cameras = views.train.iter().map(|(_, view)| &view.camera);
-        let fit = Fit::new(settings, parameters, views.timeline, cameras);
+        let fit = Fit::new(settings, parameters, views.timeline, cameras).carrying(carried);
         let mut run = Run::start(fit.seen_by(views.rig(Learned::default())), backend)?;
         let train: Vec<&TrainingView> = views.train.iter().map(|(_, view)| view).collect();
         let held_before_db = held_psnr(&mut run, views)?;
@@ -75,7 +84,7 @@ impl Refinement<'_> {
         let photographs = train.len();
         let non_finite = fit.non_finite();
         Ok((
-            fit.to_field(),
+            fit.into_fitted().to_field(views.timeline),
             RefinementReport { steps, photographs, held_before_db, held_after_db, non_finite },
         ))
     }
@@ -118,7 +127,15 @@ mod tests {
 
     /// Photographs of [`field`]; the middle frame is held out.
     fn views() -> TrainingViews {
-        let parameters = Parameters::<f32>::from_field(&field(), TIMELINE);
+        views_of(None)
+    }
+
+    /// The same before a plate.
+    fn views_of(plate: Option<&Field>) -> TrainingViews {
+        let mut parameters = Parameters::<f32>::from_field(&field(), TIMELINE);
+        if let Some(plate) = plate {
+            parameters.append(always_on(plate, &parameters, TIMELINE));
+        }
         let view = |camera: usize, frame: usize| {
             let angle = camera as f64;
             let position = [2.0 * angle.sin(), 0.2, 2.0 * angle.cos()];
@@ -127,7 +144,7 @@ mod tests {
             let time = frame as f64;
             let picture = cpu::render(&parameters, &FrameView { camera: &camera, time }).image;
             let byte = |c: f32| (c.clamp(0.0, 1.0) * 255.0).round() as u8;
-            let pixels = picture.pixels.iter().map(|&[r, g, b, _]| [r, g, b, 1.0].map(byte)).collect();
+            let pixels = picture.pixels.iter().map(|pixel| pixel.map(byte)).collect();
             let photograph = Photograph { width: 32, height: 32, pixels, valid: Vec::new() };
             TrainingView { camera_id, camera, time, photograph }
         };
@@ -156,7 +173,7 @@ mod tests {
         temporal.motion.push([0.0; 3]);
         let views = views();
         let area = |fragment_weight: f64| -> f32 {
-            let refinement = Refinement { views: &views, steps: 200, fragment_weight };
+            let refinement = Refinement { views: &views, plate: None, steps: 200, fragment_weight };
             let (refined, _) = refinement.run(&faint, &mut Cpu::default(), || ()).unwrap();
             let [a, b, c] = refined.log_scales[2].map(f32::exp);
             a * b + b * c + c * a
@@ -172,7 +189,8 @@ mod tests {
         moved.sh[1] = [0.0; 3];
         let views = views();
         let mut steps = 0;
-        let refinement = Refinement { views: &views, steps: 400, fragment_weight: FRAGMENT_WEIGHT };
+        let refinement =
+            Refinement { views: &views, plate: None, steps: 400, fragment_weight: FRAGMENT_WEIGHT };
         let (refined, report) = refinement.run(&moved, &mut Cpu::default(), || steps += 1).unwrap();
         assert_eq!((steps, report.steps, report.photographs, report.non_finite), (400, 400, 8, 0));
         let (before, after) = (report.held_before_db.unwrap(), report.held_after_db.unwrap());
@@ -182,5 +200,31 @@ mod tests {
             |found: [f32; 3], expected: [f32; 3]| (0..3).all(|i| (found[i] - expected[i]).abs() < 0.03);
         assert!(is_near(refined.centers[0], field().centers[0]), "{:?}", refined.centers);
         assert!((refined.sh[1][2] - 1.0).abs() < 0.35 && refined.sh[1][0] < -0.75, "{:?}", refined.sh);
+    }
+
+    /// A gray wall behind the field: photographs show both, and only the field is refined.
+    #[test]
+    fn what_is_behind_stays_and_is_not_taken_for_the_field() {
+        let plate = Field {
+            centers: vec![[0.0, 0.0, -0.5]],
+            rotations: vec![[1.0, 0.0, 0.0, 0.0]],
+            log_scales: vec![[1.0, 1.0, -3.0]],
+            opacities: vec![0.99],
+            sh: vec![[0.2; 3]],
+            ..Field::default()
+        };
+        let views = views_of(Some(&plate));
+        let mut moved = field();
+        moved.centers[0][1] += 0.06;
+        let refined = |plate| {
+            let refinement = Refinement { views: &views, plate, steps: 200, fragment_weight: 0.0 };
+            refinement.run(&moved, &mut Cpu::default(), || ()).unwrap()
+        };
+        let (before, report) = refined(Some(&plate));
+        assert_eq!(before.len(), 2, "the plate is no part of the result");
+        assert!(report.held_after_db > report.held_before_db, "{report:?}");
+        let size = |field: &Field| field.log_scales.iter().map(|scales| scales[0]).fold(-9.0, f32::max);
+        let alone = refined(None).0;
+        assert!(size(&alone) > size(&before) + 0.2, "without it, the field grows to cover the wall");
     }
 }

@@ -3,17 +3,30 @@
 use std::path::Path;
 
 use anyhow::bail;
+use codec::{Field, sh_coefficients};
 use program::Fault;
 use refine::anchor::{
     Alignment, AnchorError, AnchorFrame, AnchorSettings, AnchorView, DepthSource, anchor, scatter,
 };
 use refine::capture::PhotoId;
-use refine::fit::{Fit, Parameters, TrainingView};
+use refine::fit::{Carried, Fit, Learned, Parameters, Timeline, TrainingView, color_disagreement};
 
-use super::plan::{DepthScale, FitPlan, FitStart};
+use super::plan::{DepthScale, FitPlan, FitStart, PlatePlan};
 use super::training_views::{TrainingViews, by_frame};
 use crate::capture::CaptureFiles;
 use crate::input::Input;
+
+/// A plate, as the fit of what moves before it starts from it.
+#[derive(Clone, Debug)]
+pub struct FittedPlate {
+    /// Its rows.
+    pub field: Field,
+    /// What was learned of the cameras for it.
+    pub learned: Learned,
+}
+
+/// Width of the window of what is always on, in clips.
+pub(super) const ALWAYS: f64 = 16.0;
 
 impl DepthScale {
     fn alignment(self, views: &TrainingViews) -> Alignment {
@@ -44,8 +57,9 @@ pub(super) fn start(
     plan: &FitPlan,
     capture_files: &CaptureFiles,
     views: &TrainingViews,
+    plate: Option<&FittedPlate>,
 ) -> anyhow::Result<Fit> {
-    let parameters = match &plan.start {
+    let mut parameters = match &plan.start {
         FitStart::Hull | FitStart::Sweep | FitStart::Depths(..) => {
             let frame_time = |frame| capture_files.capture.frame_clip_time(frame) * views.timeline.intervals;
             let train: Vec<&(PhotoId, TrainingView)> = views.train.iter().collect();
@@ -64,7 +78,7 @@ pub(super) fn start(
         }
         FitStart::Field(path, _) => {
             let (field, _) = Input::load(Path::new(path))?.into_field();
-            Parameters::from_field(&field, views.timeline)
+            Parameters { near: plan.near, ..Parameters::from_field(&field, views.timeline) }
         }
     };
     if parameters.is_empty() {
@@ -72,8 +86,59 @@ pub(super) fn start(
             "there is no Gaussian to start from; choose another --anchor, or more --gaussians".into()
         ));
     }
+    let learned = match plate {
+        Some(plate) => Learned { gains: plan.learned.gains || plate.learned.gains, ..plan.learned },
+        None => learned(plan, &parameters, views),
+    };
     let cameras = views.train.iter().map(|(_, view)| &view.camera);
-    Ok(Fit::new(plan.fit_settings(), parameters, views.timeline, cameras).seen_by(views.rig(plan.learned)))
+    let Some(plate) = plate else {
+        let fit = Fit::new(plan.fit_settings(), parameters, views.timeline, cameras);
+        return Ok(fit.seen_by(views.rig(learned)));
+    };
+    let still = always_on(&plate.field, &parameters, views.timeline);
+    let carried = [vec![Carried::NONE; parameters.len()], vec![Carried::STATIC; still.len()]].concat();
+    parameters.append(still);
+    let fit = Fit::new(plan.fit_settings(), parameters, views.timeline, cameras);
+    Ok(fit.seen_by(views.rig(learned)).carrying(carried))
+}
+
+/// Root mean square of the gains of cameras from which on they are learned. Cameras of a dome differ by 0.087.
+const DISAGREEMENT_MIN: f64 = 0.02;
+
+/// What is learned of the cameras: what the plan says, and gains, where it asks whether the cameras disagree and they do.
+/// Says so in a line.
+fn learned(plan: &FitPlan, parameters: &Parameters<f32>, views: &TrainingViews) -> Learned {
+    let train: Vec<&TrainingView> = views.train.iter().map(|(_, view)| view).collect();
+    // In front of a background, half of a subject's surface is hidden, and would pass for another colour.
+    if !(plan.learns_disagreement && plan.plate == PlatePlan::Fitted) {
+        return plan.learned;
+    }
+    let Some(disagreement) = color_disagreement(parameters, &train) else { return plan.learned };
+    let gains = disagreement >= DISAGREEMENT_MIN;
+    let percent = 100.0 * disagreement;
+    match gains {
+        true => eprintln!(
+            "note: cameras show the same in colours that differ by {percent:.1} %: gain and offset of each are learned"
+        ),
+        false => eprintln!("note: cameras agree about colours within {percent:.1} %"),
+    }
+    Learned { gains, ..plan.learned }
+}
+
+/// The rows of a plate, which are always on and behind all others, with the columns of `like`.
+pub(super) fn always_on(plate: &Field, like: &Parameters<f32>, timeline: Timeline) -> Parameters<f32> {
+    let plate = Parameters::<f32>::from_field(plate, timeline);
+    let mut rows = like.zeros(plate.len());
+    let each = sh_coefficients(like.sh_degree).min(sh_coefficients(plate.sh_degree));
+    let (to, from) = (sh_coefficients(like.sh_degree), sh_coefficients(plate.sh_degree));
+    for (to, from) in rows.sh.chunks_mut(to).zip(plate.sh.chunks(from)) {
+        to[..each].copy_from_slice(&from[..each]);
+    }
+    rows.tau.fill((0.5 * timeline.intervals) as f32);
+    rows.log_widths.fill(libm::log(ALWAYS * timeline.intervals) as f32);
+    let Parameters { centers, rotations, log_scales, logits, .. } = plate;
+    let behind = vec![true; centers.len()];
+    Parameters { centers, rotations, log_scales, logits, behind, ..rows }
 }
 
 /// Indices of the cameras whose pixels become Gaussians; `None` for all cameras.
@@ -94,6 +159,7 @@ fn anchor_settings(
         mirror: plan.mirror,
         motion_start: plan.motion_start,
         filter: plan.filter,
+        near: plan.near,
         sh_degree: plan.sh_degree,
         ..AnchorSettings::default()
     })

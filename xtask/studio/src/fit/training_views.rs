@@ -58,6 +58,26 @@ impl TrainingViews {
         Ok(TrainingViews { train, held, timeline, responses })
     }
 
+    /// The same photographs as they were taken, without mattes.
+    ///
+    /// # Errors
+    /// [`Fault::Data`] that names a file that cannot be read.
+    pub(super) fn whole(
+        &self,
+        capture_files: &CaptureFiles,
+        holdout: Holdout,
+    ) -> Result<TrainingViews, Fault> {
+        let mut capture_files = capture_files.clone();
+        capture_files.forget_mattes();
+        let whole = TrainingViews::load(&capture_files, holdout, || ())?;
+        Ok(TrainingViews { responses: self.responses.clone(), ..whole })
+    }
+
+    /// Whether no photograph has a mask, so that they show the background, too.
+    pub fn are_whole(&self) -> bool {
+        !self.train.iter().any(|(_, view)| view.photograph.is_masked())
+    }
+
     /// The cameras of these views, of which `learned` is learned.
     pub(super) fn rig(&self, learned: Learned) -> Rig {
         let first = self.train.iter().map(|(photo_id, _)| photo_id.camera).min().unwrap_or(0);

@@ -187,7 +187,8 @@ fn fragment_term(
     for fragment_weight in WEIGHTS.map(|factor| factor * FRAGMENT_WEIGHT) {
         let label = format!("{fragment_weight}");
         progress.stage(format!("refining, fragment weight {label}"), steps as usize);
-        let refinement = Refinement { views, steps, fragment_weight };
+        let plate = plate.as_ref().filter(|_| views.are_whole());
+        let refinement = Refinement { views, plate, steps, fragment_weight };
         let refined = refinement.run(field, &mut Cpu::default(), || progress.step());
         let (refined, report) = refined.expect("the CPU is always available");
         if points.is_empty() {

@@ -73,8 +73,8 @@ pub(super) fn measure(request: &Request) -> anyhow::Result<Ablation> {
     let subjects = others.iter().map(|method| load_other(&method.subject, &capture_files));
     let subjects = subjects.collect::<anyhow::Result<Vec<_>>>()?;
     let lpips = options.lpips.load()?;
-    let plan = options.plan(&capture_files, HOLDOUT)?;
-    let plan = FitPlan { plate: options.plate.find(&mut capture_files, HOLDOUT)?, ..plan };
+    let plate = options.plate.find(&mut capture_files, HOLDOUT)?;
+    let plan = options.plan(&capture_files, HOLDOUT, plate)?;
     let full = FullFit {
         mirrors: plan.mirror.is_possible(capture_files.capture.frames(), !plan.anchor_cameras.is_empty()),
         lpips: plan.lpips.clone(),

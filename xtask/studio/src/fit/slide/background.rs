@@ -14,9 +14,9 @@ use refine::fit::{Backend, Carried, Fit, Learned, Parameters, TrainingView};
 
 use super::photographs::Photographs;
 use super::rows::joined;
-use super::shown::{SHOWN_ERROR, not_shown, pixel_of};
+use super::shown::{SHOWN_ERROR, not_shown};
 use crate::fit::plan::FitPlan;
-use crate::fit::start::{AnchorFault, anchored};
+use crate::fit::start::{ALWAYS, AnchorFault, anchored};
 use crate::fit::training_views::{TrainingViews, by_frame};
 use crate::fit::{FitProgress, FitRuntime, fit_from};
 
@@ -25,9 +25,6 @@ const SAME: u8 = 10;
 
 /// Share of the photographs that must agree: something may pass in front.
 const AGREEING: f64 = 0.95;
-
-/// Width of the window of what is always on, in takes.
-const ALWAYS: f64 = 16.0;
 
 /// The fitted background; times count in intervals of the take. `out` is the path of the files of the fit, without
 /// extension.
@@ -49,7 +46,7 @@ pub(super) fn background(
     }
     leave_out_what_moves(&mut views);
     let cameras = capture_files.capture.cameras.iter().map(|camera| &camera.camera);
-    let carried = vec![Carried { is_static: true, ..Carried::NONE }; anchors.len()];
+    let carried = vec![Carried::STATIC; anchors.len()];
     let fit = Fit::new(plan.fit_settings(), anchors, views.timeline, cameras).carrying(carried);
     let fit = fit.seen_by(views.rig(Learned::default()));
     let fitted = fit_from(plan, capture_files, &views, runtime, out, on_progress, |_| Ok(Some(fit)))?;
@@ -130,7 +127,7 @@ fn is_static(
     let center = anchors.centers[row].map(f64::from);
     let (mut agreeing, mut compared) = (0, 0);
     for (photo_id, view) in own {
-        let Some(pixel) = pixel_of(&view.camera, center) else { continue };
+        let Some(pixel) = view.pixel_of(center) else { continue };
         let taken = view.photograph.pixels[pixel];
         let is_seen = view.photograph.is_subject(pixel)
             && (0..3).all(|c| (f32::from(taken[c]) / 255.0 - color[c]).abs() < SHOWN_ERROR);

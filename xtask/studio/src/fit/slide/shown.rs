@@ -2,7 +2,6 @@
 
 use std::collections::BTreeMap;
 
-use codec::Camera;
 use program::Fault;
 use refine::capture::PhotoId;
 use refine::fit::{Backend, FrameView, Parameters, TrainingState, TrainingView};
@@ -12,19 +11,6 @@ use crate::fit::on_device;
 /// Alpha and largest error of a channel at which a pixel counts as shown.
 const SHOWN_ALPHA: f32 = 0.5;
 pub(super) const SHOWN_ERROR: f32 = 0.1;
-
-/// Index of the pixel that shows a point; `None` if it is behind the camera or outside the image.
-pub(super) fn pixel_of(camera: &Camera, point: [f64; 3]) -> Option<usize> {
-    let row = |r: usize| {
-        let row = camera.camera_from_world[r];
-        row[0] * point[0] + row[1] * point[1] + row[2] * point[2] + row[3]
-    };
-    let depth = row(2);
-    let at = [0, 1].map(|axis| camera.k[axis][axis] * row(axis) / depth + camera.k[axis][2]);
-    let size = [camera.width, camera.height];
-    let is_inside = depth > 0.0 && (0..2).all(|axis| (0.0..f64::from(size[axis])).contains(&at[axis]));
-    is_inside.then(|| at[1] as usize * camera.width as usize + at[0] as usize)
-}
 
 /// The rows of `anchors` that `parameters` do not show yet: in the photograph of some camera of their frame, their pixel
 /// is not covered, or has another colour.
@@ -53,7 +39,7 @@ pub(super) fn not_shown(
         let frame_view = FrameView { camera: &view.camera, time: view.time };
         let picture = backend.render(&frame_view).map_err(on_device)?;
         for &row in rows {
-            let Some(pixel) = pixel_of(&view.camera, anchors.centers[row].map(f64::from)) else { continue };
+            let Some(pixel) = view.pixel_of(anchors.centers[row].map(f64::from)) else { continue };
             if !view.photograph.is_valid(pixel) {
                 continue;
             }

@@ -1,6 +1,6 @@
 //! [`VARIANTS`]: the fits of the ablation, a row each.
 
-use crate::fit::{FitPlan, FitStart, PlatePlan};
+use crate::fit::{Coarse, FitPlan, FitStart, PlatePlan};
 use codec::PixelFilter;
 use refine::anchor::Mirror;
 use refine::fit::{DensityRule, Learned};
@@ -104,8 +104,11 @@ pub const VARIANTS: &[Variant] = &[
         name: "no plate",
         about: "--plate off: the background belongs to the field",
         plan: |full| {
-            (full.plan.plate != PlatePlan::None)
-                .then(|| FitPlan { plate: PlatePlan::None, ..full.plan.clone() })
+            (full.plan.plate != PlatePlan::None).then(|| FitPlan {
+                plate: PlatePlan::None,
+                coarse: Coarse::NONE,
+                ..full.plan.clone()
+            })
         },
         absent: "the full fit has none: photographs have masks, or there are too few for plates, or --plate off",
     },

@@ -259,7 +259,8 @@ impl Bench<'_> {
         }
         if self.views.as_ref().is_none_or(|(plate, _)| *plate != plan.plate) {
             self.views = None;
-            self.views = Some((plan.plate, load_training_views(&capture_files, HOLDOUT)?));
+            let start_files = plan.start_files(&capture_files);
+            self.views = Some((plan.plate, load_training_views(&start_files, HOLDOUT)?));
         }
         let (_, views) = self.views.as_mut().context("photographs")?;
         let options = self.options;
@@ -270,7 +271,8 @@ impl Bench<'_> {
         let runtime = options.runtime(&mut *backend, lpips);
         let plate = fit_plate(plan, &mut capture_files, views, runtime, field)?;
         let runtime = options.runtime(&mut *backend, lpips);
-        let fitted = fit_and_write(field, plan, &capture_files, views, runtime)?;
+        let fitted = fit_and_write(field, plan, &capture_files, views, plate.as_ref(), runtime)?;
+        let plate = plate.map(|_| fitted.fit.to_field_and_plate()[1].len());
         views.responses = responses;
         let splits = self.ablation.photographs.clone();
         // Fragments are counted with the other measures, in the views that the page shows.
