@@ -204,7 +204,11 @@ fn fading(mut gpu: Gpu) -> Result<(), DeviceError> {
     for (what, parameters) in [
         ("moving", cloud(20, 500, 2)),
         ("static", static_cloud(30, 500, 1)),
-        ("compensated", compensated(&cloud(20, 500, 2))),
+        ("compensated", compensated(&cloud(20, 2000, 2))),
+        ("partly behind", {
+            let behind = (0..500).map(|row| row % 2 == 0).collect();
+            Parameters { behind, ..cloud(20, 500, 2) }
+        }),
     ] {
         let near = 4.5;
         let faded = Parameters { near, ..parameters.clone() };
