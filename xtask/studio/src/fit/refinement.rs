@@ -8,7 +8,7 @@ use refine::fit::{
 };
 use serde::Serialize;
 
-use super::start::always_on;
+use super::start::put_behind;
 use super::training_views::{TrainingViews, mean_psnr};
 
 /// Settings of a refinement.
@@ -64,14 +64,13 @@ impl Refinement<'_> {
             ..FitSettings::default()
         };
         let mut parameters = Parameters::from_field(field, views.timeline);
-        let mut carried = vec![Carried::NONE; parameters.len()];
-        if let Some(plate) = plate {
-            let behind = always_on(plate, &parameters, views.timeline);
-            carried.extend(vec![Carried::FIXED; behind.len()]);
-            parameters.append(behind);
-        }
+        let carried = plate.map(|plate| put_behind(&mut parameters, plate, Carried::FIXED, views.timeline));
         let cameras = views.train.iter().map(|(_, view)| &view.camera);
-        let fit = Fit::new(settings, parameters, views.timeline, cameras).carrying(carried);
+        let fit = Fit::new(settings, parameters, views.timeline, cameras);
+        let fit = match carried {
+            Some(carried) => fit.carrying(carried),
+            None => fit,
+        };
         let mut run = Run::start(fit.seen_by(views.rig(Learned::default())), backend)?;
         let train: Vec<&TrainingView> = views.train.iter().map(|(_, view)| view).collect();
         let held_before_db = held_psnr(&mut run, views)?;
@@ -134,7 +133,7 @@ mod tests {
     fn views_of(plate: Option<&Field>) -> TrainingViews {
         let mut parameters = Parameters::<f32>::from_field(&field(), TIMELINE);
         if let Some(plate) = plate {
-            parameters.append(always_on(plate, &parameters, TIMELINE));
+            put_behind(&mut parameters, plate, Carried::FIXED, TIMELINE);
         }
         let view = |camera: usize, frame: usize| {
             let angle = camera as f64;

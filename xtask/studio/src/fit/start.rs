@@ -90,16 +90,14 @@ pub(super) fn start(
         Some(plate) => Learned { gains: plan.learned.gains || plate.learned.gains, ..plan.learned },
         None => learned(plan, &parameters, views),
     };
+    let carried =
+        plate.map(|plate| put_behind(&mut parameters, &plate.field, Carried::STATIC, views.timeline));
     let cameras = views.train.iter().map(|(_, view)| &view.camera);
-    let Some(plate) = plate else {
-        let fit = Fit::new(plan.fit_settings(), parameters, views.timeline, cameras);
-        return Ok(fit.seen_by(views.rig(learned)));
-    };
-    let still = always_on(&plate.field, &parameters, views.timeline);
-    let carried = [vec![Carried::NONE; parameters.len()], vec![Carried::STATIC; still.len()]].concat();
-    parameters.append(still);
-    let fit = Fit::new(plan.fit_settings(), parameters, views.timeline, cameras);
-    Ok(fit.seen_by(views.rig(learned)).carrying(carried))
+    let fit = Fit::new(plan.fit_settings(), parameters, views.timeline, cameras).seen_by(views.rig(learned));
+    Ok(match carried {
+        Some(carried) => fit.carrying(carried),
+        None => fit,
+    })
 }
 
 /// Root mean square of the gains of cameras from which on they are learned. Cameras of a dome differ by 0.087.
@@ -108,11 +106,11 @@ const DISAGREEMENT_MIN: f64 = 0.02;
 /// What is learned of the cameras: what the plan says, and gains, where it asks whether the cameras disagree and they do.
 /// Says so in a line.
 fn learned(plan: &FitPlan, parameters: &Parameters<f32>, views: &TrainingViews) -> Learned {
-    let train: Vec<&TrainingView> = views.train.iter().map(|(_, view)| view).collect();
     // In front of a background, half of a subject's surface is hidden, and would pass for another colour.
     if !(plan.learns_disagreement && plan.plate == PlatePlan::Fitted) {
         return plan.learned;
     }
+    let train: Vec<&TrainingView> = views.train.iter().map(|(_, view)| view).collect();
     let Some(disagreement) = color_disagreement(parameters, &train) else { return plan.learned };
     let gains = disagreement >= DISAGREEMENT_MIN;
     let percent = 100.0 * disagreement;
@@ -125,20 +123,27 @@ fn learned(plan: &FitPlan, parameters: &Parameters<f32>, views: &TrainingViews) 
     Learned { gains, ..plan.learned }
 }
 
-/// The rows of a plate, which are always on and behind all others, with the columns of `like`.
-pub(super) fn always_on(plate: &Field, like: &Parameters<f32>, timeline: Timeline) -> Parameters<f32> {
+/// Adds the rows of a plate to `parameters`, always on and behind all others, with the columns of these. Returns the past of
+/// each row: `of_plate` for those of the plate, none for the others.
+pub(super) fn put_behind(
+    parameters: &mut Parameters<f32>,
+    plate: &Field,
+    of_plate: Carried,
+    timeline: Timeline,
+) -> Vec<Carried> {
     let plate = Parameters::<f32>::from_field(plate, timeline);
-    let mut rows = like.zeros(plate.len());
-    let each = sh_coefficients(like.sh_degree).min(sh_coefficients(plate.sh_degree));
-    let (to, from) = (sh_coefficients(like.sh_degree), sh_coefficients(plate.sh_degree));
+    let mut rows = parameters.zeros(plate.len());
+    let [to, from] = [&rows, &plate].map(|rows| sh_coefficients(rows.sh_degree));
     for (to, from) in rows.sh.chunks_mut(to).zip(plate.sh.chunks(from)) {
-        to[..each].copy_from_slice(&from[..each]);
+        to.iter_mut().zip(from).for_each(|(to, from)| *to = *from);
     }
     rows.tau.fill((0.5 * timeline.intervals) as f32);
     rows.log_widths.fill(libm::log(ALWAYS * timeline.intervals) as f32);
+    let carried = [vec![Carried::NONE; parameters.len()], vec![of_plate; plate.len()]].concat();
     let Parameters { centers, rotations, log_scales, logits, .. } = plate;
     let behind = vec![true; centers.len()];
-    Parameters { centers, rotations, log_scales, logits, behind, ..rows }
+    parameters.append(Parameters { centers, rotations, log_scales, logits, behind, ..rows });
+    carried
 }
 
 /// Indices of the cameras whose pixels become Gaussians; `None` for all cameras.

@@ -85,9 +85,7 @@ impl LearningRates {
     ///
     /// The rates of a static field, which has no window centres, are 0.4 times as high.
     pub(in crate::fit) fn new<T: Real>(extent: f64, parameters: &Parameters<T>) -> LearningRates {
-        let rates =
-            LearningRates::of_widths(extent, parameters.log_widths.iter().map(|width| width.to_double()));
-        if parameters.tau.is_empty() { rates.scaled(STATIC_SHARE.into()) } else { rates }
+        LearningRates::carrying(extent, parameters, &[])
     }
 
     /// Those of a field that moves, from the logarithms of the widths of its windows.
@@ -109,15 +107,16 @@ impl LearningRates {
         }
     }
 
-    /// The rates of a fit that goes on from earlier ones: what stands still or is finished is moved by no rate of time.
-    pub(in crate::fit) fn carrying(
+    /// The rates of a fit whose rows have this past, or none: what stands still or is finished is moved by no rate of time.
+    pub(in crate::fit) fn carrying<T: Real>(
         extent: f64,
-        parameters: &Parameters<f32>,
+        parameters: &Parameters<T>,
         carried: &[Carried],
     ) -> LearningRates {
-        let moves = |(_, carried): &(&f32, &Carried)| carried.share_of_time() > 0.0;
-        let dynamic = parameters.log_widths.iter().zip(carried).filter(moves);
-        LearningRates::of_widths(extent, dynamic.map(|(width, _)| f64::from(*width)))
+        let moves = |row: usize| carried.get(row).is_none_or(|carried| carried.share_of_time() > 0.0);
+        let widths = parameters.log_widths.iter().enumerate().filter(|(row, _)| moves(*row));
+        let rates = LearningRates::of_widths(extent, widths.map(|(_, width)| width.to_double()));
+        if parameters.tau.is_empty() { rates.scaled(STATIC_SHARE.into()) } else { rates }
     }
 
     /// The rates times `factor`.
@@ -191,6 +190,14 @@ mod tests {
         assert_eq!((columns[4][2], columns[4][3]), (0.5 * SH_FIRST, 0.5 * SH_REST));
         let [c1, c2, _] = rates.motion.map(|rate| 0.5 * rate);
         assert_eq!(columns[7], [c1, c1, c1, c2, c2, c2]);
+    }
+
+    /// Also where rows have a past, as those that are refined before a plate.
+    #[test]
+    fn a_static_field_has_its_rates_whatever_its_rows_carry() {
+        let fixed = Parameters::<f64> { centers: vec![[0.0; 3]], ..Parameters::default() };
+        let expected = LearningRates::new(2.0, &fixed);
+        assert_eq!(LearningRates::carrying(2.0, &fixed, &[Carried::NONE]), expected);
     }
 
     /// The edge of the median window is 3 widths of 2 intervals from its centre.
