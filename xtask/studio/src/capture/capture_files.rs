@@ -250,16 +250,21 @@ impl CaptureFiles {
             None => plate.filter(|_| self.background.is_matted).map(|plate| matte(plate, &image)),
         };
         if let Some(mask) = mask {
-            match (self.background.is_kept, plate) {
-                (true, _) => multiply_alpha(&mut image, &mask),
-                (false, Some(plate)) => {
-                    multiply_alpha(&mut image, &mask);
-                    take_out(&mut image, plate);
-                }
-                (false, None) => apply_mask(&mut image, &mask),
-            }
+            self.mask_out(&mut image, &mask, plate);
         }
         Ok(self.seen(photo_id.camera, image))
+    }
+
+    /// Makes what is outside of `mask` transparent, and takes the background out where there is a plate and it is not kept.
+    fn mask_out(&self, image: &mut Image, mask: &Mask, plate: Option<&Plate>) {
+        match (self.background.is_kept, plate) {
+            (true, _) => multiply_alpha(image, mask),
+            (false, Some(plate)) => {
+                multiply_alpha(image, mask);
+                take_out(image, plate);
+            }
+            (false, None) => apply_mask(image, mask),
+        }
     }
 
     /// Whether the photographs of a camera have at most half of the pixels of their files.
@@ -273,23 +278,17 @@ impl CaptureFiles {
         let mut photo = self.seen(camera, taken);
         let plate = self.plates[camera].shrunk(|| {
             let Camera { width, height, .. } = self.file_cameras[camera];
-            let shrunk = |pixel: &dyn Fn(usize) -> [f64; 4]| {
-                let pixels = (0..plate.colors().len()).map(pixel).collect();
-                self.seen(camera, Image { width, height, pixels }).image
-            };
-            let colors = shrunk(&|i| {
-                let [r, g, b] = plate.colors()[i].map(|c| f64::from(c) / 255.0);
-                [r, g, b, 1.0]
-            });
-            let spread = shrunk(&|i| [f64::from(plate.spread()[i]), 0.0, 0.0, 1.0]);
-            let spread = spread.pixels.iter().map(|pixel| pixel[0] as f32).collect();
-            Plate::with_spread(colors.width as usize, colors_of(&colors), spread)
+            let pixels = plate.spread().iter().map(|spread| [f64::from(*spread), 0.0, 0.0, 1.0]).collect();
+            let spread = self.seen(camera, Image { width, height, pixels }).image;
+            let spread_of = spread.pixels.iter().map(|pixel| pixel[0] as f32).collect();
+            Plate::with_spread(
+                spread.width as usize,
+                colors_of(&self.seen_plate(camera, plate).image),
+                spread_of,
+            )
         });
         let mask = matte(plate, &photo.image);
-        multiply_alpha(&mut photo.image, &mask);
-        if !self.background.is_kept {
-            take_out(&mut photo.image, plate);
-        }
+        self.mask_out(&mut photo.image, &mask, Some(plate));
         photo
     }
 

@@ -23,7 +23,7 @@ pub(crate) const PICTURES_MAX: usize = 33;
 const BYTES_MAX: usize = 210 << 20;
 
 /// Fewest photographs of a camera that a median is of: fewer show too little of what is behind the subject.
-const PICTURES_MIN: usize = 8;
+pub(super) const PICTURES_MIN: usize = 8;
 
 /// Cameras whose medians are made at a time.
 const CAMERAS_MAX: usize = 4;
@@ -139,25 +139,25 @@ impl CaptureFiles {
         self.background.is_kept = true;
     }
 
-    /// Whether photographs keep the colours of the background.
-    pub(super) fn keeps_background(&self) -> bool {
-        self.background.is_kept
-    }
-
     /// The plate of a camera as a photograph, without lens distortion, at the resolution of the camera; `None` if it has
     /// none.
     ///
     /// # Errors
     /// [`Fault::Data`] that names the file.
     pub fn plate_photo(&self, camera: usize) -> Result<Option<Photo>, Fault> {
-        let Some(plate) = self.plates[camera].plate(&self.file_cameras[camera])? else { return Ok(None) };
+        let plate = self.plates[camera].plate(&self.file_cameras[camera])?;
+        Ok(plate.map(|plate| self.seen_plate(camera, plate)))
+    }
+
+    /// The plate of a camera, without lens distortion, at the resolution of the camera.
+    pub(super) fn seen_plate(&self, camera: usize, plate: &Plate) -> Photo {
         let pixels = plate.colors().iter().map(|color| {
             let [r, g, b] = color.map(|c| f64::from(c) / 255.0);
             [r, g, b, 1.0]
         });
         let file_camera = &self.file_cameras[camera];
         let image = Image { width: file_camera.width, height: file_camera.height, pixels: pixels.collect() };
-        Ok(Some(self.seen(camera, image)))
+        self.seen(camera, image)
     }
 
     /// The median of `photos` of the camera `name`.

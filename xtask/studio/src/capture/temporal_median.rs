@@ -5,10 +5,7 @@ use refine::capture::{Photo, PhotoId};
 use refine::metrics::TemporalMedian;
 
 use super::capture_files::CaptureFiles;
-use super::plates::median_frames;
-
-/// Fewest photographs of a median, if memory would allow fewer and the camera has more.
-const PICTURES_MIN: usize = 8;
+use super::plates::{PICTURES_MIN, median_frames};
 
 impl CaptureFiles {
     /// The median over time of what [`CaptureFiles::photo`] returns for a camera: of at most 33 photographs, evenly spread over
@@ -31,7 +28,7 @@ impl CaptureFiles {
 
     /// A photograph whose colours are right; with the background its mask is not made.
     fn colors(&self, photo_id: PhotoId) -> Result<Photo, Fault> {
-        match self.keeps_background() {
+        match self.background.is_kept {
             true => Ok(self.seen(photo_id.camera, self.taken(photo_id)?)),
             false => self.photo(photo_id),
         }

@@ -434,7 +434,6 @@ fn fit_capture(args: &Args, out: &Path) -> anyhow::Result<FitResult> {
     let step = (views.train.len() / COUNTED_VIEWS).max(1);
     let counted = views.train.iter().step_by(step).map(|(photo_id, _)| photo_id);
     let field = fitted.fit.to_field();
-    let plate = plate.map(|_| fitted.fit.to_field_and_plate()[1].len());
     let scene = RenderScene::from(&field);
     let fragments_per_lit_pixel = fragments_per_lit_pixel(&scene, &capture_files, counted);
     // The field is written: a photograph that cannot be read does not undo it.
@@ -442,7 +441,7 @@ fn fit_capture(args: &Args, out: &Path) -> anyhow::Result<FitResult> {
         eprintln!("note: held cameras are not judged: {error:#}");
         None
     });
-    Ok(FitResult { plan, fitted, splits, fragments_per_lit_pixel, plate, held_cameras })
+    Ok(FitResult { plan, fitted, splits, fragments_per_lit_pixel, held_cameras })
 }
 
 /// Compares the field that was written to `out` with a few photographs of held cameras, as `eval` does: with the plate behind
@@ -518,8 +517,6 @@ pub(super) struct FitResult {
     pub(super) splits: String,
     /// What the field costs a player; `None` if it shows nothing, or was not counted.
     pub(super) fragments_per_lit_pixel: Option<f64>,
-    /// Number of Gaussians of the plate, if one was fitted.
-    pub(super) plate: Option<usize>,
     /// How well the field shows what held cameras saw; `None` if there are none, or they were not judged.
     pub(super) held_cameras: Option<HeldCameras>,
 }
@@ -656,8 +653,14 @@ impl FitResult {
         self.fitted.entries.last().context("a fit has at least one step")
     }
 
+    /// Number of Gaussians of the plate, if one was fitted.
+    fn plate(&self) -> Option<usize> {
+        Some(self.fitted.fit.plate_len()).filter(|gaussians| *gaussians > 0)
+    }
+
     pub(super) fn to_json(&self, out: &Path) -> anyhow::Result<Value> {
-        let FitResult { plan, fitted, splits, fragments_per_lit_pixel, plate, held_cameras } = self;
+        let FitResult { plan, fitted, splits, fragments_per_lit_pixel, held_cameras } = self;
+        let plate = self.plate();
         let last = self.last()?;
         Ok(json!({
             "out": out, "steps": plan.steps, "fragment_weight": plan.fragment_weight, "resumed_at": fitted.resumed_at,
@@ -676,7 +679,7 @@ fn report(args: &Args, result: &FitResult, out: &Path, start: Instant) -> anyhow
         println!("{:#}", result.to_json(out)?);
         return Ok(());
     }
-    let FitResult { plan, fitted, splits, fragments_per_lit_pixel, plate, held_cameras } = result;
+    let FitResult { plan, fitted, splits, fragments_per_lit_pixel, held_cameras } = result;
     let (last, ms_per_step) = (result.last()?, fitted.ms_per_step);
     println!("{splits}");
     match &plan.lpips {
@@ -684,7 +687,7 @@ fn report(args: &Args, result: &FitResult, out: &Path, start: Instant) -> anyhow
         None => println!("loss             0.8 L1 + 0.2 D-SSIM; its LPIPS part takes --lpips-weights"),
     }
     println!("Gaussians        {} at the start, {} at the end", fitted.fit.initial_count(), fitted.fit.len());
-    if let Some(gaussians) = plate {
+    if let Some(gaussians) = result.plate() {
         println!("plate            {gaussians} Gaussians, {}", plate_path(out).display());
     }
     if let Some(fragments) = fragments_per_lit_pixel {

@@ -31,7 +31,7 @@ impl Eye {
         high: Vec2::ZERO,
     };
 
-    /// Prepares `view`; `origin` is that of the clip, in the world, and `near` its near distance.
+    /// Prepares `view`; `origin` is the clip's origin in the world, `near` the clip's near distance.
     pub(super) fn new(view: &View, origin: DVec3, near: f32) -> Eye {
         // The radius to which a filter alone, of at most 0.3 px^2, can carry a Gaussian, plus a pixel for
         // rounding: sqrt(0.3 * 2 ln 255) + 1.

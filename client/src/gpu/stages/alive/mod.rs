@@ -168,7 +168,7 @@ pub(in crate::gpu) struct Culler<'a> {
 
 impl<'a> Culler<'a> {
     /// For a frame of `views` under `settings`. Replaces `items` by the rows to draw and marks those in the inset;
-    /// `origin` is that of the clip, in the world of the fields, and `near` and `filter` are those of the fields.
+    /// `origin` is the clip's origin in the world; `near` and `filter` are the clip's near distance and filter.
     pub(in crate::gpu) fn new(
         views: &FrameViews,
         settings: &RenderSettings,

@@ -194,6 +194,11 @@ impl Fit {
         [moving, Field { temporal: None, ..still }]
     }
 
+    /// Number of Gaussians of the plate.
+    pub fn plate_len(&self) -> usize {
+        self.parameters.behind.iter().filter(|behind| **behind).count()
+    }
+
     /// The parameters of the rows that are not [fixed](Carried::is_fixed).
     pub fn into_fitted(self) -> Parameters<f32> {
         let Fit { parameters, moments: Moments { carried, .. }, .. } = self;

@@ -272,7 +272,6 @@ impl Bench<'_> {
         let plate = fit_plate(plan, &mut capture_files, views, runtime, field)?;
         let runtime = options.runtime(&mut *backend, lpips);
         let fitted = fit_and_write(field, plan, &capture_files, views, plate.as_ref(), runtime)?;
-        let plate = plate.map(|_| fitted.fit.to_field_and_plate()[1].len());
         views.responses = responses;
         let splits = self.ablation.photographs.clone();
         // Fragments are counted with the other measures, in the views that the page shows.
@@ -281,7 +280,6 @@ impl Bench<'_> {
             fitted,
             splits,
             fragments_per_lit_pixel: None,
-            plate,
             held_cameras: None,
         };
         let report = result.to_json(field)?;
