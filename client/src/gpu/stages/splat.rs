@@ -70,7 +70,7 @@ impl PassUniforms {
     }
 
     /// Writes the uniforms for the next submission. `blur` is the variance of a field's blur in px^2 of the views,
-    /// which shows `clip`.
+    /// which show `clip`.
     pub(in crate::gpu) fn write(
         &self,
         gpu: &Gpu,
