@@ -1,6 +1,7 @@
 //! `cargo xtask ci`: the checks that only contributors need.
 //!
-//! Every step runs, even after a failure, so that one run shows all problems. Steps of the
+//! A plain run is short: it comes before every landing. `--full` adds what takes long and seldom fails. Every step runs,
+//! even after a failure, so that one run shows all problems. In a full run, steps of the
 //! workspace run beside those of the workspaces with target folders of their own: while one links or
 //! tests on one core, the other compiles. The rules of the sources (which crate may name what, where
 //! `unsafe` is allowed) are tests and run with `cargo xtask test`. Checks that this machine cannot run
@@ -22,14 +23,13 @@ use xtask::workspace;
 use crate::setup::{self, Need, SetupArgs};
 use steps::Steps;
 
-/// Run the checks for contributors: formatting, lints on every feature set, documentation, the tests
-/// that need an OpenXR runtime or ONNX Runtime, fuzzing, dependencies, types and lints for Android, Windows and
-/// macOS, and what else can be checked for Android without a headset.
+/// Run the checks for contributors: formatting, lints and documentation of the whole workspace, the tests that need an
+/// OpenXR runtime or ONNX Runtime, dependencies
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// Check everything, which takes an hour or two: also draw with a second Vulkan driver, decode and encode on
-    /// emulated processors, link the player for Android against stand-ins for its libraries, fuzz each target
-    /// for five minutes, and play for ten
+    /// Check everything, which takes an hour or two: also the sets of features that users build, the oldest Rust,
+    /// Android, Windows and macOS (types and lints), what can be checked for Android without a headset, a second
+    /// Vulkan driver, emulated processors, fuzzing for five minutes each target, and playing for ten
     #[arg(long)]
     full: bool,
 
@@ -37,10 +37,12 @@ pub(crate) struct Args {
     setup: SetupArgs,
 }
 
+/// Packages and features of the whole workspace.
+const WORKSPACE: &[&str] = &["--workspace", "--all-targets", "--features", workspace::FEATURES];
+
 /// Sets of packages and features that users build: a build of the whole workspace can hide a dependency or
 /// a feature that one of them lacks.
-const FEATURE_SETS: [(&str, &[&str]); 10] = [
-    ("whole workspace", &["--workspace", "--all-targets", "--features", workspace::FEATURES]),
+const FEATURE_SETS: [(&str, &[&str]); 9] = [
     ("the player", &["--package", "client"]),
     (
         "the player in a window alone",
@@ -64,41 +66,23 @@ const SOAK_MINUTES: &str = "10";
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let mut needs = vec![
         (Need::SoundHeaders, "the player cannot be built and these checks fail"),
-        (Need::CppCompiler, "nothing can be fuzzed and these checks fail"),
         (Need::Headset, "tests of the headset's path are ignored"),
         (Need::OnnxRuntime, "tests of networks are ignored"),
-        (Need::DebianRust, "nothing is checked for Android, Windows and macOS"),
-        (Need::ApkTools, "only the packer's own checks look at an APK"),
     ];
     if args.full {
-        needs.push((Need::SecondDriver, "only the machine's own driver draws"));
-        needs.push((Need::Foreign, "other processors are not emulated"));
+        needs.extend([
+            (Need::CppCompiler, "nothing can be fuzzed and these checks fail"),
+            (Need::DebianRust, "nothing is checked for Android, Windows and macOS"),
+            (Need::ApkTools, "only the packer's own checks look at an APK"),
+            (Need::SecondDriver, "only the machine's own driver draws"),
+            (Need::Foreign, "other processors are not emulated"),
+        ]);
     }
     if !setup::satisfy(&args.setup, &needs) {
         return Ok(());
     }
     install_components();
-    // A lane each, as Cargo locks a target folder.
-    let (mut steps, others) = thread::scope(|scope| {
-        let others = scope.spawn(|| {
-            let mut steps = Steps { is_captured: true, ..Steps::default() };
-            fuzz::check(&mut steps, args.full);
-            packer(&mut steps);
-            systems::check(&mut steps);
-            android::check(&mut steps, args.full);
-            if args.full {
-                foreign::check(&mut steps);
-            }
-            steps
-        });
-        let mut steps = Steps::default();
-        check_workspace(&mut steps);
-        if args.full {
-            check_long(&mut steps);
-        }
-        (steps, others.join().expect("no panic"))
-    });
-    steps.extend(others);
+    let steps = if args.full { everything() } else { workspace_steps() };
     for skipped in &steps.skipped {
         eprintln!("ci: not checked here: {skipped}");
     }
@@ -110,13 +94,10 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
 
 /// Checks formatting, lints, documentation and dependencies of the workspace, and runs the tests that need an
 /// OpenXR runtime or ONNX Runtime.
-fn check_workspace(steps: &mut Steps) {
+fn workspace_steps() -> Steps {
+    let mut steps = Steps::default();
     steps.run("formatting", workspace::cargo().args(["fmt", "--all", "--check"]));
-    for (name, selection) in FEATURE_SETS {
-        let mut clippy = workspace::cargo();
-        clippy.args(["clippy", "--quiet", "--locked"]).args(selection).args(["--", "--deny", "warnings"]);
-        steps.run(&format!("lints, {name}"), &mut clippy);
-    }
+    lint(&mut steps, "whole workspace", WORKSPACE);
     steps.run(
         "documentation",
         workspace::cargo()
@@ -131,8 +112,38 @@ fn check_workspace(steps: &mut Steps) {
         }
         None => steps.skip("networks", "ONNX Runtime is not there"),
     }
-    deny(steps);
-    oldest_rust(steps);
+    deny(&mut steps);
+    steps
+}
+
+/// All checks, in two lanes, as Cargo locks a target folder.
+fn everything() -> Steps {
+    thread::scope(|scope| {
+        let others = scope.spawn(|| {
+            let mut steps = Steps { is_captured: true, ..Steps::default() };
+            fuzz::check(&mut steps);
+            packer(&mut steps);
+            systems::check(&mut steps);
+            android::check(&mut steps);
+            foreign::check(&mut steps);
+            steps
+        });
+        let mut steps = workspace_steps();
+        for (name, selection) in FEATURE_SETS {
+            lint(&mut steps, name, selection);
+        }
+        oldest_rust(&mut steps);
+        check_long(&mut steps);
+        steps.extend(others.join().expect("no panic"));
+        steps
+    })
+}
+
+/// Runs the linter on a selection of packages and features; every warning is an error.
+fn lint(steps: &mut Steps, name: &str, selection: &[&str]) {
+    let mut clippy = workspace::cargo();
+    clippy.args(["clippy", "--quiet", "--locked"]).args(selection).args(["--", "--deny", "warnings"]);
+    steps.run(&format!("lints, {name}"), &mut clippy);
 }
 
 /// Cargo's command that runs test programs of the workspace.

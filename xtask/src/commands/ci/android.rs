@@ -1,8 +1,8 @@
 //! Android checks that need neither the NDK nor a headset.
 //!
-//! A full run compiles the player with Debian's Rust and links it against stand-ins for Android's libraries that have exactly the symbols of
-//! `android/symbols.txt`; a new symbol has to be looked up and added there. The library (in a
-//! short run a stub) is packed as an APK, which Android's own programs check.
+//! The player is compiled with Debian's Rust and linked against stand-ins for Android's libraries that have exactly the symbols of
+//! `android/symbols.txt`; a new symbol has to be looked up and added there. The library (without that Rust, a stub) is
+//! packed as an APK, which Android's own programs check.
 //!
 //! None of it runs on Android, and its output is not for use.
 
@@ -19,14 +19,14 @@ use super::steps::Steps;
 use crate::commands::apk::{API_LEVEL, FEATURES, LIBRARY, PAGE_BYTES, TARGET};
 use crate::setup::Need;
 
-/// Runs the checks that this machine can run; with `is_full` also links the player.
-pub(super) fn check(steps: &mut Steps, is_full: bool) {
-    let mut library = None;
-    if is_full && Need::DebianRust.is_met() {
-        library = link(steps);
-    } else if is_full {
+/// Runs the checks that this machine can run.
+pub(super) fn check(steps: &mut Steps) {
+    let library = if Need::DebianRust.is_met() {
+        link(steps)
+    } else {
         steps.skip("link, Android", "its compiler is not installed");
-    }
+        None
+    };
     if Need::ApkTools.is_met() {
         check_apk(steps, library.as_deref());
     } else {

@@ -32,8 +32,8 @@ const FUZZERS: [Fuzzer; 2] = [
     },
 ];
 
-/// Seconds per target, in a short and in a full run.
-const SECONDS: [u32; 2] = [20, 300];
+/// Seconds per target.
+const SECONDS: u32 = 300;
 
 /// A fixed seed, so that runs are comparable; limits of input bytes, seconds per input and MB of memory. The
 /// workspace limits the address space.
@@ -44,7 +44,7 @@ const AT_ONCE: usize = 2;
 
 /// Checks the workspace, and runs its targets from their seeds, earlier corpora and the committed regressions. An
 /// input that breaks a target is written to target/fuzz; libFuzzer prints its path.
-pub(super) fn check(steps: &mut Steps, is_full: bool) {
+pub(super) fn check(steps: &mut Steps) {
     steps.run("formatting, fuzzing", cargo().args(["fmt", "--all", "--check"]));
     let lints = ["clippy", "--quiet", "--locked", "--release", "--workspace", "--all-targets"];
     steps.run("lints, fuzzing", cargo().args(lints).args(["--", "--deny", "warnings"]));
@@ -61,7 +61,7 @@ pub(super) fn check(steps: &mut Steps, is_full: bool) {
     for some in targets.chunks(AT_ONCE) {
         let run = |&(fuzzer, target): &(&Fuzzer, &&str)| {
             let mut steps = Steps { is_captured: true, ..Steps::default() };
-            steps.run(&format!("fuzzing, {target}"), &mut fuzzer.run(target, SECONDS[usize::from(is_full)]));
+            steps.run(&format!("fuzzing, {target}"), &mut fuzzer.run(target));
             steps
         };
         let done: Vec<Steps> = thread::scope(|scope| {
@@ -99,7 +99,7 @@ impl Fuzzer {
     }
 
     /// A command that runs a target.
-    fn run(&self, target: &str, seconds: u32) -> Command {
+    fn run(&self, target: &str) -> Command {
         let out = workspace::target_folder().join("fuzz");
         let mut artifacts = OsString::from("-artifact_prefix=");
         artifacts.push(out.join(format!("{target}-")));
@@ -108,7 +108,7 @@ impl Fuzzer {
         run.arg(out.join("corpus").join(target))
             .args(regressions.is_dir().then_some(regressions))
             .args(LIMITS)
-            .arg(format!("-max_total_time={seconds}"))
+            .arg(format!("-max_total_time={SECONDS}"))
             .args(["-print_final_stats=1", "-verbosity=0"])
             .arg(artifacts);
         run
