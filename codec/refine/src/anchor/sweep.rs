@@ -7,7 +7,7 @@
 //! occluded (Kang, Szeliski and Chai, 2001). The hull's depth stays if no depth scores well, or if
 //! neighbours see through the point.
 
-use glam::{DVec3, Mat3, Vec3};
+use glam::{DVec3, Mat3, Vec3, Vec4};
 use rayon::prelude::*;
 
 use super::DepthMap;
@@ -161,7 +161,7 @@ impl Patch {
     /// The patch around a pixel; `None` if it has too few pixels or too little contrast.
     pub(super) fn around(view: &SweptView, x: i32, y: i32) -> Option<Patch> {
         let [width, height] = view.pinhole.size.map(|n| n as i32);
-        let mut pixels = Vec::with_capacity((2 * PATCH_HALF as usize + 1).pow(2));
+        let mut pixels = Vec::with_capacity(PATCH_PIXELS);
         for v in (y - PATCH_HALF).max(0)..(y + PATCH_HALF + 1).min(height) {
             for u in (x - PATCH_HALF).max(0)..(x + PATCH_HALF + 1).min(width) {
                 let at = (v * width + u) as usize;
@@ -198,11 +198,13 @@ impl Patch {
 
     /// NCC, -1 to 1, of the patch with its projection into `other` if it is at `depth`; `None` if the
     /// projection leaves the image. `rays` are the pixels' rays in `other`.
-    fn likeness(&self, other: &SweptView, rays: &[Vec3], offset: Vec3, depth: f32) -> Option<f32> {
+    fn likeness(&self, other: &SweptView, rays: &Rays, offset: Vec3, depth: f32) -> Option<f32> {
+        let [width, height] = other.pinhole.size;
+        let [x, y] = rays.places(offset, depth, [width, height].map(|n| (n - 1) as f32))?;
+        let (x, y) = (x.iter().flat_map(Vec4::as_ref), y.iter().flat_map(Vec4::as_ref));
         let (mut sum, mut squares, mut product) = (0.0, 0.0, 0.0);
-        for ((_, luma), ray) in self.pixels.iter().zip(rays) {
-            let at = depth * *ray + offset;
-            let there = brightness(other, at)?;
+        for (((_, luma), x), y) in self.pixels.iter().zip(x).zip(y) {
+            let there = brightness(&other.luma, width as usize, *x, *y);
             sum += there;
             squares += there * there;
             product += luma * there;
@@ -214,22 +216,56 @@ impl Patch {
     }
 }
 
-/// Bilinear brightness at `(u depth, v depth, depth)`; `None` outside the image.
-fn brightness(view: &SweptView, at: Vec3) -> Option<f32> {
-    let [width, height] = view.pinhole.size;
-    let (x, y) = (at.x / at.z - 0.5, at.y / at.z - 0.5);
-    let within = at.z > 0.0 && x >= 0.0 && y >= 0.0 && x < (width - 1) as f32 && y < (height - 1) as f32;
-    if !within {
-        return None;
+/// Most pixels of a patch, and number of vectors that hold a coordinate of each.
+const PATCH_PIXELS: usize = (2 * PATCH_HALF as usize + 1).pow(2);
+const PATCH_VECTORS: usize = PATCH_PIXELS.div_ceil(4);
+
+/// The rays of a patch's pixels in another view, in vectors of each coordinate: the sweep spends its time on them. Behind
+/// the last ray are copies of the first.
+struct Rays([[Vec4; PATCH_VECTORS]; 3]);
+
+impl Rays {
+    fn new(patch: &Patch, matrix: Mat3) -> Rays {
+        let first = patch.pixels.first().map_or(Vec3::ZERO, |(place, _)| matrix * *place);
+        let mut rays = first.to_array().map(|x| [Vec4::splat(x); PATCH_VECTORS]);
+        for (i, (place, _)) in patch.pixels.iter().enumerate() {
+            let ray = matrix * *place;
+            (0..3).for_each(|axis| rays[axis][i / 4][i % 4] = ray[axis]);
+        }
+        Rays(rays)
     }
-    let (left, top) = (x as usize, y as usize);
+
+    /// Columns and rows of the pixels at `depth`, from the middle of the first one; `None` unless all are between 0 and
+    /// `most`.
+    fn places(&self, offset: Vec3, depth: f32, most: [f32; 2]) -> Option<[[Vec4; PATCH_VECTORS]; 2]> {
+        let Rays([x, y, z]) = self;
+        let mut places = [[Vec4::ZERO; PATCH_VECTORS]; 2];
+        for i in 0..PATCH_VECTORS {
+            let z = depth * z[i] + offset.z;
+            let column = (depth * x[i] + offset.x) / z - 0.5;
+            let row = (depth * y[i] + offset.y) / z - 0.5;
+            let within = z.cmpgt(Vec4::ZERO)
+                & column.cmpge(Vec4::ZERO)
+                & row.cmpge(Vec4::ZERO)
+                & column.cmplt(Vec4::splat(most[0]))
+                & row.cmplt(Vec4::splat(most[1]));
+            if !within.all() {
+                return None;
+            }
+            (places[0][i], places[1][i]) = (column, row);
+        }
+        Some(places)
+    }
+}
+
+/// Bilinear brightness at a place within an image.
+fn brightness(luma: &[f32], width: usize, x: f32, y: f32) -> f32 {
+    let (left, top) = (x as u32 as usize, y as u32 as usize);
     let (u, v) = (x - left as f32, y - top as f32);
-    let row = |top: usize| {
-        let at = top * width as usize + left;
-        view.luma[at] + u * (view.luma[at + 1] - view.luma[at])
-    };
-    let (above, below) = (row(top), row(top + 1));
-    Some(above + v * (below - above))
+    let first = top * width + left;
+    let row = |pair: &[f32]| pair[0] + u * (pair[1] - pair[0]);
+    let (above, below) = (row(&luma[first..first + 2]), row(&luma[first + width..first + width + 2]));
+    above + v * (below - above)
 }
 
 /// Where the pixels of a view are in another: at `depth * (matrix * pixel) + offset`.
@@ -259,7 +295,7 @@ pub(super) fn scores(
 ) -> Vec<f32> {
     let mut scores = vec![[f32::NEG_INFINITY; NEIGHBORS_MAX]; depths.len()];
     for (slot, Neighbor { view, matrix, offset }) in neighbors.iter().enumerate() {
-        let rays: Vec<Vec3> = patch.pixels.iter().map(|(place, _)| *matrix * *place).collect();
+        let rays = Rays::new(patch, *matrix);
         for (depth, scores) in depths.clone().zip(&mut scores) {
             scores[slot] = patch.likeness(view, &rays, *offset, depth).unwrap_or(f32::NEG_INFINITY);
         }

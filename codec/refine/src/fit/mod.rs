@@ -40,7 +40,7 @@ pub use backend::gpu;
 pub use backend::{
     Backend, DeviceError, Gradient, PixelGradients, StepConfig, StepReport, TrainingState, cpu,
 };
-pub use cameras::{CameraNumbers, Learned, Rig, ViewGradient, color_disagreement};
+pub use cameras::{CameraGains, CameraNumbers, Learned, Rig, ViewGradient};
 pub use cpu::Cpu;
 pub use density::{DensityChange, DensityRule};
 pub(crate) use loss::ssim_and_gradient;

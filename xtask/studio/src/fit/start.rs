@@ -8,8 +8,8 @@ use program::Fault;
 use refine::anchor::{
     Alignment, AnchorError, AnchorFrame, AnchorSettings, AnchorView, DepthSource, anchor, scatter,
 };
-use refine::capture::PhotoId;
-use refine::fit::{Carried, Fit, Learned, Parameters, Timeline, TrainingView, color_disagreement};
+use refine::capture::{PhotoId, Response};
+use refine::fit::{CameraGains, Carried, Fit, Learned, Parameters, Rig, Timeline, TrainingView};
 
 use super::plan::{DepthScale, FitPlan, FitStart, PlatePlan};
 use super::training_views::{TrainingViews, by_frame};
@@ -86,41 +86,46 @@ pub(super) fn start(
             "there is no Gaussian to start from; choose another --anchor, or more --gaussians".into()
         ));
     }
-    let learned = match plate {
-        Some(plate) => Learned { gains: plan.learned.gains || plate.learned.gains, ..plan.learned },
-        None => learned(plan, &parameters, views),
+    let rig = match plate {
+        Some(plate) => {
+            let learned = Learned { gains: plan.learned.gains || plate.learned.gains, ..plan.learned };
+            views.rig(learned)
+        }
+        None => rig(plan, &parameters, views),
     };
     let carried =
         plate.map(|plate| put_behind(&mut parameters, &plate.field, Carried::STATIC, views.timeline));
     let cameras = views.train.iter().map(|(_, view)| &view.camera);
-    let fit = Fit::new(plan.fit_settings(), parameters, views.timeline, cameras).seen_by(views.rig(learned));
+    let fit = Fit::new(plan.fit_settings(), parameters, views.timeline, cameras).seen_by(rig);
     Ok(match carried {
         Some(carried) => fit.carrying(carried),
         None => fit,
     })
 }
 
-/// Root mean square of the gains of cameras from which on they are learned. Cameras of a dome differ by 0.087.
+/// Root mean square of the gains of cameras from which on they are learned. Cameras of a dome differ by 0.10.
 const DISAGREEMENT_MIN: f64 = 0.02;
 
-/// What is learned of the cameras: what the plan says, and gains, where it asks whether the cameras disagree and they do.
-/// Says so in a line.
-fn learned(plan: &FitPlan, parameters: &Parameters<f32>, views: &TrainingViews) -> Learned {
+/// The cameras: as the plan says, and, where it asks whether they disagree about colours and they do, with gains that are
+/// learned from those that are measured here. Says so in a line.
+fn rig(plan: &FitPlan, parameters: &Parameters<f32>, views: &TrainingViews) -> Rig {
     // In front of a background, half of a subject's surface is hidden, and would pass for another colour.
-    if !(plan.learns_disagreement && plan.plate == PlatePlan::Fitted) {
-        return plan.learned;
+    let asks = plan.learns_disagreement && plan.plate == PlatePlan::Fitted;
+    if !asks || !views.responses.iter().all(Response::is_neutral) {
+        return views.rig(plan.learned);
     }
     let train: Vec<&TrainingView> = views.train.iter().map(|(_, view)| view).collect();
-    let Some(disagreement) = color_disagreement(parameters, &train) else { return plan.learned };
-    let gains = disagreement >= DISAGREEMENT_MIN;
+    let gains = CameraGains::measure(parameters, &train);
+    let disagreement = gains.disagreement().unwrap_or(0.0);
     let percent = 100.0 * disagreement;
-    match gains {
-        true => eprintln!(
-            "note: cameras show the same in colours that differ by {percent:.1} %: gain and offset of each are learned"
-        ),
-        false => eprintln!("note: cameras agree about colours within {percent:.1} %"),
+    if disagreement < DISAGREEMENT_MIN {
+        eprintln!("note: cameras agree about colours within {percent:.1} %");
+        return views.rig(plan.learned);
     }
-    Learned { gains, ..plan.learned }
+    eprintln!(
+        "note: cameras show the same in colours that differ by {percent:.1} %: gain and offset of each are learned"
+    );
+    views.rig_from(Learned { gains: true, ..plan.learned }, &gains.responses(views.responses.len()))
 }
 
 /// Adds the rows of a plate to `parameters`, always on and behind all others, with the columns of these. Returns the past of

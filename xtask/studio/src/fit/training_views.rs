@@ -80,8 +80,13 @@ impl TrainingViews {
 
     /// The cameras of these views, of which `learned` is learned.
     pub(super) fn rig(&self, learned: Learned) -> Rig {
+        self.rig_from(learned, &self.responses)
+    }
+
+    /// The same, from these responses.
+    pub(super) fn rig_from(&self, learned: Learned, responses: &[Response]) -> Rig {
         let first = self.train.iter().map(|(photo_id, _)| photo_id.camera).min().unwrap_or(0);
-        Rig::new(learned, self.responses.clone(), first)
+        Rig::new(learned, responses.to_vec(), first)
     }
 }
 

@@ -1,11 +1,11 @@
 //! What a fit learns of its cameras: [`Rig`], their clocks, poses, focal lengths and colours.
 
-mod disagreement;
+mod gains;
 mod numbers;
 mod respond;
 mod rig;
 
-pub use disagreement::color_disagreement;
+pub use gains::CameraGains;
 #[cfg(any(test, feature = "gpu"))]
 pub(super) use numbers::CAMERA_NUMBERS;
 pub use numbers::{CameraNumbers, ViewGradient};

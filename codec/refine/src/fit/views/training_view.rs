@@ -30,8 +30,8 @@ impl TrainingView {
         TrainingView { camera, photograph, ..*self }
     }
 
-    /// Index of the pixel that shows a point of the world; `None` outside the image.
-    pub fn pixel_of(&self, point: [f64; 3]) -> Option<usize> {
+    /// Where a point of the world is in the image, in pixels from its corner; `None` outside.
+    pub(in crate::fit) fn place_of(&self, point: [f64; 3]) -> Option<[f64; 2]> {
         let camera = &self.camera;
         let row = |r: usize| {
             let row = camera.camera_from_world[r];
@@ -41,7 +41,12 @@ impl TrainingView {
         let at = [0, 1].map(|axis| camera.k[axis][axis] * row(axis) / depth + camera.k[axis][2]);
         let size = [camera.width, camera.height];
         let is_inside = depth > 0.0 && (0..2).all(|axis| (0.0..f64::from(size[axis])).contains(&at[axis]));
-        is_inside.then(|| at[1] as usize * camera.width as usize + at[0] as usize)
+        is_inside.then_some(at)
+    }
+
+    /// Index of the pixel that shows a point of the world; `None` outside the image.
+    pub fn pixel_of(&self, point: [f64; 3]) -> Option<usize> {
+        self.place_of(point).map(|[x, y]| y as usize * self.camera.width as usize + x as usize)
     }
 
     /// Viewpoint from which the photograph was taken.
