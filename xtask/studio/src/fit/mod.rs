@@ -17,6 +17,7 @@ mod refinement;
 mod slide;
 mod start;
 mod stored;
+mod strangers;
 mod training_views;
 
 use std::path::Path;

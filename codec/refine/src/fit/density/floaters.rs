@@ -1,4 +1,4 @@
-//! [`floaters`]: Gaussians far from the subject, or as large as it (the paper's floater filter).
+//! [`floaters`]: Gaussians far from the subject, or moving ones as large as it (the paper's floater filter).
 //!
 //! The subject is where the Gaussians of an interval are: their geometric median, which a few strays hardly
 //! move.
@@ -23,7 +23,8 @@ const SAMPLES_MIN: usize = 8;
 /// Iterations of Weiszfeld's algorithm, which converges linearly: an error below 1 % of the subject.
 const ITERATIONS: usize = 10;
 
-/// Whether each Gaussian is a floater: at the largest scale that the bounds allow, or further than four
+/// Whether each Gaussian is a floater: at the largest scale that the bounds allow if it moves (a bare wall is of few large
+/// ones, which would be dropped again and again), or further than four
 /// median distances from the geometric median of the centres in its interval. A Gaussian belongs to the
 /// whole interval nearest to its window's centre; those that are always on are a group of their own.
 pub(super) fn floaters<T: Real>(
@@ -32,12 +33,12 @@ pub(super) fn floaters<T: Real>(
     bounds: &Bounds,
 ) -> Vec<bool> {
     let largest = T::from_f64(bounds.log_scales[1]);
-    let mut floating: Vec<bool> =
-        parameters.log_scales.iter().map(|scales| scales.iter().any(|s| *s >= largest)).collect();
+    let moves = |row: usize| !parameters.tau.is_empty() && !is_static(row);
+    let is_large = |row: usize| parameters.log_scales[row].iter().any(|scale| *scale >= largest);
+    let mut floating: Vec<bool> = (0..parameters.len()).map(|row| moves(row) && is_large(row)).collect();
     let mut frames: BTreeMap<Option<i64>, Vec<usize>> = BTreeMap::new();
     for row in (0..parameters.len()).filter(|row| parameters.is_finite(*row)) {
-        let moving = Some(row).filter(|row| !is_static(*row));
-        let frame = moving.and_then(|row| parameters.tau.get(row)).map(|tau| tau.round().to_double() as i64);
+        let frame = moves(row).then(|| parameters.tau[row].round().to_double() as i64);
         frames.entry(frame).or_default().push(row);
     }
     for rows in frames.values().filter(|rows| rows.len() >= SAMPLES_MIN) {
@@ -142,18 +143,22 @@ mod tests {
     }
 
     #[test]
-    fn the_largest_allowed_scale_is_too_large() {
-        let mut parameters = at(cross(0.0), Vec::new());
+    fn what_moves_may_not_have_the_largest_scale() {
+        let mut parameters = at(cross(0.0), vec![1.0; 7]);
         parameters.log_scales[3][1] = 40.0;
         parameters.log_scales[4][1] = bounds().log_scales[1] - 1e-3;
         bounds().project(&mut parameters, 3);
         let found = floaters(&parameters, |_| false, &bounds());
         assert_eq!((0..7).filter(|row| found[*row]).collect::<Vec<_>>(), [3]);
+        // A wall may.
+        assert!(!floaters(&parameters, |row| row == 3, &bounds())[3]);
+        let wall = Parameters { tau: Vec::new(), log_widths: Vec::new(), ..parameters };
+        assert!(floaters(&wall, |_| false, &bounds()).iter().all(|found| !found));
     }
 
     #[test]
     fn the_largest_gaussian_of_an_imported_field_is_no_floater() {
-        let mut parameters = at(cross(0.0), Vec::new());
+        let mut parameters = at(cross(0.0), vec![1.0; 7]);
         parameters.log_scales[3] = [1.0; 3];
         let bounds = bounds().around(&parameters);
         assert!(floaters(&parameters, |_| false, &bounds).iter().all(|found| !found));
