@@ -242,7 +242,7 @@ fn output_of(program: &str, args: &[&str], file: &Path) -> String {
 
 /// Packs the library at `PLAYER_LIBRARY`, or the stub without it.
 #[test]
-#[ignore = "needs aapt, apksigner and zipalign; `cargo xtask ci` runs it if they are installed"]
+#[ignore = "needs aapt, apksigner and zipalign; `cargo xtask ci --full` runs it if they are installed"]
 fn android_tools_accept_the_apk() {
     let workshop = Workshop::new();
     if let Some(library) = std::env::var_os("PLAYER_LIBRARY") {

@@ -12,7 +12,7 @@ use refine::fit::{Learned, Photograph, Timeline, TrainingView};
 use super::plan::{Coarse, FitPlan, FitStart, default_gaussians};
 use super::strangers::name_strangers;
 use super::training_views::{TrainingViews, responses};
-use super::{FitProgress, FitRuntime, Fitted, fit, on_device};
+use super::{FitProgress, FitRuntime, Fitted, fit};
 use crate::capture::CaptureFiles;
 use crate::scene::plate_path;
 
@@ -51,7 +51,10 @@ pub fn fit_plate(
     let FitRuntime { backend, lpips, checkpoint_every } = runtime;
     let runtime = FitRuntime { backend: &mut *backend, lpips, checkpoint_every };
     let fitted = fit(&plan, &small, &views, None, runtime, &plate_path(out), on_progress)?;
-    name_strangers(&fitted.fit, &views, &capture_files.capture.cameras, backend).map_err(on_device)?;
+    // The plate is fitted: it is not lost to a question about it.
+    let named = name_strangers(&fitted.fit, &views, &capture_files.capture.cameras, backend);
+    named
+        .unwrap_or_else(|error| eprintln!("note: whether cameras show something else is not known: {error}"));
     Ok(fitted)
 }
 

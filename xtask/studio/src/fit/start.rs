@@ -111,12 +111,12 @@ const DISAGREEMENT_MIN: f64 = 0.02;
 fn rig(plan: &FitPlan, parameters: &Parameters<f32>, views: &TrainingViews) -> Rig {
     // In front of a background, half of a subject's surface is hidden, and would pass for another colour.
     let asks = plan.learns_disagreement && plan.plate == PlatePlan::Fitted;
-    if !asks || !views.responses.iter().all(Response::is_neutral) {
+    if !(asks && views.are_whole() && views.responses.iter().all(Response::is_neutral)) {
         return views.rig(plan.learned);
     }
     let train: Vec<&TrainingView> = views.train.iter().map(|(_, view)| view).collect();
     let gains = CameraGains::measure(parameters, &train);
-    let disagreement = gains.disagreement().unwrap_or(0.0);
+    let Some(disagreement) = gains.disagreement() else { return views.rig(plan.learned) };
     let percent = 100.0 * disagreement;
     if disagreement < DISAGREEMENT_MIN {
         eprintln!("note: cameras agree about colours within {percent:.1} %");

@@ -21,11 +21,14 @@ const SAMPLES_MIN: usize = 64;
 /// Distance in pixels from the middle of a pixel within which a Gaussian was made of it.
 const MADE_OF: f64 = 0.01;
 
+/// Largest logarithm of a gain: beyond a factor of 4, a camera shows something else.
+const LOG_MAX: f64 = 1.4;
+
 /// The gain of each camera, by colour channel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CameraGains {
     /// Logarithms over the median camera, by number of the camera; `None` for one that shows too few Gaussians.
-    logs: Vec<[Option<f64>; 3]>,
+    logs: Vec<Option<[f64; 3]>>,
 }
 
 impl CameraGains {
@@ -39,14 +42,23 @@ impl CameraGains {
         for (camera, ratios) in ratios {
             by_camera[camera].iter_mut().zip(ratios).for_each(|(all, ratios)| all.extend(ratios));
         }
-        let log = |ratios: Vec<f64>| median(ratios.clone()).filter(|_| ratios.len() >= SAMPLES_MIN);
-        let mut logs: Vec<[Option<f64>; 3]> =
-            by_camera.into_iter().map(|channels| channels.map(log)).collect();
+        let log = |[r, g, b]: [Vec<f64>; 3]| -> Option<[f64; 3]> {
+            let is_known = [&r, &g, &b].iter().all(|ratios| ratios.len() >= SAMPLES_MIN);
+            is_known.then(|| [median(r), median(g), median(b)].map(|log| log.expect("there are samples")))
+        };
+        let mut logs: Vec<Option<[f64; 3]>> = by_camera.into_iter().map(log).collect();
+        let known = logs.iter().flatten().count() as f64;
         for channel in 0..3 {
-            let known: Vec<f64> = logs.iter().filter_map(|logs| logs[channel]).collect();
+            let of_channel = || logs.iter().flatten().map(|logs| logs[channel]);
             // One camera of another white balance does not tint the field.
-            let Some(middle) = median(known) else { continue };
-            logs.iter_mut().filter_map(|logs| logs[channel].as_mut()).for_each(|log| *log -= middle);
+            let upper = median(of_channel().collect());
+            let lower = median(of_channel().map(|log| -log).collect());
+            let (Some(upper), Some(lower)) = (upper, lower) else { continue };
+            let middle = 0.5 * (upper - lower);
+            for logs in logs.iter_mut().flatten() {
+                // Gaussians have the colours of the other cameras: their mean is off by its share of this one.
+                logs[channel] = ((logs[channel] - middle) * (known - 1.0) / known).clamp(-LOG_MAX, LOG_MAX);
+            }
         }
         CameraGains { logs }
     }
@@ -54,17 +66,17 @@ impl CameraGains {
     /// Root mean square of the logarithms of the gains: 0 for cameras that agree, 0.1 for some that differ by a tenth.
     /// `None` if fewer than two cameras are known.
     pub fn disagreement(&self) -> Option<f64> {
-        let known: Vec<f64> = self.logs.as_flattened().iter().copied().flatten().collect();
-        let squares: f64 = known.iter().map(|log| log * log).sum();
-        (known.len() >= 6).then(|| (squares / known.len() as f64).sqrt())
+        let known: Vec<[f64; 3]> = self.logs.iter().copied().flatten().collect();
+        let squares: f64 = known.as_flattened().iter().map(|log| log * log).sum();
+        (known.len() >= 2).then(|| (squares / (3 * known.len()) as f64).sqrt())
     }
 
     /// The responses of cameras without any other difference.
     pub fn responses(&self, cameras: usize) -> Vec<Response> {
         let response = |camera: usize| {
             let mut response = Response::NEUTRAL;
-            for (channel, log) in self.logs.get(camera).into_iter().flatten().enumerate() {
-                response.color[channel][channel] = libm::exp(log.unwrap_or(0.0));
+            for (channel, log) in self.logs.get(camera).into_iter().flatten().flatten().enumerate() {
+                response.color[channel][channel] = libm::exp(*log);
             }
             response
         };
@@ -105,17 +117,10 @@ mod tests {
     use super::*;
     use crate::fit::views::Photograph;
 
-    /// The gains of cameras that have these, from a wall of Gaussians of one gray; the left third of each photograph shows
-    /// something else in front.
-    fn measured(gains: &[[f64; 3]]) -> CameraGains {
-        let at = |i: usize| [(i % 40) as f32 * 0.05 - 1.0, (i / 40) as f32 * 0.05 - 1.0, 0.0];
-        let parameters = Parameters {
-            centers: (0..1600).map(at).collect(),
-            sh: vec![[0.0; 3]; 1600],
-            ..Parameters::default()
-        };
+    /// A wall that cameras with these gains see; the left third of each photograph shows something else in front.
+    fn views(gains: &[[f64; 3]]) -> Vec<TrainingView> {
         let view = |(camera_id, gains): (usize, &[f64; 3])| {
-            let position = [0.3 * camera_id as f64, 0.0, -3.0];
+            let position = [0.31 * camera_id as f64, 0.0, -3.0];
             let camera = Camera::look_at(position, [0.0; 3], [0.0, -1.0, 0.0], 0.8, 60, 60);
             let [r, g, b] = gains.map(|gain| (120.0 * gain).round() as u8);
             let pixel = |i: usize| if i % 60 < 20 { [250, 40, 90, 255] } else { [r, g, b, 255] };
@@ -127,22 +132,57 @@ mod tests {
             };
             TrainingView { camera_id, camera, time: 0.0, photograph }
         };
-        let views: Vec<TrainingView> = gains.iter().enumerate().map(view).collect();
-        CameraGains::measure(&parameters, &views.iter().collect::<Vec<_>>())
+        gains.iter().enumerate().map(view).collect()
+    }
+
+    /// Gaussians where the rays of pixels meet the wall, in the colours of their photographs.
+    fn grounded(views: &[TrainingView]) -> Parameters<f32> {
+        let mut parameters = Parameters::default();
+        for view in views {
+            let Camera { camera_from_world: m, k, .. } = &view.camera;
+            let eye = view.camera.position();
+            for pixel in (0..3600).filter(|i| i % 60 >= 20 && i % 7 == 0) {
+                let at = [pixel % 60, pixel / 60].map(|x| x as f64 + 0.5);
+                let ray = [(at[0] - k[0][2]) / k[0][0], (at[1] - k[1][2]) / k[1][1], 1.0];
+                let ray = [0, 1, 2].map(|axis| (0..3).map(|row| m[row][axis] * ray[row]).sum::<f64>());
+                let depth = -eye[2] / ray[2];
+                parameters.centers.push([0, 1, 2].map(|axis| (eye[axis] + depth * ray[axis]) as f32));
+                let [r, g, b, _] = view.photograph.pixels[pixel].map(f64::from);
+                parameters.sh.push([r, g, b].map(|c| ((c / 255.0 - 0.5) / SH_C0) as f32));
+            }
+        }
+        parameters
+    }
+
+    fn measured(gains: &[[f64; 3]]) -> CameraGains {
+        let views = views(gains);
+        CameraGains::measure(&grounded(&views), &views.iter().collect::<Vec<_>>())
     }
 
     #[test]
     fn gains_are_found_by_channel() {
         let alike = measured(&[[1.0; 3]; 4]);
         assert!(alike.disagreement().unwrap() < 1e-9, "{alike:?}");
-        let found = measured(&[[0.8; 3], [1.0; 3], [1.0; 3], [1.25; 3]]);
-        let expected = (0.5f64).sqrt() * 1.25f64.ln();
-        assert!((found.disagreement().unwrap() - expected).abs() < 0.01, "{found:?}");
-        let tinted = measured(&[[1.0; 3], [1.5, 1.0, 0.5], [1.0; 3]]).responses(4);
-        assert!((tinted[1].color[0][0] - 1.5).abs() < 0.02 && (tinted[1].color[2][2] - 0.5).abs() < 0.02);
-        assert!(tinted[0].color[2][2] == 1.0 && tinted[3].is_neutral(), "{tinted:?}");
-        let dark = measured(&[[1.0; 3], [0.1, 0.1, 0.0], [1.0; 3]]).responses(3)[1].color;
-        assert!((dark[0][0] - 0.1).abs() < 0.01 && dark[2][2] < 0.01, "{dark:?}");
+        let two = measured(&[[0.8; 3], [1.25; 3]]).responses(2);
+        let two = [0, 1].map(|camera: usize| two[camera].color[1][1]);
+        assert!((two[1] / two[0] - 1.25 / 0.8).abs() < 0.02, "{two:?}");
+        let tinted =
+            measured(&[[1.0; 3], [1.5, 1.0, 0.5], [1.0; 3], [1.0; 3], [1.0; 3], [1.0; 3]]).responses(7);
+        let [r, g, b] = [0, 1, 2].map(|c| tinted[1].color[c][c] / tinted[0].color[c][c]);
+        assert!((r - 1.5).abs() < 0.15 && (g - 1.0).abs() < 0.01 && (b - 0.5).abs() < 0.1, "{r} {g} {b}");
+        assert!(tinted[6].is_neutral(), "a camera without views");
+        let dark = measured(&[[1.0; 3], [0.05; 3], [1.0; 3], [1.0; 3]]).responses(4)[1].color[0][0];
+        assert!((dark - libm::exp(-LOG_MAX)).abs() < 1e-9, "{dark}");
+    }
+
+    /// Its own Gaussians would say that a camera is like the field.
+    #[test]
+    fn gaussians_do_not_vote_on_the_camera_that_they_were_made_of() {
+        let views = views(&[[1.0; 3], [0.7; 3]]);
+        let own = grounded(&views[..1]);
+        assert!(ratios(&own, 1, &views[0])[0].is_empty());
+        let other = ratios(&own, 1, &views[1]);
+        assert!(other[0].len() > 100);
     }
 
     #[test]

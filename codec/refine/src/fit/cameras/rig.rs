@@ -219,6 +219,7 @@ impl Rig {
         for (_, numbers, rate, most, weight) in parts.into_iter().filter(|(is_learned, ..)| *is_learned) {
             for number in numbers.filter(|number| colors || !COLOR.contains(number) || is_gain(*number)) {
                 let to_zero = weight * self.cameras.values[first + number];
+                let most = most * self.stated_gain(camera, number).min(1.0);
                 self.cameras.step(first + number, by[number] + to_zero, factor * rate, most);
             }
         }
@@ -229,6 +230,13 @@ impl Rig {
             self.center(COLOR);
         }
         true
+    }
+
+    /// The gain that the capture states of the channel of a number; 1 if it is not of a colour. The factor of a colour stays
+    /// above 0 if it is changed by less.
+    fn stated_gain(&self, camera: usize, number: usize) -> f64 {
+        let channel = COLOR.contains(&number).then(|| (number - COLOR.start) / 4);
+        channel.map_or(1.0, |channel| self.responses[camera].color[channel][channel].abs())
     }
 
     /// Learns the exposure of a photograph, and takes it out of the gradient with respect to the camera's colours.

@@ -55,7 +55,7 @@ impl Bounds {
     }
 
     /// Widens the bounds to contain all finite `parameters`, for a field that was fitted under other
-    /// bounds. The largest scale gets a margin, because a Gaussian at the bound counts as a floater.
+    /// bounds. The largest scale gets a margin, because a Gaussian that moves and is at the bound counts as a floater.
     pub(in crate::fit) fn around<T: Real>(mut self, parameters: &Parameters<T>) -> Bounds {
         let widen = |bounds: &mut [f64; 2], values: &[T]| {
             for x in values.iter().map(|x| x.to_double()).filter(|x| x.is_finite()) {
