@@ -5,6 +5,7 @@
 
 use refine::capture::CalibratedCamera;
 use refine::fit::{Backend, DeviceError, Fit, Photograph, RenderedImage, Run};
+use refine::image::psnr;
 
 use super::training_views::TrainingViews;
 
@@ -50,17 +51,17 @@ struct PlateError {
 
 impl PlateError {
     fn of(picture: &RenderedImage<f32>, plate: &Photograph) -> PlateError {
-        let (mut count, mut squares, mut sum, mut sum_of_squares) = (0.0, 0.0, 0.0, 0.0);
+        let (mut count, mut squares, mut sum, mut sum_of_squares) = (0, 0.0, 0.0, 0.0);
         let seen = (0..plate.pixels.len()).filter(|pixel| plate.is_valid(*pixel));
         for (channel, pixel) in seen.flat_map(|pixel| (0..3).map(move |channel| (channel, pixel))) {
             let taken = f64::from(plate.pixels[pixel][channel]) / 255.0;
-            count += 1.0;
+            count += 1;
             squares += (f64::from(picture.pixels[pixel][channel]) - taken).powi(2);
             sum += taken;
             sum_of_squares += taken * taken;
         }
-        let variance = sum_of_squares - sum * sum / count;
-        PlateError { psnr_db: -10.0 * (squares / count).log10(), explained: 1.0 - squares / variance }
+        let deviations = sum_of_squares - sum * sum / f64::from(count);
+        PlateError { psnr_db: psnr(squares, count as usize / 3), explained: 1.0 - squares / deviations }
     }
 }
 

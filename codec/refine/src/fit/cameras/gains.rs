@@ -49,12 +49,11 @@ impl CameraGains {
         let mut logs: Vec<Option<[f64; 3]>> = by_camera.into_iter().map(log).collect();
         let known = logs.iter().flatten().count() as f64;
         for channel in 0..3 {
-            let of_channel = || logs.iter().flatten().map(|logs| logs[channel]);
-            // One camera of another white balance does not tint the field.
-            let upper = median(of_channel().collect());
-            let lower = median(of_channel().map(|log| -log).collect());
-            let (Some(upper), Some(lower)) = (upper, lower) else { continue };
-            let middle = 0.5 * (upper - lower);
+            let mut sorted: Vec<f64> = logs.iter().flatten().map(|logs| logs[channel]).collect();
+            let Some(last) = sorted.len().checked_sub(1) else { continue };
+            sorted.sort_unstable_by(f64::total_cmp);
+            // The median: one camera of another white balance does not tint the field.
+            let middle = 0.5 * (sorted[last / 2] + sorted[last.div_ceil(2)]);
             for logs in logs.iter_mut().flatten() {
                 // Gaussians have the colours of the other cameras: their mean is off by its share of this one.
                 logs[channel] = ((logs[channel] - middle) * (known - 1.0) / known).clamp(-LOG_MAX, LOG_MAX);
