@@ -9,8 +9,8 @@
 struct Response {
     // Rows give red, green and blue: factors of those of the image, and what is added.
     color: array<vec4<f32>, 3>,
-    // Of the factor 1 + v1 r^2 + v2 r^4 + v3 r^6, where r is 1 in the corners.
-    vignette: vec3<f32>,
+    // Of the factor 1 + v r^2, where r is 1 in the corners.
+    vignette: f32,
 }
 
 @group(0) @binding(3) var<storage, read_write> totals: array<u32>;
@@ -24,7 +24,7 @@ struct Response {
 @group(0) @binding(31) var<storage, read_write> d_camera: array<f32>;
 
 // Numbers of the response and of the view, and the place of the response in `d_camera`.
-const RESPONSE_NUMBERS: u32 = 15u;
+const RESPONSE_NUMBERS: u32 = 13u;
 const VIEW_NUMBERS: u32 = 8u;
 
 var<workgroup> parts: array<f32, SCAN_GROUP>;
@@ -41,8 +41,7 @@ fn square_of(pixel: u32) -> f32 {
 }
 
 fn factor_at(square: f32) -> f32 {
-    let v = response.vignette;
-    return 1.0 + square * (v.x + square * (v.y + square * v.z));
+    return 1.0 + square * response.vignette;
 }
 
 fn color_of(pixel: vec4<f32>) -> vec3<f32> {
@@ -89,7 +88,7 @@ fn summed(local: u32, number: f32) -> f32 {
 @compute @workgroup_size(SCAN_GROUP)
 fn sum_response(@builtin(local_invocation_index) local: u32) {
     var by_color: array<vec4<f32>, 3>;
-    var by_vignette = vec3<f32>(0.0);
+    var by_vignette = 0.0;
     for (var pixel = local; pixel < pixels(); pixel += SCAN_GROUP) {
         let square = square_of(pixel);
         let d_seen = d_image[pixel].xyz;
@@ -97,13 +96,10 @@ fn sum_response(@builtin(local_invocation_index) local: u32) {
         by_color[0] += d_color.x * image[pixel];
         by_color[1] += d_color.y * image[pixel];
         by_color[2] += d_color.z * image[pixel];
-        by_vignette += dot(d_seen, color_of(image[pixel])) * square * vec3<f32>(1.0, square, square * square);
+        by_vignette += dot(d_seen, color_of(image[pixel])) * square;
     }
     for (var number = 0u; number < RESPONSE_NUMBERS; number++) {
-        var mine = by_color[min(number / 4u, 2u)][number % 4u];
-        if number >= 12u {
-            mine = by_vignette[number - 12u];
-        }
+        let mine = select(by_color[min(number / 4u, 2u)][number % 4u], by_vignette, number == 12u);
         let sum = summed(local, mine);
         if local == 0u {
             d_camera[VIEW_NUMBERS + number] = sum;

@@ -130,7 +130,7 @@ pub mod binding {
 pub const VIEW_BYTES: u64 = 32;
 
 /// Numbers of a camera that are learned: time, rotation, translation, logarithm of the focal lengths, colours, vignette.
-pub const CAMERA_NUMBERS: usize = 23;
+pub const CAMERA_NUMBERS: usize = 21;
 
 /// Size of a splat in bytes.
 pub const SPLAT_BYTES: u64 = 64;

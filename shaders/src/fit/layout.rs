@@ -81,10 +81,10 @@ impl AdamUniforms {
 pub struct Response {
     /// Rows give red, green and blue: factors of those of the image, and what is added.
     pub color: [[f32; 4]; 3],
-    /// Of the factor `1 + v1 r^2 + v2 r^4 + v3 r^6`, where `r` is 1 in the corners.
-    pub vignette: [f32; 3],
+    /// Of the factor `1 + v r^2`, where `r` is 1 in the corners.
+    pub vignette: f32,
     /// Padding.
-    pub _pad0: u32,
+    pub _pad0: [u32; 3],
 }
 
 /// `Statistics` of statistics.wgsl: the statistics of a Gaussian, kept from step to step.

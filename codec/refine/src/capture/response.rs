@@ -8,17 +8,14 @@ pub struct Response {
     /// Rows give red, green and blue of the photograph: factors of the scene's red, green and blue, and what is added.
     /// Colours are display-referred, from 0 to 1.
     pub color: [[f64; 4]; 3],
-    /// `v1, v2, v3` of the factor `1 + v1 r^2 + v2 r^4 + v3 r^6` of a pixel, where `r` is its distance from the centre of
-    /// the image, 1 in the corners.
-    pub vignette: [f64; 3],
+    /// `v` of the factor `1 + v r^2` of a pixel, where `r` is its distance from the centre of the image, 1 in the corners.
+    pub vignette: f64,
 }
 
 impl Response {
     /// Photographs have the colours of the scene.
-    pub const NEUTRAL: Response = Response {
-        color: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
-        vignette: [0.0; 3],
-    };
+    pub const NEUTRAL: Response =
+        Response { color: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]], vignette: 0.0 };
 
     /// Whether photographs have the colours of the scene.
     pub fn is_neutral(&self) -> bool {

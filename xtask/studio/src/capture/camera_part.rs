@@ -10,7 +10,7 @@ use serde::Deserialize;
 pub enum CameraPart {
     /// When it takes its photographs, against the first camera
     Offsets,
-    /// Gain and offset of each of its colour channels
+    /// Gain and offset of each of its colour channels, and its vignette
     Gains,
     /// An affine transform of its colours, and its vignette
     Colors,

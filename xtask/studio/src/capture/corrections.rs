@@ -87,7 +87,7 @@ impl CaptureFiles {
             let stated = scaled(&self.file_cameras[i], camera.width, camera.height);
             camera.camera_from_world = learned.w2c;
             (0..2).for_each(|axis| camera.k[axis][axis] = stated.k[axis][axis] * learned.focal_factor);
-            let numbers = [learned.response.color.as_flattened(), &learned.response.vignette].concat();
+            let numbers = [learned.response.color.as_flattened(), &[learned.response.vignette]].concat();
             if !(learned.time_offset_s.is_finite() && numbers.iter().all(|x| x.is_finite())) {
                 return Err(unusable(path, format!("camera {name}: a number is not finite")));
             }

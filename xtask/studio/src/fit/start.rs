@@ -123,7 +123,7 @@ fn rig(plan: &FitPlan, parameters: &Parameters<f32>, views: &TrainingViews) -> R
         return views.rig(plan.learned);
     }
     eprintln!(
-        "note: cameras show the same in colours that differ by {percent:.1} %: gain and offset of each are learned"
+        "note: cameras show the same in colours that differ by {percent:.1} %: gain, offset and vignette of each are learned"
     );
     views.rig_from(Learned { gains: true, ..plan.learned }, &gains.responses(views.responses.len()))
 }

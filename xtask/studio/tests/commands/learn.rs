@@ -165,7 +165,7 @@ fn wrong_cameras_are_refused() {
     refused("--learned nothing.json", 3, "nothing.json");
     fs::write(folder.join("bad.json"), "{\"cameras\": [{}]}").unwrap();
     refused("--learned bad.json", 3, "bad.json");
-    let neutral = json!({"color": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]], "vignette": [0, 0, 0]});
+    let neutral = json!({"color": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]], "vignette": 0});
     let pose = json!([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]);
     let of = |id: &str, focal_factor: f64| {
         let camera = json!({

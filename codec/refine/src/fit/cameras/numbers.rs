@@ -5,7 +5,7 @@ use std::ops::Range;
 use crate::fit::precision::Real;
 
 /// Number of [`CameraNumbers`].
-pub(in crate::fit) const CAMERA_NUMBERS: usize = 23;
+pub(in crate::fit) const CAMERA_NUMBERS: usize = 21;
 
 /// What differs from the calibration of a camera, a gradient with respect to it, or Adam's moments of it; 0 for a
 /// camera as calibrated.
@@ -27,8 +27,8 @@ pub(super) fn is_gain(number: usize) -> bool {
     column == row || column == 3
 }
 
-/// What is added to [`Response::vignette`](crate::capture::Response::vignette).
-pub(super) const VIGNETTE: Range<usize> = 20..23;
+/// Index of what is added to [`Response::vignette`](crate::capture::Response::vignette).
+pub(super) const VIGNETTE: usize = 20;
 
 /// The gradient of a loss of one image with respect to the view that it is rendered from.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

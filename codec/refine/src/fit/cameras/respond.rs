@@ -12,8 +12,8 @@ use crate::fit::views::RenderedImage;
 /// Pixels per parallel task.
 const CHUNK: usize = 4096;
 
-/// Numbers of a response: 12 of the colours, 3 of the vignette.
-const NUMBERS: usize = 15;
+/// Numbers of a response: 12 of the colours, then the vignette.
+const NUMBERS: usize = 13;
 
 /// The pixels of `image` as a camera with `response` shows them.
 pub(in crate::fit) fn respond<T: Real>(image: &RenderedImage<T>, response: &Response) -> Vec<[T; 4]> {
@@ -59,7 +59,7 @@ pub(in crate::fit) fn respond_backward<T: Real>(
 /// A response in the precision of an image, with the size of the image.
 struct Stage<T> {
     color: [[T; 4]; 3],
-    vignette: [T; 3],
+    vignette: T,
     width: usize,
     /// Coordinates of the centre, in pixels from the middle of the first one.
     center: [T; 2],
@@ -72,7 +72,7 @@ impl<T: Real> Stage<T> {
         let [width, height] = [image.width, image.height].map(f64::from);
         Stage {
             color: response.color.map(|row| row.map(T::from_f64)),
-            vignette: response.vignette.map(T::from_f64),
+            vignette: T::from_f64(response.vignette),
             width: image.width as usize,
             center: [0.5 * (width - 1.0), 0.5 * (height - 1.0)].map(T::from_f64),
             scale: T::from_f64(4.0 / (width * width + height * height)),
@@ -88,8 +88,7 @@ impl<T: Real> Stage<T> {
 
     /// Factor of the vignette.
     fn factor(&self, square: T) -> T {
-        let [v1, v2, v3] = self.vignette;
-        T::one() + square * (v1 + square * (v2 + square * v3))
+        T::one() + square * self.vignette
     }
 
     /// The colour without the vignette.
@@ -111,11 +110,7 @@ impl<T: Real> Stage<T> {
             }
             d_factor += d_seen[channel] * color[channel];
         }
-        let mut power = square;
-        for sum in &mut sums[12..] {
-            *sum += d_factor * power;
-            power = power * square;
-        }
+        sums[12] += d_factor * square;
         d_pixel
     }
 }
@@ -127,7 +122,7 @@ mod tests {
 
     const RESPONSE: Response = Response {
         color: [[0.9, 0.05, -0.02, 0.03], [0.01, 1.1, 0.04, -0.02], [-0.03, 0.02, 0.8, 0.05]],
-        vignette: [-0.3, 0.1, -0.05],
+        vignette: -0.3,
     };
 
     fn image(width: u32, height: u32) -> RenderedImage<f64> {
@@ -144,7 +139,7 @@ mod tests {
     #[test]
     fn corners_have_the_whole_vignette_and_black_stays_black() {
         let mut image = image(301, 201);
-        let bright = Response { vignette: [-0.2, -0.1, 0.05], ..Response::NEUTRAL };
+        let bright = Response { vignette: -0.25, ..Response::NEUTRAL };
         let (seen, last) = (respond(&image, &bright), image.pixels.len() - 1);
         let ratio = |pixel: usize| seen[pixel][1] / image.pixels[pixel][1];
         assert!((ratio(last) - 0.75).abs() < 0.01 && (ratio(last / 2) - 1.0).abs() < 1e-9, "{}", ratio(last));
@@ -178,7 +173,7 @@ mod tests {
                 let mut moved = RESPONSE;
                 match number {
                     0..12 => moved.color[number / 4][number % 4] += offset,
-                    _ => moved.vignette[number - 12] += offset,
+                    _ => moved.vignette += offset,
                 }
                 loss(&image, &moved)
             };

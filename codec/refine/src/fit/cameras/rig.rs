@@ -31,15 +31,14 @@ const ANGLE_RATE: f64 = 1e-4;
 /// Learning rate of the translations, in extents of the scene.
 const TRANSLATION_RATE: f64 = 1e-4;
 
-/// Learning rate of the colours and of the logarithms of the exposures, and weight in the loss of half their squares: it
-/// decides where the photographs do not. Swept together: faster or freer ones take shading of the scene for differences
-/// of cameras that are alike, others learn nothing.
+/// Learning rate of the colours, the vignettes and the logarithms of the exposures, and weight in the loss of half their
+/// squares: it decides where the photographs do not. Swept together: faster or freer ones take shading of the scene for
+/// differences of cameras that are alike, others learn nothing.
 const COLOR_RATE: f64 = 2e-3;
 const COLOR_WEIGHT: f64 = 1e-3;
 
-/// The same of the vignette, which a subject in the middle of the images shows least.
-const VIGNETTE_RATE: f64 = 2e-4;
-const VIGNETTE_WEIGHT: f64 = 3e-2;
+/// Mean of the squared distances of pixels from the centre of an image, 1 in the corners.
+const SQUARE_MEAN: f64 = 1.0 / 3.0;
 
 /// Largest deviation from the calibration: intervals, radians, extents of the scene, logarithm of the focal length.
 /// Whatever is further off needs a calibration, not a correction.
@@ -55,9 +54,9 @@ const COLOR_MAX: f64 = 0.9;
 pub struct Learned {
     /// When each camera takes its photographs.
     pub offsets: bool,
-    /// Gain and offset of each colour channel of each camera.
+    /// Gain and offset of each colour channel of each camera, and its vignette.
     pub gains: bool,
-    /// Colours and vignette of each camera; gains are part of them.
+    /// Affine transforms of the colours of each camera, of which gains are part, and its vignette.
     pub colors: bool,
     /// The exposure of each photograph.
     pub exposures: bool,
@@ -154,7 +153,7 @@ impl Rig {
         let Response { mut color, mut vignette } = self.responses[camera];
         let numbers = self.numbers(camera);
         color.as_flattened_mut().iter_mut().zip(&numbers[COLOR]).for_each(|(x, by)| *x += by);
-        vignette.iter_mut().zip(&numbers[VIGNETTE]).for_each(|(x, by)| *x += by);
+        vignette += numbers[VIGNETTE];
         Response { color, vignette }
     }
 
@@ -214,7 +213,7 @@ impl Rig {
             (poses && is_free, TRANSLATION, TRANSLATION_RATE * extent, TRANSLATION_MAX * extent, 0.0),
             (focals, FOCAL..FOCAL + 1, ANGLE_RATE, ANGLE_MAX, 0.0),
             (colors || gains, COLOR, COLOR_RATE, COLOR_MAX, COLOR_WEIGHT),
-            (colors, VIGNETTE, VIGNETTE_RATE, COLOR_MAX, VIGNETTE_WEIGHT),
+            (colors || gains, VIGNETTE..VIGNETTE + 1, COLOR_RATE, COLOR_MAX, COLOR_WEIGHT),
         ];
         for (_, numbers, rate, most, weight) in parts.into_iter().filter(|(is_learned, ..)| *is_learned) {
             for number in numbers.filter(|number| colors || !COLOR.contains(number) || is_gain(*number)) {
@@ -228,6 +227,7 @@ impl Rig {
         }
         if colors || gains {
             self.center(COLOR);
+            self.keep_brightness();
         }
         true
     }
@@ -252,6 +252,27 @@ impl Rig {
         let mean = self.exposures.values.iter().sum::<f64>() / known() as f64;
         let Learning { values, visits, .. } = &mut self.exposures;
         values.iter_mut().zip(visits).filter(|(_, visits)| **visits > 0).for_each(|(x, _)| *x -= mean);
+    }
+
+    /// Makes up for the light that the vignettes take: in the mean, photographs stay as bright as the field. A camera without
+    /// photographs has the mean vignette of the others.
+    fn keep_brightness(&mut self) {
+        let Learning { values, visits, .. } = &mut self.cameras;
+        let cameras = || (0..visits.len()).step_by(CAMERA_NUMBERS);
+        let is_known = |first: &usize| visits[first + VIGNETTE] > 0;
+        let known = cameras().filter(is_known).count().max(1) as f64;
+        let mean = cameras().filter(is_known).map(|first| values[first + VIGNETTE]).sum::<f64>() / known;
+        // The same for all: `center` takes out a mean.
+        let lost = SQUARE_MEAN * mean;
+        for first in cameras() {
+            for diagonal in (COLOR.start..COLOR.end).step_by(5) {
+                let gain = &mut values[first + diagonal];
+                *gain = if is_known(&first) { *gain - lost } else { -lost };
+            }
+            if !is_known(&first) {
+                values[first + VIGNETTE] = mean;
+            }
+        }
     }
 
     /// Takes the mean of some numbers over the cameras that are learned out of each.
@@ -322,7 +343,7 @@ mod tests {
             assert!(rig.learn(camera, 0, &by, 1.0, 1.0));
         }
         let Response { color, vignette } = rig.response(0);
-        assert_eq!(vignette, [0.0; 3]);
+        assert!(vignette != 0.0);
         for (channel, row) in color.into_iter().enumerate() {
             for (column, x) in row.into_iter().enumerate() {
                 let neutral = f64::from(u8::from(column == channel));
@@ -332,6 +353,31 @@ mod tests {
         }
         assert_eq!(rig.corrected(1, &camera()), camera(), "nothing else is learned");
         assert_eq!(rig.late(1), 0.0);
+    }
+
+    /// The first of two cameras darkens its corners; the third has no photographs.
+    #[test]
+    fn vignettes_keep_the_brightness_and_cameras_without_photographs_have_the_mean_one() {
+        let learned = Learned { gains: true, ..Learned::default() };
+        let stated = [1.2, 0.8, 1.0].map(|gain| Response {
+            color: [[gain, 0.0, 0.0, 0.0], [0.0, gain, 0.0, 0.0], [0.0, 0.0, gain, 0.0]],
+            ..Response::NEUTRAL
+        });
+        let mut rig = Rig::new(learned, stated.into(), 0);
+        let mut by = [0.0; CAMERA_NUMBERS];
+        for _ in 0..100 {
+            by[VIGNETTE] = 1.0;
+            assert!(rig.learn(0, 0, &by, 1.0, 1.0));
+            by[VIGNETTE] = 0.0;
+            assert!(rig.learn(1, 1, &by, 1.0, 1.0));
+        }
+        let [a, b, c] = [0, 1, 2].map(|camera| rig.response(camera));
+        assert!(a.vignette < -0.1 && b.vignette.abs() < 1e-3, "{} {}", a.vignette, b.vignette);
+        assert!((c.vignette - 0.5 * (a.vignette + b.vignette)).abs() < 1e-12);
+        let gains = [a, b, c].map(|response| response.color[1][1]);
+        for (gain, stated) in gains.into_iter().zip([1.2, 0.8, 1.0]) {
+            assert!((gain * (1.0 + SQUARE_MEAN * c.vignette) - stated).abs() < 0.01, "{gain} for {stated}");
+        }
     }
 
     fn camera() -> Camera {

@@ -263,7 +263,7 @@ fn check_camera_gradient(parameters: &Parameters<f64>, what: &str) {
     let view = TrainingView { camera_id: 1, camera, time: 3.3, photograph };
     let response = Response {
         color: [[0.9, 0.1, 0.0, 0.05], [0.0, 1.1, 0.1, -0.03], [0.1, 0.0, 0.8, 0.02]],
-        vignette: [-0.2, 0.1, -0.05],
+        vignette: -0.2,
     };
     let learned = Learned { offsets: true, ..Learned::default() };
     let rig = Rig::new(learned, vec![Response::NEUTRAL, response], 0);

@@ -138,8 +138,8 @@ pub(super) fn step_uniforms(
 pub(super) fn response(response: &Response) -> layout::Response {
     layout::Response {
         color: response.color.map(|row| row.map(|x| x as f32)),
-        vignette: response.vignette.map(|x| x as f32),
-        _pad0: 0,
+        vignette: response.vignette as f32,
+        _pad0: [0; 3],
     }
 }
 
