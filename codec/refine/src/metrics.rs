@@ -8,7 +8,7 @@ use crate::fit::{Lpips, ssim_and_gradient};
 use crate::image::Image;
 
 pub use crate::color_alignment::ColorSums;
-pub use crate::median::TemporalMedian;
+pub use crate::median::{TemporalMedian, median};
 
 /// Quality metrics of a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]

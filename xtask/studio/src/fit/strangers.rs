@@ -1,11 +1,13 @@
-//! [`name_strangers`]: cameras whose photographs show something else than those of the others.
+//! [`name_strangers`]: cameras whose photographs show something else than those of the others, or nothing.
 //!
 //! The plate of such a camera contradicts the others, so a field that is fitted to all of them cannot show it. Where no other
-//! camera looks, nothing contradicts it, and it is fitted.
+//! camera looks, nothing contradicts it, and it is fitted. A camera without light is fitted as one of little gain, so its
+//! plate itself tells.
 
 use refine::capture::CalibratedCamera;
 use refine::fit::{Backend, DeviceError, Fit, Photograph, RenderedImage, Run};
 use refine::image::psnr;
+use refine::metrics::median;
 
 use super::training_views::TrainingViews;
 
@@ -13,6 +15,13 @@ use super::training_views::TrainingViews;
 /// 2000 steps on a dome, cameras with right pictures have 0.49 and more, one with another's -0.04.
 const EXPLAINED_MAX: f64 = 0.1;
 const BELOW_MEDIAN_DB: f64 = 4.0;
+
+/// A camera has no light if its plate's [`brightness`] is below this level of 255, and below this share of the median.
+const DARK_MAX: u8 = 20;
+const DARK_SHARE_MAX: f64 = 0.25;
+
+/// Share of a plate's pixels, the brightest, that may be lamps or noise.
+const BRIGHTEST: f64 = 0.01;
 
 /// Names the strangers among `cameras` in a line each, from the fit to the plates that are `views`.
 ///
@@ -24,6 +33,16 @@ pub(super) fn name_strangers(
     cameras: &[CalibratedCamera],
     backend: &mut dyn Backend,
 ) -> Result<(), DeviceError> {
+    let name = |i: usize| &cameras[views.train[i].1.camera_id].name;
+    let brightnesses: Vec<u8> = views.train.iter().map(|(_, view)| brightness(&view.photograph)).collect();
+    for i in dark(&brightnesses) {
+        eprintln!(
+            "note: camera {} shows next to nothing (levels to {} of 255): check its light and its lid; \"held\": true in \
+             capture.json leaves it out",
+            name(i),
+            brightnesses[i]
+        );
+    }
     let mut run = Run::start(fit.clone(), backend)?;
     let mut errors = Vec::new();
     for (_, view) in &views.train {
@@ -33,7 +52,7 @@ pub(super) fn name_strangers(
         eprintln!(
             "note: camera {} shows something else than the others do ({:.1} dB, they {:.1}): check its calibration, and \
              whether its files are of another camera; \"held\": true in capture.json leaves it out",
-            cameras[views.train[i].1.camera_id].name,
+            name(i),
             errors[i].psnr_db,
             median_db(&errors)
         );
@@ -73,11 +92,29 @@ fn strangers(errors: &[PlateError]) -> Vec<usize> {
     (0..errors.len()).filter(|i| is_strange(&errors[*i])).collect()
 }
 
-/// Median of the PSNR in dB.
+/// The level that the pixels of a plate have at most, but for the brightest.
+fn brightness(plate: &Photograph) -> u8 {
+    let seen = (0..plate.pixels.len()).filter(|pixel| plate.is_valid(*pixel));
+    let mut levels: Vec<u8> =
+        seen.map(|pixel| plate.pixels[pixel][..3].iter().copied().max().unwrap_or(0)).collect();
+    levels.sort_unstable();
+    let most = ((1.0 - BRIGHTEST) * levels.len() as f64) as usize;
+    levels.get(most.min(levels.len().saturating_sub(1))).copied().unwrap_or(u8::MAX)
+}
+
+/// Indices of the plates without light, where the others have some.
+fn dark(brightnesses: &[u8]) -> Vec<usize> {
+    let Some(typical) = median(brightnesses.iter().map(|level| f64::from(*level)).collect()) else {
+        return Vec::new();
+    };
+    let limit = DARK_SHARE_MAX * typical;
+    let is_dark = |level: u8| level < DARK_MAX && f64::from(level) < limit;
+    (0..brightnesses.len()).filter(|i| is_dark(brightnesses[*i])).collect()
+}
+
+/// Median of the PSNR in dB; 0 of no plates.
 fn median_db(errors: &[PlateError]) -> f64 {
-    let mut sorted: Vec<f64> = errors.iter().map(|error| error.psnr_db).collect();
-    sorted.sort_by(f64::total_cmp);
-    sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
+    median(errors.iter().map(|error| error.psnr_db).collect()).unwrap_or(0.0)
 }
 
 #[cfg(test)]
@@ -105,6 +142,19 @@ mod tests {
                 && strangers(&[other]).is_empty()
                 && strangers(&[]).is_empty()
         );
+    }
+
+    #[test]
+    fn a_camera_without_light_is_found_where_others_have_some() {
+        let plate = |level: u8, lamp: u8| {
+            let pixels = (0..200).map(|i| [if i == 7 { lamp } else { level }, 0, 0, 255]).collect();
+            brightness(&Photograph { width: 20, height: 10, pixels, valid: Vec::new() })
+        };
+        let (lit, closed) = (plate(120, 120), plate(3, 255));
+        assert_eq!((lit, closed), (120, 3), "one pixel of noise is no light");
+        assert_eq!(dark(&[lit, closed, lit]), [1]);
+        assert!(dark(&[closed, closed, closed]).is_empty(), "a night");
+        assert!(dark(&[lit, plate(30, 30), lit]).is_empty(), "a dim camera");
     }
 
     #[test]

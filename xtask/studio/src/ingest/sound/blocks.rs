@@ -2,6 +2,7 @@
 
 use program::Fault;
 use rayon::prelude::*;
+use refine::metrics::median;
 
 use super::correlate::{Correlator, Peak};
 use super::extract::Track;
@@ -102,11 +103,11 @@ fn line(delays: &mut Vec<BlockDelay>, middle_s: f64) -> Option<(f64, f64)> {
     for (i, a) in delays.iter().enumerate() {
         slopes.extend(delays[..i].iter().map(|b| (a.1 - b.1) / (a.0 - b.0)));
     }
-    let slope = if last_s - first_s >= DRIFT_SPAN_S { median(&mut slopes)? } else { 0.0 };
+    let slope = if last_s - first_s >= DRIFT_SPAN_S { median(slopes)? } else { 0.0 };
     let at_middle = |delay: &BlockDelay, slope: f64| delay.1 - slope * (delay.0 - middle_s);
-    let value = median(&mut delays.iter().map(|delay| at_middle(delay, slope)).collect::<Vec<_>>())?;
+    let value = median(delays.iter().map(|delay| at_middle(delay, slope)).collect())?;
     let off = |delay: &BlockDelay| (at_middle(delay, slope) - value).abs();
-    let spread = median(&mut delays.iter().map(off).collect::<Vec<_>>())?;
+    let spread = median(delays.iter().map(off).collect())?;
     delays.retain(|delay| off(delay) <= KEPT_S.max(4.0 * spread));
     let (first_s, last_s) = times(delays);
     let count = delays.len() as f64;
@@ -118,12 +119,6 @@ fn line(delays: &mut Vec<BlockDelay>, middle_s: f64) -> Option<(f64, f64)> {
         false => 0.0,
     };
     Some((mean_delay + slope * (middle_s - mean_s), slope))
-}
-
-/// The median; the upper of two. `None` of none.
-fn median(values: &mut [f64]) -> Option<f64> {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied()
 }
 
 #[cfg(test)]

@@ -273,12 +273,6 @@ fn section(text: &mut String, parameter: &Parameter) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The middle of some numbers, the upper of two; `None` of none.
-fn median(mut numbers: Vec<f64>) -> Option<f64> {
-    numbers.sort_by(f64::total_cmp);
-    numbers.get(numbers.len() / 2).copied()
-}
-
 /// The sentence in place of a chart of `what`.
 fn no_chart(what: &str) -> String {
     format!("<p>No chart of {}: it has fewer than two points.</p>\n", escape(what))

@@ -2,9 +2,9 @@
 
 use std::fmt::Write;
 
+use refine::metrics::median;
 use serde::Serialize;
 
-use super::median;
 use crate::eval::FrameErrors;
 use crate::messages::decimal;
 

@@ -6,6 +6,7 @@ use std::fmt::Write;
 
 use anyhow::Context;
 use measure::parameter::{FlowStage, Parameter};
+use refine::metrics;
 use serde::Serialize;
 use serde_json::{Map, Value};
 
@@ -116,7 +117,7 @@ impl TakeFindings {
         let (worst, psnr_db) = differs().min_by(|a, b| a.1.total_cmp(&b.1))?;
         let median = |is_cut: bool| {
             let own = differs().filter(|(instant, _)| instant.is_cut == is_cut);
-            super::median(own.map(|(_, psnr_db)| psnr_db).collect())
+            metrics::median(own.map(|(_, psnr_db)| psnr_db).collect())
         };
         let (median_at_cuts_db, median_between_db) = (median(true), median(false));
         Some(Worst { t_s: worst.t_s, is_cut: worst.is_cut, psnr_db, median_at_cuts_db, median_between_db })

@@ -267,7 +267,7 @@ impl Loaded {
     }
 
     /// The gradient of the last step with respect to the view and to the response.
-    fn d_camera(&self, device: &Device) -> Result<(ViewGradient<f32>, [f64; 15]), DeviceError> {
+    fn d_camera(&self, device: &Device) -> Result<(ViewGradient<f32>, [f64; 13]), DeviceError> {
         let numbers: Vec<f32> = device.read(&self.buffers.fixed.d_camera, CAMERA_NUMBERS)?;
         let view = ViewGradient {
             time: numbers[0],
