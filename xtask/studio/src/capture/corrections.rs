@@ -91,6 +91,12 @@ impl CaptureFiles {
             if !(learned.time_offset_s.is_finite() && numbers.iter().all(|x| x.is_finite())) {
                 return Err(unusable(path, format!("camera {name}: a number is not finite")));
             }
+            let vignette = learned.response.vignette;
+            if vignette <= -1.0 {
+                let problem =
+                    format!("camera {name}: its vignette {vignette} leaves no light in the corners");
+                return Err(unusable(path, problem));
+            }
             camera.check().map_err(|problem| unusable(path, format!("camera {name}: {problem}")))?;
             *time_offset_s = learned.time_offset_s;
             *response = learned.response;

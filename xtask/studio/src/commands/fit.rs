@@ -98,7 +98,7 @@ pub struct Args {
 /// The options of a fit to any capture, which `report --fit` shares.
 #[derive(clap::Args, Clone, Debug)]
 pub(super) struct FitOptions {
-    /// Number of steps; by default 5600 per training frame, at most 96000, and 10000 for whole photographs with a plate
+    /// Number of steps; by default 5600 per training frame, at most 96000, and 12000 for whole photographs with a plate
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
     steps: Option<u64>,
     /// Cameras whose pixels become Gaussians of the anchor, by name, like the paper's frontal ones; all by
@@ -137,8 +137,8 @@ pub(super) struct FitOptions {
     /// Captured frames per second, of a capture that does not state them; 30 by default
     #[arg(long, value_parser = positive)]
     fps: Option<f64>,
-    /// What to learn of each camera beside the field; what capture.json names by default, and nothing without that. A file
-    /// .cameras.json is written beside the field, where `eval` and `package --refine` find it
+    /// What to learn of each camera beside the field; by default what capture.json names, else gains of whole photographs whose
+    /// cameras disagree about colours. A file .cameras.json is written beside the field, where `eval` and `package --refine` find it
     #[arg(long, value_enum, value_name = "PART[,PART..]|none", value_delimiter = ',')]
     learn: Vec<Learn>,
     /// Whether a plate is fitted: a static field of what is behind the subject, a file .plate.ply beside the field, where

@@ -189,7 +189,11 @@ impl FitPlan {
 
     /// Number of steps of the plate.
     pub fn plate_steps(&self) -> u64 {
-        PLATE_STEPS.min(self.steps)
+        match self.start {
+            // It has its plate.
+            FitStart::Field(..) => 0,
+            _ => PLATE_STEPS.min(self.steps),
+        }
     }
 
     /// What a fit of whole photographs does, in a line, and how long that takes on so many cores.

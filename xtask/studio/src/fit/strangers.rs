@@ -23,6 +23,9 @@ const DARK_SHARE_MAX: f64 = 0.25;
 /// Share of a plate's pixels, the brightest, that may be lamps or noise.
 const BRIGHTEST: f64 = 0.01;
 
+/// Steps from which on the plate of a right camera is explained.
+const STEPS_MIN: u64 = 2000;
+
 /// Names the strangers among `cameras` in a line each, from the fit to the plates that are `views`.
 ///
 /// # Errors
@@ -42,6 +45,9 @@ pub(super) fn name_strangers(
             name(i),
             brightnesses[i]
         );
+    }
+    if fit.steps_done() < STEPS_MIN {
+        return Ok(());
     }
     let mut run = Run::start(fit.clone(), backend)?;
     let mut errors = Vec::new();

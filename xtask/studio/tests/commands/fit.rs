@@ -128,8 +128,8 @@ fn a_killed_fit_resumes_with_the_same_result() {
     );
 
     for (contents, what) in [
-        (&b"aarcfit\x08 and then nonsense"[..], "the checkpoint is damaged"),
-        (b"aarcfit\x07 of an earlier program", "no checkpoint of this version; remove it"),
+        (&b"aarcfit\x09 and then nonsense"[..], "the checkpoint is damaged"),
+        (b"aarcfit\x08 of an earlier program", "no checkpoint of this version; remove it"),
     ] {
         fs::write(folder.join("field.checkpoint"), contents).unwrap();
         let error = aarc_studio(folder, &args).error(3);

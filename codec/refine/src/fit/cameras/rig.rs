@@ -5,8 +5,8 @@
 //! those of the Gaussians.
 //!
 //! Some of it cannot be told from the field itself: a field that starts later under cameras that are all late, or a
-//! redder field under cameras that all show less red. So the mean of the clocks and that of the colours over the cameras,
-//! and that of the exposures over the photographs, stay as calibrated, and the first camera keeps its pose.
+//! redder field under cameras that all show less red. So the mean of the clocks and the mean brightness over the cameras,
+//! and the mean of the exposures over the photographs, stay as calibrated, and the first camera keeps its pose.
 
 use std::ops::Range;
 
@@ -46,7 +46,7 @@ const TIME_MAX: f64 = 8.0;
 const ANGLE_MAX: f64 = 0.2;
 const TRANSLATION_MAX: f64 = 0.2;
 
-/// Largest deviation of a factor of colours, of a number of the vignette and of the logarithm of an exposure.
+/// Largest deviation of a factor of colours, of a vignette and of the logarithm of an exposure.
 const COLOR_MAX: f64 = 0.9;
 
 /// What a fit learns of its cameras, beside the field.
