@@ -105,13 +105,13 @@ impl Coarse {
     /// No such steps.
     pub const NONE: Coarse = Coarse { factor: 1, steps: 0 };
 
-    /// Two thirds of `steps`, at a size of at most [`COARSE_PIXELS`].
-    fn most_of(steps: u64, pixels: f64) -> Coarse {
+    /// Half of `steps`, at a size of at most [`COARSE_PIXELS`].
+    fn half_of(steps: u64, pixels: f64) -> Coarse {
         let factor =
             (0..).map(|power| 1 << power).find(|factor| pixels <= COARSE_PIXELS * f64::from(factor * factor));
         match factor.unwrap_or(1) {
             1 => Coarse::NONE,
-            factor => Coarse { factor, steps: 2 * steps / 3 },
+            factor => Coarse { factor, steps: steps / 2 },
         }
     }
 }
@@ -181,7 +181,7 @@ impl FitPlan {
     /// This plan, with its first steps on smaller photographs if they are whole.
     pub fn with_coarse_steps(self, capture_files: &CaptureFiles) -> FitPlan {
         let coarse = match self.plate {
-            PlatePlan::Fitted => Coarse::most_of(self.steps, largest_photograph(capture_files)),
+            PlatePlan::Fitted => Coarse::half_of(self.steps, largest_photograph(capture_files)),
             PlatePlan::None | PlatePlan::Mattes => Coarse::NONE,
         };
         FitPlan { coarse, ..self }
@@ -271,7 +271,7 @@ const CORE_S_A_PIXEL: f64 = 1.0e-6;
 
 /// Default number of steps for whole photographs, beside those of the plate: with these a quarter of an hour of two cores at
 /// 640x360.
-const WHOLE_STEPS: u64 = 12_000;
+const WHOLE_STEPS: u64 = 10_000;
 
 /// Most steps of a plate: it becomes part of a longer fit.
 const PLATE_STEPS: u64 = 4000;
@@ -345,10 +345,10 @@ mod tests {
 
     #[test]
     fn the_first_steps_see_no_more_pixels_than_they_need() {
-        let coarse = |pixels| Coarse::most_of(12_000, pixels);
+        let coarse = |pixels| Coarse::half_of(10_000, pixels);
         assert_eq!(coarse(320.0 * 180.0), Coarse::NONE);
         assert_eq!(coarse(COARSE_PIXELS), Coarse::NONE);
-        assert_eq!(coarse(640.0 * 360.0), Coarse { factor: 2, steps: 8000 });
-        assert_eq!(coarse(1920.0 * 1080.0), Coarse { factor: 4, steps: 8000 });
+        assert_eq!(coarse(640.0 * 360.0), Coarse { factor: 2, steps: 5000 });
+        assert_eq!(coarse(1920.0 * 1080.0), Coarse { factor: 4, steps: 5000 });
     }
 }
