@@ -101,11 +101,11 @@ fn strangers(errors: &[PlateError]) -> Vec<usize> {
 /// The level that the pixels of a plate have at most, but for the brightest.
 fn brightness(plate: &Photograph) -> u8 {
     let seen = (0..plate.pixels.len()).filter(|pixel| plate.is_valid(*pixel));
-    let mut levels: Vec<u8> =
-        seen.map(|pixel| plate.pixels[pixel][..3].iter().copied().max().unwrap_or(0)).collect();
+    let level = |[r, g, b, _]: [u8; 4]| r.max(g).max(b);
+    let mut levels: Vec<u8> = seen.map(|pixel| level(plate.pixels[pixel])).collect();
     levels.sort_unstable();
     let most = ((1.0 - BRIGHTEST) * levels.len() as f64) as usize;
-    levels.get(most.min(levels.len().saturating_sub(1))).copied().unwrap_or(u8::MAX)
+    levels.get(most).copied().unwrap_or(u8::MAX)
 }
 
 /// Indices of the plates without light, where the others have some.

@@ -83,7 +83,7 @@ impl CameraGains {
     }
 }
 
-/// Logarithms of the levels that `view` shows at the centres of Gaussians over those of the Gaussians.
+/// Logarithms of the levels that `view` shows at the centres of Gaussians, divided by the levels of the Gaussians.
 fn ratios(parameters: &Parameters<f32>, each: usize, view: &TrainingView) -> [Vec<f64>; 3] {
     let mut ratios: [Vec<f64>; 3] = Default::default();
     for row in 0..parameters.len() {

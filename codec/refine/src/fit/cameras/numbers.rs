@@ -30,6 +30,9 @@ pub(super) fn is_gain(number: usize) -> bool {
 /// Index of what is added to [`Response::vignette`](crate::capture::Response::vignette).
 pub(super) const VIGNETTE: usize = 20;
 
+/// Number of those that are a response's: its colours, then its vignette.
+pub(in crate::fit) const RESPONSE_NUMBERS: usize = CAMERA_NUMBERS - COLOR.start;
+
 /// The gradient of a loss of one image with respect to the view that it is rendered from.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ViewGradient<T> {
@@ -44,8 +47,8 @@ pub struct ViewGradient<T> {
 }
 
 impl<T: Real> ViewGradient<T> {
-    /// In the order of [`CameraNumbers`], with those of the response.
-    pub(in crate::fit) fn numbers(&self, by_response: &[f64; CAMERA_NUMBERS - COLOR.start]) -> CameraNumbers {
+    /// In the order of [`CameraNumbers`], with the gradient with respect to the response.
+    pub(in crate::fit) fn numbers(&self, by_response: &[f64; RESPONSE_NUMBERS]) -> CameraNumbers {
         let mut numbers = [0.0; CAMERA_NUMBERS];
         numbers[TIME] = self.time.to_double();
         numbers[ROTATION].copy_from_slice(&self.rotation.map(T::to_double));

@@ -5,15 +5,13 @@
 
 use rayon::prelude::*;
 
+use super::numbers::RESPONSE_NUMBERS;
 use crate::capture::Response;
 use crate::fit::precision::Real;
 use crate::fit::views::RenderedImage;
 
 /// Pixels per parallel task.
 const CHUNK: usize = 4096;
-
-/// Numbers of a response: 12 of the colours, then the vignette.
-const NUMBERS: usize = 13;
 
 /// The pixels of `image` as a camera with `response` shows them.
 pub(in crate::fit) fn respond<T: Real>(image: &RenderedImage<T>, response: &Response) -> Vec<[T; 4]> {
@@ -29,19 +27,19 @@ pub(in crate::fit) fn respond<T: Real>(image: &RenderedImage<T>, response: &Resp
     seen
 }
 
-/// Turns `d_seen`, the gradient of a loss with respect to what [`respond`] returns, into that with respect to the pixels
-/// of `image`. Returns the gradient with respect to the response: its colours row by row, then its vignette. A pixel
+/// Turns `d_seen`, the gradient of a loss with respect to what [`respond`] returns, into the gradient with respect to the
+/// pixels of `image`. Returns the gradient with respect to the response: its colours row by row, then its vignette. A pixel
 /// whose gradient is not finite makes that not finite.
 pub(in crate::fit) fn respond_backward<T: Real>(
     image: &RenderedImage<T>,
     response: &Response,
     d_seen: &mut [[T; 4]],
-) -> [f64; NUMBERS] {
+) -> [f64; RESPONSE_NUMBERS] {
     let stage = Stage::new(image, response);
     let chunks = d_seen.par_chunks_mut(CHUNK).zip(image.pixels.par_chunks(CHUNK)).enumerate();
-    let sums: Vec<[T; NUMBERS]> = chunks
+    let sums: Vec<[T; RESPONSE_NUMBERS]> = chunks
         .map(|(chunk, (d_seen, pixels))| {
-            let mut sums = [T::zero(); NUMBERS];
+            let mut sums = [T::zero(); RESPONSE_NUMBERS];
             for (i, (d_pixel, pixel)) in d_seen.iter_mut().zip(pixels).enumerate() {
                 let square = stage.square(chunk * CHUNK + i);
                 *d_pixel = stage.backward(*pixel, square, *d_pixel, &mut sums);
@@ -49,7 +47,7 @@ pub(in crate::fit) fn respond_backward<T: Real>(
             sums
         })
         .collect();
-    let mut total = [0.0; NUMBERS];
+    let mut total = [0.0; RESPONSE_NUMBERS];
     for sums in &sums {
         total.iter_mut().zip(sums).for_each(|(total, sum)| *total += sum.to_double());
     }
@@ -96,8 +94,8 @@ impl<T: Real> Stage<T> {
         self.color.map(|[by_r, by_g, by_b, added]| by_r * r + by_g * g + by_b * b + added * alpha)
     }
 
-    /// The gradient with respect to a pixel; adds that with respect to the response to `sums`.
-    fn backward(&self, pixel: [T; 4], square: T, d_seen: [T; 4], sums: &mut [T; NUMBERS]) -> [T; 4] {
+    /// The gradient with respect to a pixel; adds the gradient with respect to the response to `sums`.
+    fn backward(&self, pixel: [T; 4], square: T, d_seen: [T; 4], sums: &mut [T; RESPONSE_NUMBERS]) -> [T; 4] {
         let factor = self.factor(square);
         let color = self.color(pixel);
         let mut d_pixel = [T::zero(), T::zero(), T::zero(), d_seen[3]];

@@ -56,7 +56,7 @@ pub struct Learned {
     pub offsets: bool,
     /// Gain and offset of each colour channel of each camera, and its vignette.
     pub gains: bool,
-    /// Affine transforms of the colours of each camera, of which gains are part, and its vignette.
+    /// An affine transform of the colours of each camera, and its vignette. It includes the gains.
     pub colors: bool,
     /// The exposure of each photograph.
     pub exposures: bool,
@@ -83,7 +83,7 @@ pub struct Rig {
     fixed: usize,
     /// [`CAMERA_NUMBERS`] of each camera.
     cameras: Learning,
-    /// Logarithms of the exposures, by the place of the photograph among those of the fit.
+    /// Logarithms of the exposures, by the place of the photograph in the fit.
     exposures: Learning,
 }
 
@@ -257,19 +257,17 @@ impl Rig {
     /// Makes up for the light that the vignettes take: in the mean, photographs stay as bright as the field. A camera without
     /// photographs has the mean vignette of the others.
     fn keep_brightness(&mut self) {
+        let mean = self.cameras.mean_over_cameras(VIGNETTE);
         let Learning { values, visits, .. } = &mut self.cameras;
-        let cameras = || (0..visits.len()).step_by(CAMERA_NUMBERS);
-        let is_known = |first: &usize| visits[first + VIGNETTE] > 0;
-        let known = cameras().filter(is_known).count().max(1) as f64;
-        let mean = cameras().filter(is_known).map(|first| values[first + VIGNETTE]).sum::<f64>() / known;
         // The same for all: `center` takes out a mean.
         let lost = SQUARE_MEAN * mean;
-        for first in cameras() {
-            for diagonal in (COLOR.start..COLOR.end).step_by(5) {
+        for first in (0..visits.len()).step_by(CAMERA_NUMBERS) {
+            let is_known = visits[first + VIGNETTE] > 0;
+            for diagonal in COLOR.step_by(5) {
                 let gain = &mut values[first + diagonal];
-                *gain = if is_known(&first) { *gain - lost } else { -lost };
+                *gain = if is_known { *gain - lost } else { -lost };
             }
-            if !is_known(&first) {
+            if !is_known {
                 values[first + VIGNETTE] = mean;
             }
         }
@@ -277,11 +275,11 @@ impl Rig {
 
     /// Takes the mean of some numbers over the cameras that are learned out of each.
     fn center(&mut self, numbers: Range<usize>) {
-        let Learning { values, visits, .. } = &mut self.cameras;
         for number in numbers {
-            let places = || (number..visits.len()).step_by(CAMERA_NUMBERS).filter(|place| visits[*place] > 0);
-            let mean = places().map(|place| values[place]).sum::<f64>() / places().count().max(1) as f64;
-            places().for_each(|place| values[place] -= mean);
+            let mean = self.cameras.mean_over_cameras(number);
+            let Learning { values, visits, .. } = &mut self.cameras;
+            let places = (number..visits.len()).step_by(CAMERA_NUMBERS).filter(|place| visits[*place] > 0);
+            places.for_each(|place| values[place] -= mean);
         }
     }
 }
@@ -311,6 +309,13 @@ impl Learning {
                 .for_each(|x| x.resize(count, 0.0));
             self.visits.resize(count, 0);
         }
+    }
+
+    /// Mean of a number over the cameras that have learned it; 0 if none has.
+    fn mean_over_cameras(&self, number: usize) -> f64 {
+        let places =
+            || (number..self.visits.len()).step_by(CAMERA_NUMBERS).filter(|place| self.visits[*place] > 0);
+        places().map(|place| self.values[place]).sum::<f64>() / places().count().max(1) as f64
     }
 
     fn is_consistent(&self) -> bool {

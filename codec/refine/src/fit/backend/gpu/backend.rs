@@ -12,7 +12,7 @@ use crate::capture::Response;
 use crate::fit::backend::{
     Backend, DeviceError, Gradient, PixelGradients, StepConfig, StepReport, TrainingState,
 };
-use crate::fit::cameras::ViewGradient;
+use crate::fit::cameras::{RESPONSE_NUMBERS, ViewGradient};
 use crate::fit::loss::{LAMBDA, lpips_loss};
 use crate::fit::parameters::{Carried, Parameters};
 use crate::fit::views::{FrameView, Photograph, RenderedImage};
@@ -267,7 +267,7 @@ impl Loaded {
     }
 
     /// The gradient of the last step with respect to the view and to the response.
-    fn d_camera(&self, device: &Device) -> Result<(ViewGradient<f32>, [f64; 13]), DeviceError> {
+    fn d_camera(&self, device: &Device) -> Result<(ViewGradient<f32>, [f64; RESPONSE_NUMBERS]), DeviceError> {
         let numbers: Vec<f32> = device.read(&self.buffers.fixed.d_camera, CAMERA_NUMBERS)?;
         let view = ViewGradient {
             time: numbers[0],
