@@ -123,8 +123,8 @@ pub(super) struct FitOptions {
     /// How Gaussians are added and removed
     #[arg(long, value_enum, default_value_t = Rule::Floor)]
     rule: Rule,
-    /// Weight of the area that Gaussians cover in the loss, 0 to 1: a headset pays for it. By default 0.001, and 0 with
-    /// --rule paper
+    /// Weight of the area that Gaussians cover in the loss, 0 to 1: a headset pays for it. By default 0.001, 0.0015 for
+    /// whole photographs, and 0 with --rule paper
     #[arg(long, value_name = "W", value_parser = fragment_weight)]
     fragment_weight: Option<f64>,
     /// Degree of view-dependent colour; 3 by default, 0 for whole photographs, and with --from the degree of FIELD

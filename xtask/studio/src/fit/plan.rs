@@ -148,7 +148,14 @@ impl FitPlan {
             return Ok(plan);
         }
         let gaussians = of_pixels(WHOLE_GAUSSIANS.min(WHOLE_GAUSSIANS_A_FRAME * frames), capture_files);
-        Ok(FitPlan { steps: WHOLE_STEPS, gaussians, floor: gaussians, sh_degree: 0, ..plan })
+        Ok(FitPlan {
+            steps: WHOLE_STEPS,
+            gaussians,
+            floor: gaussians,
+            fragment_weight: WHOLE_FRAGMENT_WEIGHT,
+            sh_degree: 0,
+            ..plan
+        })
     }
 
     /// The default plan for so many frames to fit to of a capture.
@@ -249,6 +256,7 @@ impl FitPlan {
             floor: self.floor,
             rule: self.rule,
             fragment_weight: self.fragment_weight,
+            thins: self.plate == PlatePlan::Fitted,
             seed: self.seed,
             ..FitSettings::default()
         }
@@ -266,10 +274,10 @@ pub(super) fn default_gaussians(frames: usize, capture_files: &CaptureFiles) -> 
     of_pixels((12_000 * frames).min(200_000), capture_files)
 }
 
-/// Seconds of a core that a step takes for each pixel of a whole photograph: 0.06 for 320x180.
-const CORE_S_A_PIXEL: f64 = 1.0e-6;
+/// Seconds of a core that a step takes for each pixel of a whole photograph: 0.05 for 320x180.
+const CORE_S_A_PIXEL: f64 = 0.8e-6;
 
-/// Default number of steps for whole photographs, beside those of the plate: with these a quarter of an hour of two cores at
+/// Default number of steps for whole photographs, beside those of the plate: with these eleven minutes of two cores at
 /// 640x360.
 const WHOLE_STEPS: u64 = 10_000;
 
@@ -279,6 +287,9 @@ const PLATE_STEPS: u64 = 4000;
 /// Default number of the first Gaussians of what moves in whole photographs of 512x375 pixels, and the most for a frame.
 const WHOLE_GAUSSIANS: usize = 60_000;
 const WHOLE_GAUSSIANS_A_FRAME: usize = 2000;
+
+/// Default weight of the fragment term for whole photographs: a room covers every pixel of a player many times over.
+const WHOLE_FRAGMENT_WEIGHT: f64 = 1.5 * FRAGMENT_WEIGHT;
 
 /// A number of Gaussians for photographs of 512x375 pixels, in proportion to those of the capture if these are fewer.
 fn of_pixels(gaussians: usize, capture_files: &CaptureFiles) -> usize {

@@ -128,7 +128,7 @@ fn a_killed_fit_resumes_with_the_same_result() {
     );
 
     for (contents, what) in [
-        (&b"aarcfit\x09 and then nonsense"[..], "the checkpoint is damaged"),
+        (&b"aarcfit\x0a and then nonsense"[..], "the checkpoint is damaged"),
         (b"aarcfit\x08 of an earlier program", "no checkpoint of this version; remove it"),
     ] {
         fs::write(folder.join("field.checkpoint"), contents).unwrap();

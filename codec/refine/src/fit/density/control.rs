@@ -79,12 +79,24 @@ impl DensityControl {
         if let (true, Some(early)) = (reached(SHORT), state.early) {
             state.settled.get_or_insert(count * 100 <= early * (100 + GROWTH));
         }
-        let is_over = reached(if state.settled == Some(false) { SHORT } else { LONG });
+        let is_over = reached(Self::end(state));
         let interval = self.interval.max(1);
         self.rule != DensityRule::Fixed
             && !is_over
             && step >= (WARM_UP * interval).min(steps / 10)
             && step.is_multiple_of(interval)
+    }
+
+    /// Whether densification ends with `step` of `steps` steps, by a rule that changes the number of Gaussians. Call it
+    /// after [`is_due`](Self::is_due).
+    pub(in crate::fit) fn is_ending(&self, state: &DensityState, [step, steps]: [usize; 2]) -> bool {
+        let reached = |step: usize| step * 100 >= steps * Self::end(state);
+        matches!(self.rule, DensityRule::Floor | DensityRule::Paper) && reached(step) && !reached(step - 1)
+    }
+
+    /// Percentage of the steps at which densification ends.
+    fn end(state: &DensityState) -> usize {
+        if state.settled == Some(false) { SHORT } else { LONG }
     }
 
     /// Changes the Gaussians by the rule after `step` steps, and clears the accumulated gradients.

@@ -24,7 +24,7 @@ pub struct DensityChange {
     pub cloned: usize,
     /// Gaussians split in two.
     pub split: usize,
-    /// Gaussians pruned: transparent, floating or not finite.
+    /// Gaussians pruned: transparent, floating, not finite, or thinned out.
     pub pruned: usize,
     /// Floaters among all Gaussians before pruning.
     pub floaters: usize,

@@ -62,11 +62,15 @@ impl<'a> Run<'a> {
         }
         fit.steps_done += 1;
         self.change = DensityChange::default();
-        let (is_control_due, is_keeping_due) = (fit.is_control_due(self.count), fit.is_keeping_due());
-        if is_control_due || is_keeping_due {
+        let is_control_due = fit.is_control_due(self.count);
+        let (is_thinning_due, is_keeping_due) = (fit.is_thinning_due(), fit.is_keeping_due());
+        if is_control_due || is_thinning_due || is_keeping_due {
             fit.put(self.backend.store()?);
             if is_control_due {
                 self.change = fit.control();
+            }
+            if is_thinning_due {
+                self.change.pruned += fit.thin(views);
             }
             if is_keeping_due {
                 fit.keep_limits();
@@ -140,7 +144,35 @@ fn shuffled(step: u64, count: usize, seed: u64) -> usize {
 
 #[cfg(test)]
 mod tests {
+    use codec::Field;
+
     use super::*;
+    use crate::fit::fixtures::{TIMELINE, camera, cloud};
+    use crate::fit::{Cpu, FitSettings, Parameters, Photograph};
+
+    #[test]
+    fn still_gaussians_are_thinned_once_when_densification_ends() {
+        let still = Field { temporal: None, ..cloud(5, 200, 0) };
+        let camera = camera(32, 32);
+        let photograph =
+            Photograph { width: 32, height: 32, pixels: vec![[90, 90, 90, 255]; 1024], valid: Vec::new() };
+        let view = TrainingView { camera_id: 0, camera, time: 4.0, photograph };
+        let settings = FitSettings { steps: 10, floor: 0, thins: true, ..FitSettings::default() };
+        let parameters = Parameters::from_field(&still, TIMELINE);
+        let fit = Fit::new(settings, parameters, TIMELINE, [&view.camera]);
+        let mut backend = Cpu::default();
+        let mut run = Run::start(fit, &mut backend).unwrap();
+        let step = |_| {
+            run.step(&[&view], None).unwrap();
+            run.density_change().pruned
+        };
+        let pruned: Vec<usize> = (0..10).map(step).collect();
+        let thinned = pruned[6];
+        assert!((20..150).contains(&thinned), "{thinned} of 200");
+        assert_eq!(pruned.iter().sum::<usize>(), thinned);
+        let fit = run.pause().unwrap();
+        assert!(fit.len() == 200 - thinned && fit.is_consistent());
+    }
 
     #[test]
     fn an_epoch_visits_every_view_once() {
