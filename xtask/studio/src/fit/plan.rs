@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use super::training_views::train_frames;
 use crate::capture::CaptureFiles;
-use crate::messages::unreadable;
+use crate::messages::{count, unreadable};
 
 /// Default degree of view-dependent colour.
 const SH_DEGREE: u8 = 3;
@@ -222,12 +222,12 @@ impl FitPlan {
             _ => format!(", the first {coarse} at {}", size(factor)),
         };
         format!(
-            "whole photographs of {}: {} steps for what stands still, then {} together with what moves{first}; about {:.0} \
-             minutes on {cores} cores",
+            "whole photographs of {}: {} steps for what stands still, then {} together with what moves{first}; about {} on {}",
             size(1),
             self.plate_steps(),
             self.steps,
-            minutes.max(1.0)
+            count(minutes.max(1.0).round() as usize, "minute"),
+            count(cores, "core"),
         )
     }
 
