@@ -256,7 +256,8 @@ impl FitPlan {
             floor: self.floor,
             rule: self.rule,
             fragment_weight: self.fragment_weight,
-            thins: self.plate == PlatePlan::Fitted,
+            // What a fit goes on from was thinned.
+            thins: self.plate == PlatePlan::Fitted && !matches!(self.start, FitStart::Field(..)),
             seed: self.seed,
             ..FitSettings::default()
         }

@@ -59,6 +59,12 @@ fn what_moves_is_fitted_in_front_of_a_plate() {
     assert!((after_fit - recon).abs() < 0.5, "{after_fit} of eight frames, {recon} of all");
     let json = run(folder, &format!("fit studio -o a.ply --json {FIT}")).json();
     assert!(json["held_cameras"].is_null() && json["plate_gaussians"].as_u64().unwrap() > 300, "{json}");
+    let table = fs::read_to_string(folder.join("a.fit.csv")).unwrap();
+    let column =
+        |name: &str| table.lines().next().unwrap().split(',').position(|column| column == name).unwrap();
+    let pruned = |line: &str| line.split(',').nth(column("pruned")).unwrap().parse::<usize>().unwrap();
+    let most = table.lines().skip(1).map(pruned).max().unwrap();
+    assert!(most > 100, "what stands still is thinned: {table}");
     let [whole, subject] = eval(folder, "a.ply");
     println!("with the plate: {whole:.2} dB, the subject {subject:.2} dB");
     assert!(whole > 22.0 && subject > 17.0, "{whole} {subject}");

@@ -61,6 +61,11 @@ impl DensityState {
     pub(in crate::fit) fn new(gaussians: usize, seed: u64) -> DensityState {
         DensityState { screen_gradients: ScreenGradients::zeros(gaussians), seed, early: None, settled: None }
     }
+
+    /// Percentage of the steps at which densification ends.
+    fn end(&self) -> usize {
+        if self.settled == Some(false) { SHORT } else { LONG }
+    }
 }
 
 impl DensityControl {
@@ -79,7 +84,7 @@ impl DensityControl {
         if let (true, Some(early)) = (reached(SHORT), state.early) {
             state.settled.get_or_insert(count * 100 <= early * (100 + GROWTH));
         }
-        let is_over = reached(Self::end(state));
+        let is_over = reached(state.end());
         let interval = self.interval.max(1);
         self.rule != DensityRule::Fixed
             && !is_over
@@ -87,16 +92,11 @@ impl DensityControl {
             && step.is_multiple_of(interval)
     }
 
-    /// Whether densification ends with `step` of `steps` steps, by a rule that changes the number of Gaussians. Call it
-    /// after [`is_due`](Self::is_due).
+    /// Whether densification ends with `step` of `steps` steps, by a rule that leaves out what shows little, and steps
+    /// are left after it. Call it after [`is_due`](Self::is_due), which is then false.
     pub(in crate::fit) fn is_ending(&self, state: &DensityState, [step, steps]: [usize; 2]) -> bool {
-        let reached = |step: usize| step * 100 >= steps * Self::end(state);
-        matches!(self.rule, DensityRule::Floor | DensityRule::Paper) && reached(step) && !reached(step - 1)
-    }
-
-    /// Percentage of the steps at which densification ends.
-    fn end(state: &DensityState) -> usize {
-        if state.settled == Some(false) { SHORT } else { LONG }
+        let reached = |step: usize| step * 100 >= steps * state.end();
+        self.rule == DensityRule::Floor && step < steps && reached(step) && !reached(step - 1)
     }
 
     /// Changes the Gaussians by the rule after `step` steps, and clears the accumulated gradients.

@@ -17,7 +17,7 @@ pub enum DensityRule {
     Fixed,
 }
 
-/// The result of one capacity control.
+/// The result of one capacity control, or of thinning.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DensityChange {
     /// Gaussians cloned.

@@ -1,7 +1,7 @@
 //! [`thin`]: leaves out the still Gaussians that show least for the pixels that they cover.
 //!
-//! Densification adds Gaussians where pictures are wrong, and none of them goes while it is opaque: a room ends with many
-//! that others hide or that lie thinly over a wall. A player pays for every pixel that they cover. The steps after
+//! Densification adds Gaussians where pictures are wrong, and hidden ones stay as long as they are opaque: a room ends with
+//! many that others hide or that lie thinly over a wall. A player pays for every pixel that they cover. The steps after
 //! densification make up for what is left out.
 
 use codec::Field;
@@ -27,7 +27,11 @@ pub(in crate::fit) fn thin(
     views: &[&TrainingView],
 ) -> usize {
     let count = parameters.len();
-    let is_still = |row: &usize| parameters.tau.is_empty() || moments.is_static(*row);
+    // In front of a plate, a subject in one frame is none of them.
+    let is_still = |row: &usize| match moments.carried.is_empty() {
+        true => parameters.tau.is_empty(),
+        false => moments.is_static(*row),
+    };
     let still: Vec<usize> = (0..count).filter(|row| moments.is_own(*row) && is_still(row)).collect();
     if still.is_empty() {
         return 0;
@@ -102,17 +106,26 @@ mod tests {
         assert_eq!(thinned(99, parameters(4, 4), Vec::new()).len(), 8);
     }
 
+    /// Rows that move, with the numbers 0 to 2, and then still ones as [`parameters`] has them.
+    fn in_front_of_still_ones(opaque: usize, faint: usize) -> Parameters<f32> {
+        let mut all = parameters(opaque + 3, faint);
+        all.tau = vec![1.0; all.len()];
+        all.log_widths = vec![0.5; all.len()];
+        all
+    }
+
     #[test]
     fn what_moves_and_what_other_fits_have_a_part_in_stays() {
-        let with_time = |parameters: Parameters<f32>| Parameters {
-            tau: vec![1.0; parameters.len()],
-            log_widths: vec![0.5; parameters.len()],
-            ..parameters
-        };
-        assert_eq!(thinned(0, with_time(parameters(4, 4)), vec![Carried::NONE; 8]).len(), 8);
-        assert_eq!(thinned(0, with_time(parameters(4, 4)), vec![Carried::STATIC; 8]), [0, 1, 2, 3, 4, 5]);
-        let shared = Carried { share: 0.5, ..Carried::STATIC };
-        assert_eq!(thinned(0, with_time(parameters(4, 4)), vec![shared; 8]).len(), 8);
+        let carried = |of_still: Carried| [vec![Carried::NONE; 3], vec![of_still; 8]].concat();
+        let all = || in_front_of_still_ones(4, 4);
+        assert_eq!(thinned(0, all(), carried(Carried::STATIC)), [0, 1, 2, 3, 4, 5, 6, 7, 8]);
+        assert_eq!(thinned(10, all(), carried(Carried::STATIC)).len(), 10, "the floor counts all");
+        assert_eq!(thinned(0, all(), carried(Carried::NONE)).len(), 11);
+        assert_eq!(thinned(0, all(), carried(Carried { share: 0.5, ..Carried::STATIC })).len(), 11);
+        // One frame: nothing has a time, and the subject is no part of the plate.
+        let of_one_frame = Parameters { tau: Vec::new(), log_widths: Vec::new(), ..all() };
+        assert_eq!(thinned(0, of_one_frame.clone(), carried(Carried::STATIC)), [0, 1, 2, 3, 4, 5, 6, 7, 8]);
+        assert_eq!(thinned(0, of_one_frame, carried(Carried::NONE)).len(), 11);
     }
 
     #[test]

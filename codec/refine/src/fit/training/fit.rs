@@ -42,8 +42,8 @@ pub struct FitSettings {
     /// Weight in the loss of the area that the Gaussians in an image cover, in squared extents of the scene; 0 for
     /// none. See [`FRAGMENT_WEIGHT`].
     pub fragment_weight: f64,
-    /// Whether still Gaussians that show least for the pixels that they cover are left out when densification ends. It
-    /// leaves out half of a room and costs it nothing; an object loses a quarter of a dB.
+    /// Whether still Gaussians that show least for the pixels that they cover are left out when densification by
+    /// [`DensityRule::Floor`] ends. A room loses next to nothing by it; an object a quarter of a dB.
     pub thins: bool,
     /// Seed of all random numbers.
     pub seed: u64,

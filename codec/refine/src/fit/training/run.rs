@@ -68,9 +68,8 @@ impl<'a> Run<'a> {
             fit.put(self.backend.store()?);
             if is_control_due {
                 self.change = fit.control();
-            }
-            if is_thinning_due {
-                self.change.pruned += fit.thin(views);
+            } else if is_thinning_due {
+                self.change.pruned = fit.thin(views);
             }
             if is_keeping_due {
                 fit.keep_limits();
@@ -81,7 +80,7 @@ impl<'a> Run<'a> {
         Ok(report)
     }
 
-    /// Result of the capacity control after the last step; zeros if none was due.
+    /// Result of the capacity control or the thinning after the last step; zeros if none was due.
     pub fn density_change(&self) -> DensityChange {
         self.change
     }
@@ -157,21 +156,25 @@ mod tests {
         let photograph =
             Photograph { width: 32, height: 32, pixels: vec![[90, 90, 90, 255]; 1024], valid: Vec::new() };
         let view = TrainingView { camera_id: 0, camera, time: 4.0, photograph };
-        let settings = FitSettings { steps: 10, floor: 0, thins: true, ..FitSettings::default() };
-        let parameters = Parameters::from_field(&still, TIMELINE);
-        let fit = Fit::new(settings, parameters, TIMELINE, [&view.camera]);
         let mut backend = Cpu::default();
-        let mut run = Run::start(fit, &mut backend).unwrap();
-        let step = |_| {
-            run.step(&[&view], None).unwrap();
-            run.density_change().pruned
+        // Gaussians pruned in each step.
+        let mut pruned = |thins: bool| -> Vec<usize> {
+            let settings = FitSettings { steps: 10, floor: 0, thins, ..FitSettings::default() };
+            let parameters = Parameters::from_field(&still, TIMELINE);
+            let fit = Fit::new(settings, parameters, TIMELINE, [&view.camera]);
+            let mut run = Run::start(fit, &mut backend).unwrap();
+            let step = |_| {
+                run.step(&[&view], None).unwrap();
+                run.density_change().pruned
+            };
+            let pruned: Vec<usize> = (0..10).map(step).collect();
+            let fit = run.pause().unwrap();
+            assert!(fit.len() == 200 - pruned.iter().sum::<usize>() && fit.is_consistent());
+            pruned
         };
-        let pruned: Vec<usize> = (0..10).map(step).collect();
-        let thinned = pruned[6];
-        assert!((20..150).contains(&thinned), "{thinned} of 200");
-        assert_eq!(pruned.iter().sum::<usize>(), thinned);
-        let fit = run.pause().unwrap();
-        assert!(fit.len() == 200 - thinned && fit.is_consistent());
+        let with = pruned(true);
+        assert!((40..110).contains(&with[6]) && with.iter().sum::<usize>() == with[6], "{with:?}");
+        assert_eq!(pruned(false), [0; 10]);
     }
 
     #[test]
