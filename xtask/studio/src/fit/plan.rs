@@ -203,6 +203,11 @@ impl FitPlan {
         }
     }
 
+    /// Whether gains of cameras are learned where these disagree about colours.
+    pub fn asks_for_gains(&self) -> bool {
+        self.learns_disagreement && self.plate == PlatePlan::Fitted
+    }
+
     /// What a fit of whole photographs does, in a line, and how long that takes on so many cores.
     pub fn describe_whole(&self, capture_files: &CaptureFiles, cores: usize) -> String {
         let size = |factor: u32| {

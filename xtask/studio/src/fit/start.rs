@@ -11,7 +11,7 @@ use refine::anchor::{
 use refine::capture::{PhotoId, Response};
 use refine::fit::{CameraGains, Carried, Fit, Learned, Parameters, Rig, Timeline, TrainingView};
 
-use super::plan::{DepthScale, FitPlan, FitStart, PlatePlan};
+use super::plan::{DepthScale, FitPlan, FitStart};
 use super::training_views::{TrainingViews, by_frame};
 use crate::capture::CaptureFiles;
 use crate::input::Input;
@@ -110,8 +110,7 @@ const DISAGREEMENT_MIN: f64 = 0.02;
 /// learned from those that are measured here. Says so in a line.
 fn rig(plan: &FitPlan, parameters: &Parameters<f32>, views: &TrainingViews) -> Rig {
     // In front of a background, half of a subject's surface is hidden, and would pass for another colour.
-    let asks = plan.learns_disagreement && plan.plate == PlatePlan::Fitted;
-    if !(asks && views.are_whole() && views.responses.iter().all(Response::is_neutral)) {
+    if !(plan.asks_for_gains() && views.are_whole() && views.responses.iter().all(Response::is_neutral)) {
         return views.rig(plan.learned);
     }
     let train: Vec<&TrainingView> = views.train.iter().map(|(_, view)| view).collect();

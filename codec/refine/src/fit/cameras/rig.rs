@@ -1,8 +1,8 @@
 //! [`Rig`]: the cameras of a fit, and what it learns of them beside the field.
 //!
 //! A photograph is compared with the field as its camera shows it: at the camera's own time, from its pose, in its
-//! colours. The derivatives of the loss with respect to these are closed forms, so a fit descends along them as along
-//! those of the Gaussians.
+//! colours. The derivatives of the loss with respect to these are closed forms, so a fit learns them as it learns
+//! the Gaussians.
 //!
 //! Some of it cannot be told from the field itself: a field that starts later under cameras that are all late, or a
 //! redder field under cameras that all show less red. So the mean of the clocks and the mean brightness over the cameras,
@@ -184,8 +184,8 @@ impl Rig {
     }
 
     /// A step against the gradient of the loss of one photograph with respect to the numbers of its camera as it was
-    /// [seen](Rig::seen). `factor` is that of all learning rates, `extent` that of the scene. Returns whether the gradient
-    /// was finite; the step is left out otherwise.
+    /// [seen](Rig::seen). `factor` multiplies all learning rates, `extent` is the size of the scene. Returns whether the
+    /// gradient was finite; the step is left out otherwise.
     pub(in crate::fit) fn learn(
         &mut self,
         camera: usize,

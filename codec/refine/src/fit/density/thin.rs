@@ -100,7 +100,7 @@ mod tests {
 
     #[test]
     fn what_covers_most_for_what_it_shows_goes() {
-        // Nearly all fragments are those of the faint ones: two of four are within the budget.
+        // The faint ones have nearly all fragments: two of four are within the budget.
         assert_eq!(thinned(0, parameters(4, 4), Vec::new()), [0, 1, 2, 3, 4, 5]);
         assert_eq!(thinned(7, parameters(4, 4), Vec::new()).len(), 7, "the floor");
         assert_eq!(thinned(99, parameters(4, 4), Vec::new()).len(), 8);

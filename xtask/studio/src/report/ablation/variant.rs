@@ -117,9 +117,8 @@ pub const VARIANTS: &[Variant] = &[
         about: "--learn none: times, colours, lenses and poses are as the capture states them",
         plan: |full| {
             let plan = &full.plan;
-            let learns_gains = plan.learns_disagreement && plan.plate == PlatePlan::Fitted;
             let none = FitPlan { learned: Learned::default(), learns_disagreement: false, ..plan.clone() };
-            (plan.learned != none.learned || learns_gains).then_some(none)
+            (plan.learned != none.learned || plan.asks_for_gains()).then_some(none)
         },
         absent: "the full fit learns nothing: the capture asks for nothing, --learn names nothing, and there is no plate \
                  whose cameras could disagree",
