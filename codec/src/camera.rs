@@ -113,11 +113,11 @@ impl Camera {
     }
 }
 
-fn sub(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+pub(crate) fn sub(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+pub(crate) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
@@ -129,7 +129,7 @@ pub(crate) fn norm(v: [f64; 3]) -> f64 {
     dot(v, v).sqrt()
 }
 
-fn normalize(v: [f64; 3]) -> Option<[f64; 3]> {
+pub(crate) fn normalize(v: [f64; 3]) -> Option<[f64; 3]> {
     let length = norm(v);
     (length > 1e-9).then(|| v.map(|x| x / length))
 }

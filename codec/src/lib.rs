@@ -145,6 +145,7 @@ mod rans;
 mod rows;
 mod section;
 mod sound;
+mod standing;
 mod take;
 mod time_index;
 mod visibility;
@@ -176,6 +177,7 @@ pub use section::{Region, Section, SectionKind};
 #[cfg(feature = "encode")]
 pub use sound::with_sound;
 pub use sound::{SOUND_RATE_HZ, Sound, SoundInfo};
+pub use standing::{Content, StandPoints, Surroundings, unseen_rows};
 pub use take::{Package, Resident, SPAN_TOLERANCE_S, Segment, SegmentLayer, Take, package, span_holds};
 #[cfg(feature = "encode")]
 pub use take::{SegmentGrid, SegmentPackage, SplitSegment, encode_take_head, retime, split, take_order};

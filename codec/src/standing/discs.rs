@@ -1,0 +1,82 @@
+//! [`Discs`]: the visible rows of a field as discs, at a few instants.
+//!
+//! A disc has the opacity of its Gaussian and as much opacity times area as the Gaussian has from its broad side. Of
+//! many rows a regular selection stands for all, each disc for several rows.
+
+use crate::{ALPHA_MIN, Field};
+
+/// Instants at which a dynamic field is looked at: the centres of so many equal intervals.
+const INSTANTS: usize = 4;
+
+/// Largest absolute logarithm of a scale: numbers of any field stay finite.
+const LOG_SCALE_MAX: f64 = 80.0;
+
+/// A row at an instant.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Disc {
+    /// In source units.
+    pub(super) center: [f64; 3],
+    /// In source units, above 0.
+    pub(super) radius: f64,
+    /// Opacity at the instant, [`ALPHA_MIN`] to 1.
+    pub(super) opacity: f64,
+    /// Index of the selected row, the same at all instants. Rows of the plate follow those of the field.
+    pub(super) row: usize,
+    /// Whether it belongs to what people look at.
+    pub(super) is_content: bool,
+}
+
+/// Discs at each instant.
+#[derive(Clone, Debug)]
+pub(super) struct Discs {
+    /// Never empty. An instant may have no discs.
+    pub(super) instants: Vec<Vec<Disc>>,
+    /// Number of selected rows of the field.
+    pub(super) field_rows: usize,
+    /// Number of selected rows of the field and the plate.
+    pub(super) rows: usize,
+    /// [`Field::near`].
+    pub(super) near: f64,
+}
+
+impl Discs {
+    /// The discs of at most `most` rows each of `field` and of its static background. Rows that live at no instant have
+    /// none; if no row has any, all rows are opaque discs where their opacity peaks.
+    pub(super) fn of(field: &Field, plate: Option<&Field>, most: usize) -> Discs {
+        let times: Vec<f64> = match field.temporal {
+            Some(_) => (0..INSTANTS).map(|i| (i as f64 + 0.5) / INSTANTS as f64).collect(),
+            None => vec![0.0],
+        };
+        let field_rows = field.len().min(most);
+        let rows = field_rows + plate.map_or(0, |plate| plate.len().min(most));
+        let at = |&t: &f64| {
+            let background = plate.into_iter().flat_map(|plate| discs_at(plate, Some(t), most, field_rows));
+            discs_at(field, Some(t), most, 0).chain(background).collect()
+        };
+        let mut instants: Vec<Vec<Disc>> = times.iter().map(at).collect();
+        if instants.iter().flatten().all(|disc| disc.row >= field_rows) {
+            instants = vec![discs_at(field, None, most, 0).collect()];
+        }
+        Discs { instants, field_rows, rows, near: f64::from(field.near) }
+    }
+}
+
+/// The discs of a part at clip time `t`, or of all of its rows where their opacity peaks. Rows are counted from `first`.
+fn discs_at(field: &Field, t: Option<f64>, most: usize, first: usize) -> impl Iterator<Item = Disc> {
+    let count = field.len().min(most);
+    let rows_of_disc = field.len() as f64 / count.max(1) as f64;
+    let disc = move |i: usize| {
+        let row = (i as f64 * rows_of_disc) as usize;
+        let (center, opacity) = match t {
+            Some(t) => (field.position_at(row, t), field.opacity_at(row, t)),
+            None => (field.centers[row].map(f64::from), 1.0),
+        };
+        let mut logs = field.log_scales[row].map(|log| f64::from(log).clamp(-LOG_SCALE_MAX, LOG_SCALE_MAX));
+        logs.sort_by(f64::total_cmp);
+        // The integral of a Gaussian's opacity over its broad side is 2 pi s1 s2 o.
+        let radius = (2.0 * rows_of_disc).sqrt() * libm::exp(0.5 * (logs[1] + logs[2]));
+        let is_seen = opacity >= ALPHA_MIN && center.iter().all(|x| x.is_finite());
+        is_seen.then_some(Disc { center, radius, opacity, row: first + i, is_content: false })
+    };
+    (0..count).filter_map(disc)
+}

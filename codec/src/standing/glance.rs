@@ -1,0 +1,170 @@
+//! [`glance`]: what a camera sees of discs, in a picture of a few pixels.
+//!
+//! Discs are composited from front to back. A second transmittance, of the content alone, tells how much of the content
+//! would be seen if nothing stood before it.
+
+use super::discs::{Disc, Discs};
+use crate::{ALPHA_MIN, Camera, near_fade};
+
+/// Width and height of the picture in pixels.
+pub(super) const SIZE: (u32, u32) = (48, 36);
+
+const PIXELS: usize = (SIZE.0 * SIZE.1) as usize;
+
+/// Transmittance below which nothing behind is seen.
+const OPAQUE: f64 = 1e-3;
+
+/// What a camera sees of discs, over all instants.
+#[derive(Clone, Debug)]
+pub(super) struct Glance {
+    /// Whether each row of the discs is seen: it changes a pixel by a step of 8 bits.
+    pub(super) seen: Vec<bool>,
+    /// Largest share of the picture, over the instants, that things nearer than the limit cover.
+    pub(super) blocked: f64,
+    /// Share of the content's picture that nothing covers, 0 to 1; 0 where the content is out of the picture.
+    pub(super) content: f64,
+    /// Mean depth of what is seen, in source units.
+    pub(super) depth: f64,
+    /// Share of the picture that shows something.
+    pub(super) covered: f64,
+}
+
+/// Looks at `discs` with `camera`, of [`SIZE`] pixels. Things nearer than `near` block it.
+pub(super) fn glance(discs: &Discs, camera: &Camera, near: f64) -> Glance {
+    let mut glance =
+        Glance { seen: vec![false; discs.rows], blocked: 0.0, content: 0.0, depth: 0.0, covered: 0.0 };
+    let mut content = [0.0; 2];
+    for instant in &discs.instants {
+        let mut picture = Picture::default();
+        for projected in project(instant, camera, discs.near) {
+            if picture.shows(projected.disc) && projected.add_to(&mut picture, near) {
+                glance.seen[projected.disc.row] = true;
+            }
+        }
+        glance.blocked = glance.blocked.max(picture.blocked / PIXELS as f64);
+        content[0] += picture.content;
+        content[1] += picture.without_content.iter().map(|transmittance| 1.0 - transmittance).sum::<f64>();
+        glance.depth += picture.depth;
+        glance.covered += picture.weight;
+    }
+    glance.content = if content[1] > 0.0 { content[0] / content[1] } else { 0.0 };
+    glance.depth = if glance.covered > 0.0 { glance.depth / glance.covered } else { 0.0 };
+    glance.covered /= (discs.instants.len() * PIXELS) as f64;
+    glance
+}
+
+/// A picture from front to back, with sums over its pixels.
+struct Picture {
+    transmittance: [f64; PIXELS],
+    /// Transmittance of the content alone.
+    without_content: [f64; PIXELS],
+    /// Number of pixels of each transmittance that are not opaque: large discs that nobody sees would take long.
+    open: [usize; 2],
+    weight: f64,
+    depth: f64,
+    content: f64,
+    blocked: f64,
+}
+
+impl Default for Picture {
+    fn default() -> Picture {
+        let clear = [1.0; PIXELS];
+        Picture {
+            transmittance: clear,
+            without_content: clear,
+            open: [PIXELS; 2],
+            weight: 0.0,
+            depth: 0.0,
+            content: 0.0,
+            blocked: 0.0,
+        }
+    }
+}
+
+/// A disc in the picture; lengths in pixels, depth in source units.
+struct Projected<'a> {
+    disc: &'a Disc,
+    at: [f64; 2],
+    radius: f64,
+    depth: f64,
+    alpha: f64,
+}
+
+/// The discs that overlap the picture, from near to far.
+fn project<'a>(discs: &'a [Disc], camera: &Camera, near: f64) -> Vec<Projected<'a>> {
+    let (m, k) = (&camera.camera_from_world, &camera.k);
+    let size = [SIZE.0, SIZE.1].map(f64::from);
+    let projected = |disc: &'a Disc| {
+        let [x, y, depth] =
+            [0, 1, 2].map(|r| (0..3).map(|axis| m[r][axis] * disc.center[axis]).sum::<f64>() + m[r][3]);
+        let alpha = disc.opacity * near_fade(depth, near);
+        if depth <= 0.0 || alpha < ALPHA_MIN {
+            return None;
+        }
+        let at = [k[0][0] * x / depth + k[0][2], k[1][1] * y / depth + k[1][2]];
+        let radius = k[1][1] * disc.radius / depth;
+        let overlaps = |axis: usize| at[axis] + radius > 0.0 && at[axis] - radius < size[axis];
+        (overlaps(0) && overlaps(1)).then_some(Projected { disc, at, radius, depth, alpha })
+    };
+    let mut projected: Vec<Projected> = discs.iter().filter_map(projected).collect();
+    projected.sort_by(|a, b| a.depth.total_cmp(&b.depth));
+    projected
+}
+
+impl Projected<'_> {
+    /// Composites the disc behind what is there; returns whether it is seen.
+    fn add_to(&self, picture: &mut Picture, near: f64) -> bool {
+        let size = [SIZE.0, SIZE.1];
+        let nearest = [0, 1].map(|axis| self.at[axis].clamp(0.0, f64::from(size[axis]) - 1.0) as usize);
+        // Less than a pixel: as much of the one that it is in.
+        let area = std::f64::consts::PI * self.radius * self.radius;
+        if area <= 1.0 {
+            return self.add_to_pixel(picture, nearest, self.alpha * area, near);
+        }
+        let range = |axis: usize| {
+            let low = (self.at[axis] - self.radius - 0.5).max(0.0).ceil() as usize;
+            let high = (self.at[axis] + self.radius - 0.5).min(f64::from(size[axis]) - 1.0);
+            low..(high + 1.0).max(0.0) as usize
+        };
+        let mut is_seen = false;
+        for y in range(1) {
+            let dy = y as f64 + 0.5 - self.at[1];
+            for x in range(0) {
+                let dx = x as f64 + 0.5 - self.at[0];
+                if dx * dx + dy * dy <= self.radius * self.radius {
+                    is_seen |= self.add_to_pixel(picture, [x, y], self.alpha, near);
+                }
+            }
+        }
+        is_seen
+    }
+
+    /// Composites `alpha` of the disc into a pixel; returns whether it is seen there.
+    fn add_to_pixel(&self, picture: &mut Picture, [x, y]: [usize; 2], alpha: f64, near: f64) -> bool {
+        let pixel = x + y * SIZE.0 as usize;
+        let transmittance = picture.transmittance[pixel];
+        let weight = alpha * transmittance;
+        picture.transmittance[pixel] -= weight;
+        picture.open[0] -= usize::from(transmittance > OPAQUE && transmittance - weight <= OPAQUE);
+        picture.weight += weight;
+        picture.depth += weight * self.depth;
+        if self.disc.is_content {
+            picture.content += weight;
+            let alone = picture.without_content[pixel];
+            picture.without_content[pixel] *= 1.0 - alpha;
+            picture.open[1] -= usize::from(alone > OPAQUE && picture.without_content[pixel] <= OPAQUE);
+        }
+        if self.depth < near {
+            picture.blocked += weight;
+        }
+        // However small it is in this picture, it is larger in that of a headset.
+        self.alpha * transmittance >= ALPHA_MIN
+    }
+}
+
+impl Picture {
+    /// Whether a disc behind all others changes anything.
+    fn shows(&self, disc: &Disc) -> bool {
+        self.open[0] > 0 || disc.is_content && self.open[1] > 0
+    }
+}

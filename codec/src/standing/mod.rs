@@ -1,0 +1,325 @@
+//! [`Surroundings`]: where the content of a field is, where people stand to look at it, and from where they see it first.
+//!
+//! All of it follows from the rows as discs in pictures of 48x36 pixels, at four instants:
+//!
+//! ```text
+//! discs -> content (a ball) -> stand points: rings around the content, each point as far away as walls let it be
+//!                           -> further stand points, while they show rows that none has shown
+//!                           -> opening: the content fills the view, from a side where nothing stands before it
+//! ```
+//!
+//! A field has no unit: distances are those at which the content fills the view, and fractions of them. Everything is
+//! deterministic, on any machine.
+
+mod content;
+mod discs;
+mod glance;
+#[cfg(test)]
+mod tests;
+
+pub use content::Content;
+
+use crate::camera::{cross, dot, norm, normalize, sub};
+use crate::{Camera, Clip, Field, Viewpoint};
+use content::EXTENT;
+use discs::Discs;
+use glance::{Glance, SIZE, glance};
+
+/// Rows of a field that are looked at, at most.
+const ROWS: usize = 12_000;
+
+/// Vertical field of view of the stand points in radians: from the distance at which the content fills it.
+const FOV_Y: f64 = 50.0 * std::f64::consts::PI / 180.0;
+
+/// Vertical field of view of the stand points that look around, in radians.
+const AROUND_FOV_Y: f64 = 75.0 * std::f64::consts::PI / 180.0;
+
+/// Rings of stand points: elevation in degrees, number of points.
+const RINGS: [(f64, u32); 2] = [(10.0, 5), (45.0, 3)];
+
+/// Number of stand points in the centre of content that surrounds it, as a room does.
+const INSIDE: u32 = 4;
+
+/// Content surrounds its centre where it is seen from there at this distance on average, in units of half the diagonal
+/// of its box: walls are near it, the inside of a body's surface is at a fifth.
+const INSIDE_DEPTH_MIN: f64 = 0.35;
+
+/// Distances of a stand point that are tried, from far to near, in units of the one at which the content fills the view:
+/// what is too far away is behind a wall.
+const DISTANCES: [f64; 4] = [1.0, 0.7, 0.5, 0.35];
+
+/// Distances of further stand points, across a room, in the same unit.
+const FAR: [f64; 2] = [2.0, 4.0];
+
+/// A person does not stand where things nearer than this share of the distance to the content ...
+const NEAR: f64 = 0.15;
+
+/// ... cover more than this share of the picture, ...
+const BLOCKED_MAX: f64 = 0.25;
+
+/// ... or where less than this share of the content shows between what stands before it.
+const CONTENT_MIN: f64 = 0.25;
+
+/// Share of the content that the opening view shows at least, if any does.
+const OPENING_CONTENT_MIN: f64 = 0.5;
+
+/// Directions of the opening view, in eighths of a turn from the front.
+const OPENING_TURNS: [f64; 8] = [0.0, 1.0, -1.0, 2.0, -2.0, 3.0, -3.0, 4.0];
+
+/// A further stand point shows at least this share of all rows that no other has shown, ...
+const COVER_GAIN_MIN: f64 = 0.01;
+
+/// ... and there are at most so many.
+const FURTHER_MAX: usize = 12;
+
+/// Places to look from, each with its camera.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StandPoints {
+    /// Around the content, and in its centre where that is a room; 8 to 12 cameras that look at it.
+    pub content: Vec<Camera>,
+    /// Further places and directions that show the rest: walls, sky, the far side of a room. At most 12, none for an
+    /// object alone.
+    pub around: Vec<Camera>,
+}
+
+/// A field as people see it who stand in or before it.
+#[derive(Clone, Debug)]
+pub struct Surroundings {
+    content: Content,
+    /// Distance from the centre of the content up to which things belong to it.
+    extent: f64,
+    discs: Discs,
+    /// Unit vector.
+    up: [f64; 3],
+}
+
+/// A camera, and what it sees.
+struct Look {
+    camera: Camera,
+    glance: Glance,
+}
+
+impl Look {
+    /// Whether nothing is right before the eye.
+    fn is_free(&self) -> bool {
+        self.glance.blocked <= BLOCKED_MAX
+    }
+
+    /// Whether a person would look at the content from here.
+    fn shows_content(&self) -> bool {
+        self.is_free() && self.glance.content >= CONTENT_MIN
+    }
+}
+
+impl Surroundings {
+    /// The surroundings that a field and its static background make; `up` points up in the axes of the field.
+    pub fn of(field: &Field, plate: Option<&Field>, up: [f32; 3]) -> Surroundings {
+        let discs = Discs::of(field, plate, ROWS);
+        let (content, whole) = Content::of(&discs);
+        let up = normalize(up.map(f64::from)).unwrap_or([0.0, 1.0, 0.0]);
+        let mut near = Surroundings { content, extent: EXTENT * content.radius, discs, up };
+        near.mark_content();
+        // What is around the ball belongs to the content where the ball is seen from outside of all: a body with a neck.
+        let Some(bounds) = whole else { return near };
+        let all =
+            Surroundings { content: Content { bounds, ..content }, extent: f64::INFINITY, ..near.clone() };
+        let ring = ring_directions(up, 0.0);
+        let shown = ring.iter().filter(|&&direction| all.stand(direction, 1.0).shows_content()).count();
+        if 2 * shown >= ring.len() { all } else { near }
+    }
+
+    /// The surroundings of a clip.
+    pub fn of_clip(clip: &Clip) -> Surroundings {
+        Surroundings::of(&clip.merged(), clip.plate.as_ref(), clip.info.up)
+    }
+
+    /// What people look at.
+    pub fn content(&self) -> Content {
+        self.content
+    }
+
+    /// The view in which people see the field first: the content fills it, from the front, or from the side or the
+    /// distance from which most of it shows.
+    pub fn opening(&self) -> Viewpoint {
+        let bounds = self.content.bounds.map(|corner| corner.map(|x| x as f32));
+        let up = self.up.map(|x| x as f32);
+        let front = Viewpoint::framing(bounds, up);
+        let target = front.target.map(f64::from);
+        let arm = sub(front.position.map(f64::from), target);
+        let mut best: Option<(f64, Viewpoint)> = None;
+        for distance in DISTANCES {
+            for turn in OPENING_TURNS {
+                let turned = rotate(arm, self.up, turn * std::f64::consts::FRAC_PI_4);
+                let position = std::array::from_fn(|axis| (target[axis] + distance * turned[axis]) as f32);
+                let viewpoint = Viewpoint { position, ..front.clone() };
+                let look = self.look(viewpoint.camera(up, SIZE.0, SIZE.1), distance * norm(arm));
+                let shown = if look.is_free() { look.glance.content } else { 0.0 };
+                if shown >= OPENING_CONTENT_MIN {
+                    return viewpoint;
+                }
+                if best.as_ref().map_or(0.0, |(most, _)| *most) < shown {
+                    best = Some((shown, viewpoint));
+                }
+            }
+        }
+        best.map_or(front, |(_, viewpoint)| viewpoint)
+    }
+
+    /// The places where people stand, as cameras of `size` pixels. From each the content shows between what stands
+    /// before it, and nothing is right before the eye; where no place is such, they are around the content all the same.
+    /// `turn` rotates the places around the content, in units of the angle between neighbours: those of another turn
+    /// judge what was chosen from these.
+    pub fn stand_points(&self, turn: f64, size: (u32, u32)) -> StandPoints {
+        let directions = ring_directions(self.up, turn);
+        let (mut content, mut further) = (Vec::new(), Vec::new());
+        for &direction in &directions {
+            let stand = |distance: &f64| Some(self.stand(direction, *distance)).filter(Look::shows_content);
+            // Near a wall, one sees little of it; near the content, one may see another wall from afar.
+            if let Some(nearest) = DISTANCES.iter().rev().find_map(stand) {
+                further.push(self.look_away(&nearest));
+            }
+            if let Some(farthest) = DISTANCES.iter().find_map(stand) {
+                further.push(self.look_away(&farthest));
+                content.push(farthest);
+            }
+        }
+        if content.is_empty() {
+            content = directions.iter().map(|&direction| self.stand(direction, 1.0)).collect();
+        }
+        let far =
+            FAR.iter().flat_map(|&distance| directions.iter().map(move |&direction| (direction, distance)));
+        further.extend(
+            far.map(|(direction, distance)| self.stand(direction, distance)).filter(Look::shows_content),
+        );
+        content.extend(self.inside(turn));
+        let around = self.cover(&content, further);
+        let cameras = |looks: Vec<Look>| {
+            looks.into_iter().map(|look| look.camera.resized(size.0, size.1)).collect::<Vec<Camera>>()
+        };
+        StandPoints { content: cameras(content), around: cameras(around) }
+    }
+
+    /// Marks the discs in the ball.
+    fn mark_content(&mut self) {
+        let Content { center, radius, .. } = self.content;
+        for disc in self.discs.instants.iter_mut().flatten() {
+            disc.is_content = disc.row < self.discs.field_rows && norm(sub(disc.center, center)) <= radius;
+        }
+    }
+
+    /// The looks of `candidates` that show most rows around the content that neither `first` nor those before them show.
+    fn cover(&self, first: &[Look], mut candidates: Vec<Look>) -> Vec<Look> {
+        let rows = self.discs.rows;
+        let mut is_left = vec![false; rows];
+        for disc in self.discs.instants.iter().flatten() {
+            is_left[disc.row] |= norm(sub(disc.center, self.content.center)) > self.extent;
+        }
+        let show = |look: &Look, is_left: &mut [bool]| {
+            is_left.iter_mut().zip(&look.glance.seen).for_each(|(left, seen)| *left &= !seen);
+        };
+        first.iter().for_each(|look| show(look, &mut is_left));
+        let mut chosen = Vec::new();
+        while chosen.len() < FURTHER_MAX {
+            let gain = |look: &Look| {
+                look.glance.seen.iter().zip(&is_left).filter(|(seen, left)| **seen && **left).count()
+            };
+            // The first of equals.
+            let best =
+                (0..candidates.len()).rev().map(|i| (gain(&candidates[i]), i)).max_by_key(|(gain, _)| *gain);
+            let is_worth = |gain: usize| gain > 0 && gain as f64 >= COVER_GAIN_MIN * rows as f64;
+            let Some((_, best)) = best.filter(|(gain, _)| is_worth(*gain)) else { break };
+            let look = candidates.remove(best);
+            show(&look, &mut is_left);
+            chosen.push(look);
+        }
+        chosen
+    }
+
+    /// Centre of the content's box and half its diagonal; that of a ball where the box is a point.
+    fn center_and_radius(&self) -> ([f64; 3], f64) {
+        let [low, high] = self.content.bounds;
+        let half_diagonal = 0.5 * norm(sub(high, low));
+        let center = std::array::from_fn(|axis| 0.5 * (low[axis] + high[axis]));
+        (center, half_diagonal.max(self.content.radius))
+    }
+
+    /// The look at the content from `direction`; at a `distance` of 1 its box fills the view.
+    fn stand(&self, direction: [f64; 3], distance: f64) -> Look {
+        let (center, radius) = self.center_and_radius();
+        let distance = distance * radius / libm::sin(0.5 * FOV_Y);
+        self.look(self.camera(moved(center, direction, distance), center, FOV_Y), distance)
+    }
+
+    /// The look in the other direction from where `look` looks at the content.
+    fn look_away(&self, look: &Look) -> Look {
+        let (center, _) = self.center_and_radius();
+        let position = look.camera.position();
+        let arm = sub(position, center);
+        self.look(self.camera(position, moved(position, arm, 1.0), AROUND_FOV_Y), norm(arm))
+    }
+
+    /// Looks around in the centre of the content, if it surrounds its centre at some distance, perhaps open to one side.
+    fn inside(&self, turn: f64) -> Vec<Look> {
+        let (center, radius) = self.center_and_radius();
+        let look = |direction| {
+            self.look(self.camera(center, moved(center, direction, radius), AROUND_FOV_Y), radius)
+        };
+        let looks: Vec<Look> = level_directions(self.up, INSIDE, turn).map(look).collect();
+        let sees_walls = |look: &&Look| look.is_free() && look.glance.depth >= INSIDE_DEPTH_MIN * radius;
+        let walls = looks.iter().filter(sees_walls).count();
+        if walls + 1 >= INSIDE as usize { looks } else { Vec::new() }
+    }
+
+    fn camera(&self, position: [f64; 3], target: [f64; 3], fov_y: f64) -> Camera {
+        Camera::look_at(position, target, self.up, fov_y, SIZE.0, SIZE.1)
+    }
+
+    /// What `camera` sees. Things nearer than a share of `distance` are right before the eye.
+    fn look(&self, camera: Camera, distance: f64) -> Look {
+        let glance = glance(&self.discs, &camera, NEAR * distance);
+        Look { camera, glance }
+    }
+}
+
+/// Number of the rows of `field`, among those that live at one of four instants, that no camera of `cameras` shows.
+pub fn unseen_rows(field: &Field, plate: Option<&Field>, cameras: &[Camera]) -> usize {
+    let discs = Discs::of(field, plate, usize::MAX);
+    let mut is_hidden = vec![false; discs.rows];
+    let of_field = discs.instants.iter().flatten().filter(|disc| disc.row < discs.field_rows);
+    of_field.for_each(|disc| is_hidden[disc.row] = true);
+    for camera in cameras {
+        let seen = glance(&discs, &camera.resized(SIZE.0, SIZE.1), 0.0).seen;
+        is_hidden.iter_mut().zip(seen).for_each(|(hidden, seen)| *hidden &= !seen);
+    }
+    is_hidden.into_iter().filter(|&hidden| hidden).count()
+}
+
+/// Directions from the content to the stand points around it.
+fn ring_directions(up: [f64; 3], turn: f64) -> Vec<[f64; 3]> {
+    let ring = |(elevation, count): (f64, u32)| {
+        let (sin, cos) = libm::sincos(elevation.to_radians());
+        let raised = move |level: [f64; 3]| std::array::from_fn(|axis| cos * level[axis] + sin * up[axis]);
+        level_directions(up, count, turn).map(raised)
+    };
+    RINGS.into_iter().flat_map(ring).collect()
+}
+
+/// `count` directions at right angles to `up`, evenly around it.
+fn level_directions(up: [f64; 3], count: u32, turn: f64) -> impl Iterator<Item = [f64; 3]> {
+    let axis = if up[0].abs() < 0.9 { [1.0, 0.0, 0.0] } else { [0.0, 0.0, 1.0] };
+    let level = normalize(cross(up, axis)).unwrap_or([0.0, 0.0, 1.0]);
+    (0..count)
+        .map(move |i| rotate(level, up, std::f64::consts::TAU * (f64::from(i) + turn) / f64::from(count)))
+}
+
+/// `arm`, rotated by `angle` radians around the unit vector `axis`.
+fn rotate(arm: [f64; 3], axis: [f64; 3], angle: f64) -> [f64; 3] {
+    let (sin, cos) = libm::sincos(angle);
+    let (across, along) = (cross(axis, arm), dot(axis, arm));
+    std::array::from_fn(|i| cos * arm[i] + sin * across[i] + (1.0 - cos) * along * axis[i])
+}
+
+/// `point`, moved by `distance` times `direction`.
+fn moved(point: [f64; 3], direction: [f64; 3], distance: f64) -> [f64; 3] {
+    std::array::from_fn(|axis| point[axis] + distance * direction[axis])
+}
