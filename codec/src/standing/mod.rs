@@ -60,8 +60,8 @@ const BLOCKED_MAX: f64 = 0.25;
 /// ... or where less than this share of the content shows between what stands before it.
 const CONTENT_MIN: f64 = 0.25;
 
-/// Share of the content that the opening view shows at least, if any does.
-const OPENING_CONTENT_MIN: f64 = 0.5;
+/// Share of the content that the opening view shows at least, if any does, and a stand point across a room.
+const CLEAR_CONTENT_MIN: f64 = 0.5;
 
 /// Directions of the opening view, in eighths of a turn from the front.
 const OPENING_TURNS: [f64; 8] = [0.0, 1.0, -1.0, 2.0, -2.0, 3.0, -3.0, 4.0];
@@ -154,7 +154,7 @@ impl Surroundings {
                 let viewpoint = Viewpoint { position, ..front.clone() };
                 let look = self.look(viewpoint.camera(up, SIZE.0, SIZE.1), distance * norm(arm));
                 let shown = if look.is_free() { look.glance.content } else { 0.0 };
-                if shown >= OPENING_CONTENT_MIN {
+                if shown >= CLEAR_CONTENT_MIN {
                     return viewpoint;
                 }
                 if best.as_ref().map_or(0.0, |(most, _)| *most) < shown {
@@ -188,9 +188,9 @@ impl Surroundings {
         }
         let far =
             FAR.iter().flat_map(|&distance| directions.iter().map(move |&direction| (direction, distance)));
-        further.extend(
-            far.map(|(direction, distance)| self.stand(direction, distance)).filter(Look::shows_content),
-        );
+        // A gap in a wall is no place to look through.
+        let is_clear = |look: &Look| look.is_free() && look.glance.content >= CLEAR_CONTENT_MIN;
+        further.extend(far.map(|(direction, distance)| self.stand(direction, distance)).filter(is_clear));
         content.extend(self.inside(turn));
         let around = self.cover(&content, further);
         let cameras = |looks: Vec<Look>| {

@@ -151,8 +151,8 @@ fn an_object_alone_is_seen_from_all_around() {
         assert!(looks_at(camera, [0.0; 3]) && camera.position()[1] > 0.0);
         assert_eq!((camera.width, camera.height), (64, 48));
     }
-    let middle = (0..3).map(|axis| content[..5].iter().map(|camera| camera.position()[axis]).sum::<f64>());
-    assert!(middle.zip([0.0, 3.0, 0.0]).all(|(sum, high)| (sum - high).abs() < 1.5), "on all sides");
+    let sums = (0..3).map(|axis| content[..5].iter().map(|camera| camera.position()[axis]).sum::<f64>());
+    assert!(sums.zip([0.0, 3.0, 0.0]).all(|(sum, high)| (sum - high).abs() < 1.5), "on all sides");
 }
 
 #[test]

@@ -638,6 +638,12 @@ fn print_report(report: &PackageReport) {
     let layers: Vec<String> = report.layers.iter().map(usize::to_string).collect();
     println!("{:16} {}, most important first by {}", "layers", layers.join(", "), report.layer_ranking);
     print_choice(report);
+    if report.unseen > 0 {
+        println!(
+            "{:16} {} of them are seen from nowhere people stand; they are kept",
+            "unseen", report.unseen
+        );
+    }
     print_lens_fragments(report);
     print_refined(report);
     print_snapped(report.snapped);

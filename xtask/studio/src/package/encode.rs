@@ -13,7 +13,9 @@ use refine::reference::RenderScene;
 
 use super::settings::{Coding, LAYERS, QUALITY_DB};
 use super::snap::{Snapped, snap};
-use super::views::{CODED_SIZE, compared_views, render_scene, rounding_views, visibility_views};
+use super::views::{
+    CODED_SIZE, compared_views, render_scene, reported_views, rounding_views, visibility_views,
+};
 use crate::progress::StagedProgress;
 use crate::scene::Scene;
 
@@ -35,6 +37,8 @@ pub(crate) struct VerifiedPackage {
     pub(super) rounding_views: usize,
     /// Number of further views that judged the result.
     pub(super) judging_views: usize,
+    /// What is reported of the package: from views that chose nothing, where no viewpoint is stated.
+    pub(super) reported: Fidelity,
 }
 
 /// Encodes a field quickly, most important row first, and decodes it again; close enough to the package
@@ -73,6 +77,7 @@ pub(crate) fn encode(
     let judging_views = compared.len();
     let judge = Pictures::take(&render_scene(field, plate), compared, || progress.step());
     let views = visibility_views(scene, field, CODED_SIZE);
+    let whole = field;
     let (field, snapped) = &snap(field, &views, coding);
     let by_device = backend.peak_device_bytes().is_some();
     let (coded, steering_views, rounding_views) = match coding {
@@ -99,7 +104,14 @@ pub(crate) fn encode(
     let decoded_plate = clip.plate.as_ref().map(Field::len);
     let is_whole = (clip.len(), decoded_plate) == (field.len(), plate.map(Field::len));
     ensure!(is_whole, "{}: the package does not decode to all of the field; {DEFECT}", scene.name);
-    Ok(VerifiedPackage { coded, snapped: *snapped, steering_views, rounding_views, judging_views })
+    let reported = match reported_views(scene, whole, CODED_SIZE) {
+        Some(views) => {
+            let pictures = Pictures::take(&render_scene(whole, plate), views, || ());
+            pictures.compare(&RenderScene::from(clip), || ())
+        }
+        None => coded.fidelity.clone(),
+    };
+    Ok(VerifiedPackage { coded, snapped: *snapped, steering_views, rounding_views, judging_views, reported })
 }
 
 fn options(coding: Coding, precision: Precision, by_device: bool) -> EncodeOptions {

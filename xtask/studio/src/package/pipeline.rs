@@ -10,6 +10,7 @@ use super::encode::{VerifiedPackage, encode, explain};
 use super::lens_fragments::lens_fragments;
 use super::report::{PackageReport, Shortfall, WorstView};
 use super::settings::PackageSettings;
+use super::views::unseen;
 use super::visible::{VisibleScene, visible_scene};
 use crate::fit::{Refinement, RefinementReport};
 use crate::progress::StagedProgress;
@@ -56,7 +57,7 @@ pub fn package_with(
     let mut choice = choose(scene, &field, plate.as_ref(), settings, progress)?;
     let refine = |refinement| refine_field(&mut choice.field, refinement, backend, progress);
     let refined = refinement.map(refine).transpose()?;
-    let VerifiedPackage { coded, snapped, steering_views, rounding_views, judging_views } =
+    let VerifiedPackage { coded, snapped, steering_views, rounding_views, judging_views, reported } =
         encode(scene, &choice.field, plate.as_ref(), settings.coding, backend, progress)?;
     let lens_fragments = lens_fragments(&field, plate.as_ref(), &coded.clip);
     let whole_psnr_db = choice.whole_psnr_db(&coded.clip);
@@ -79,15 +80,16 @@ pub fn package_with(
         snapped,
         recolor_gain_db: choice.recolor_gain_db,
         refined,
+        unseen: unseen(scene, &choice.field, plate.as_ref()),
         layers: coded.clip.layers.iter().map(|end| end.total()).collect(),
         lens_fragments,
         duration_s: scene.info.duration_s,
         assumed: scene.assumed.clone(),
         bytes: coded.bytes.len(),
         coder: settings.coding.name(),
-        self_psnr_db: coded.fidelity.psnr_db,
-        covered_psnr_db: coded.fidelity.covered_psnr_db,
-        worst_view: coded.fidelity.worst.as_ref().map(|worst| WorstView::new(worst, &scene.info)),
+        self_psnr_db: reported.psnr_db,
+        covered_psnr_db: reported.covered_psnr_db,
+        worst_view: reported.worst.as_ref().map(|worst| WorstView::new(worst, &scene.info)),
         bytes_alone: coded.bytes_alone,
         steering_views,
         rounding_views,
@@ -119,4 +121,61 @@ fn refine_field(
     let (refined, report) = refined.map_err(|error| Fault::Device(error.to_string()))?;
     *field = refined;
     Ok(report)
+}
+
+#[cfg(test)]
+mod tests {
+    use codec::{Camera, ClipInfo, Coder, Limits};
+    use refine::prune::{Pictures, PosedView};
+    use refine::reference::RenderScene;
+
+    use super::*;
+    use crate::package::settings::{Coding, QUALITY_DB};
+
+    /// Rows of the ball, and as many of the room.
+    const COUNT: usize = 1500;
+
+    /// A ball of radius 1 in a closed room of radius 10.
+    fn ball_in_a_room() -> Field {
+        let mut state = 7u64;
+        let mut random = move || {
+            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            (state >> 11) as f64 / (1u64 << 53) as f64
+        };
+        let mut field = Field::default();
+        for row in 0..2 * COUNT {
+            let (radius, scale) = if row < COUNT { (libm::cbrt(random()), 0.06_f64) } else { (10.0, 0.6) };
+            let y = 2.0 * random() - 1.0;
+            let (sin, cos) = libm::sincos(std::f64::consts::TAU * random());
+            let level = (1.0 - y * y).sqrt();
+            let at = [level * cos, y, level * sin];
+            field.centers.push(at.map(|x| (radius * x) as f32));
+            // Neighbours have like colours, so that it matters little which of two at one depth is drawn first.
+            field.sh.push(at.map(|x| (x + 0.2 * random()) as f32));
+            field.log_scales.push([libm::log(scale) as f32; 3]);
+        }
+        field.rotations = vec![[1.0, 0.0, 0.0, 0.0]; field.len()];
+        field.opacities = vec![0.9; field.len()];
+        field
+    }
+
+    #[test]
+    fn a_room_without_a_viewpoint_is_packaged_for_who_stands_in_it() {
+        let scene = Scene::made("room", ball_in_a_room(), ClipInfo::default());
+        let coding = Coding::ToQuality { coder: Coder::Rans, quality_db: QUALITY_DB, joint_rounds: 0 };
+        let settings = PackageSettings { coding, ..PackageSettings::default() };
+        let Package { bytes, report } = package(&scene, &settings).unwrap();
+        let clip = codec::decode(&bytes, &Limits::default()).unwrap();
+        let view = |i: u32| {
+            let (sin, cos) = libm::sincos(f64::from(i) * 1.3);
+            let [position, up] = [[1.2 * cos, 0.2, 1.2 * sin], [0.0, -1.0, 0.0]];
+            PosedView { camera: Camera::look_at(position, [0.0; 3], up, 0.9, 160, 120), t: 0.0 }
+        };
+        let whole = RenderScene::from(&scene.subject.field);
+        let pictures = Pictures::take(&whole, (0..4).map(view).collect(), || ());
+        let psnr_db = pictures.psnr(&RenderScene::from(&clip), || ());
+        assert!(psnr_db >= 44.0, "{psnr_db:.1} dB, and {:.1} dB are reported", report.self_psnr_db);
+        assert!((report.self_psnr_db - QUALITY_DB).abs() < 1.5, "{}", report.self_psnr_db);
+        assert!(report.unseen < COUNT, "only in the ball: {}", report.unseen);
+    }
 }

@@ -43,6 +43,8 @@ pub struct PackageReport {
     pub refined: Option<RefinementReport>,
     /// What was made static before coding.
     pub snapped: Snapped,
+    /// Number of Gaussians that nobody sees from where people stand; they are kept.
+    pub unseen: usize,
     /// Number of Gaussians up to the end of each layer.
     pub layers: Vec<usize>,
     /// Fragments per pixel in a headset, of the whole field and of the package.
@@ -58,12 +60,12 @@ pub struct PackageReport {
     pub bytes_alone: Option<usize>,
     /// How the Gaussians are coded.
     pub coder: &'static str,
-    /// PSNR in dB between renders of the decoded package and of the field that was coded, over
-    /// all pixels of all judging views; infinite where they are the same.
+    /// PSNR in dB between renders of the decoded package and of the field that was coded, over all pixels of all judging
+    /// views; of views that chose nothing where the source states no viewpoint. Infinite where they are the same.
     pub self_psnr_db: f64,
     /// The same over the pixels that the field covers.
     pub covered_psnr_db: f64,
-    /// The judging view with the lowest PSNR.
+    /// The view with the lowest PSNR among them.
     pub worst_view: Option<WorstView>,
     /// Number of views that measured the visibility of coding errors; 0 for a coder of one precision.
     pub steering_views: usize,

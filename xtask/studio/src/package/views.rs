@@ -1,10 +1,11 @@
 //! The views that rank Gaussians and steer the coder, and the views that judge.
 //!
-//! Both come from the viewpoints of the source and from all around the content, over all of time: a player
-//! lets its user walk around. Judging views differ from steering views, so that no choice is judged by the
+//! They come from the viewpoints that the source states and from all around, over all of time: a player lets its user walk
+//! around. Where none is stated, they come from where people stand, and what is reported from further places of theirs that
+//! chose nothing. Judging views differ from steering views, so that no choice is judged by the
 //! pictures that led to it. A view that shows next to nothing, or one Gaussian's inside, does not count.
 
-use codec::{Camera, Field};
+use codec::{Camera, Field, StandPoints, Surroundings, unseen_rows};
 use rayon::prelude::*;
 use refine::prune::{PosedView, dome, inside, instants, is_informative, steps_aside};
 use refine::reference::RenderScene;
@@ -57,6 +58,9 @@ pub(crate) const STEERING_PLACES: Places = Places { aside: 10.0, viewpoint: fals
 /// Placement of the judging views. Only they include the viewpoints themselves, where playing starts.
 pub(crate) const JUDGING_PLACES: Places = Places { aside: 6.0, viewpoint: true, turn: 0.5 };
 
+/// Placement of the views that measure what is reported of a scene that states no viewpoint; they choose nothing.
+const REPORTED_PLACES: Places = Places { aside: 3.0, viewpoint: false, turn: 0.75 };
+
 /// Placements of the views for joint rounding, apart from those of the steering and the judging views.
 const ROUNDING_PLACES: [Places; 5] = [
     Places { aside: 8.0, viewpoint: false, turn: 0.25 },
@@ -106,9 +110,26 @@ pub(crate) fn compared_views(scene: &Scene, field: &Field, size: (u32, u32)) -> 
     views_of(scene, field, JUDGING_PLACES, size, COMPARED)
 }
 
+/// Views that measure what is reported, in pictures of this `size`; `None` where the source states viewpoints, whose judging
+/// views are reported.
+pub(crate) fn reported_views(scene: &Scene, field: &Field, size: (u32, u32)) -> Option<Vec<PosedView>> {
+    (!states_viewpoints(scene)).then(|| views_of(scene, field, REPORTED_PLACES, size, COMPARED))
+}
+
+/// Number of rows of `field` that no place shows where people stand, whether it judges or steers.
+pub(crate) fn unseen(scene: &Scene, field: &Field, plate: Option<&Field>) -> usize {
+    let info = &scene.info;
+    let surroundings = Surroundings::of(field, plate, info.up);
+    let turned = [STEERING_PLACES, JUDGING_PLACES].map(|places| surroundings.stand_points(places.turn, SIZE));
+    let mut cameras: Vec<Camera> =
+        turned.into_iter().flat_map(|points| [points.content, points.around].concat()).collect();
+    cameras.extend(info.viewpoints.iter().map(|viewpoint| viewpoint.camera(info.up, SIZE.0, SIZE.1)));
+    unseen_rows(field, plate, &cameras)
+}
+
 /// At most `count` views of a field that show enough of it, alternately from the source's viewpoints and from
 /// all around. A dynamic field gets an instant for each view, because a few shared instants miss Gaussians
-/// that live for a few frames. If no view shows enough, those of the dome. Never empty.
+/// that live for a few frames. If no view shows enough, those of the last group. Never empty.
 pub(crate) fn views_of(
     scene: &Scene,
     field: &Field,
@@ -125,7 +146,7 @@ pub(crate) fn views_of(
         None => static_views(&groups, field, count),
     };
     if views.is_empty() {
-        let [.., around] = &groups[..] else { unreachable!("the dome is always there") };
+        let [.., around] = &groups[..] else { unreachable!("the last group is always there") };
         let t = instants(field, 1)[0];
         views = around.iter().map(|camera| PosedView { camera: camera.clone(), t }).collect();
         views.truncate(count);
@@ -177,17 +198,25 @@ fn static_views(groups: &[Vec<Camera>], field: &Field, count: usize) -> Vec<Pose
     groups.iter().flat_map(of_group).collect()
 }
 
-/// Cameras for a field: those of the source's viewpoints, if it has any, then a dome, with cameras inside
-/// where the field is a room.
+fn states_viewpoints(scene: &Scene) -> bool {
+    !scene.assumed.contains(&"viewpoints") && !scene.info.viewpoints.is_empty()
+}
+
+/// Cameras for a field: those of the source's viewpoints, then a dome, with cameras inside where the field is a room. If the
+/// source states no viewpoint, those of people who look at the content, after those who look around, if there is more to
+/// see. Never empty; the last group is there whatever the field is.
 fn camera_groups(scene: &Scene, field: &Field, places: Places, size: (u32, u32)) -> Vec<Vec<Camera>> {
+    if !states_viewpoints(scene) {
+        let plate = scene.plate.as_ref().map(|plate| &plate.field);
+        let surroundings = Surroundings::of(field, plate, scene.info.up);
+        let StandPoints { content, around } = surroundings.stand_points(places.turn, size);
+        return [around, content].into_iter().filter(|group| !group.is_empty()).collect();
+    }
     let up = scene.info.up;
     let instants = instants(field, EXTENT_INSTANTS);
     let mut around = dome(field, &instants, up, places.turn, size);
     around.extend(inside(field, &instants, up, places.turn, size));
     let viewpoints = &scene.info.viewpoints;
-    if scene.assumed.contains(&"viewpoints") || viewpoints.is_empty() {
-        return vec![around];
-    }
     // The first camera is the viewpoint itself.
     let own = usize::from(!places.viewpoint);
     let steps_aside = |viewpoint| steps_aside(viewpoint, up, places.aside.to_radians(), size).split_off(own);
