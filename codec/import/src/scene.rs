@@ -20,7 +20,7 @@
 
 use std::path::{Path, PathBuf};
 
-use codec::{ALPHA_MIN, ClipInfo, Field, Viewpoint};
+use codec::{ClipInfo, Field, Surroundings};
 
 use crate::budget::ImportLimits;
 use crate::error::ImportError;
@@ -44,10 +44,6 @@ pub const DEFAULT_METRES_PER_UNIT: f32 = 1.0;
 
 /// File name of a scene's overrides.
 const OVERRIDES: &str = "scene.json";
-
-/// Fraction of the Gaussians, at either end of an axis, that the default viewpoint need not show: fits
-/// leave strays far outside.
-const STRAYS: f64 = 0.02;
 
 /// The files of a scene.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -146,7 +142,8 @@ impl ImportedScene {
         let mut viewpoints = overrides.viewpoints.unwrap_or_else(|| hints.viewpoints.clone());
         if viewpoints.is_empty() {
             assumed.push("viewpoints");
-            viewpoints.push(Viewpoint::framing(box_without_strays(&subject.field), up));
+            let background = plate.as_ref().map(|plate| &plate.field);
+            viewpoints.push(Surroundings::of(&subject.field, background, up).opening());
         }
         let fps = overrides.fps.or(hints.fps);
         let duration_s = overrides.duration_s.or_else(|| duration_of(hints, overrides.fps));
@@ -215,24 +212,6 @@ fn known<T>(value: Option<T>, key: &'static str, default: T, assumed: &mut Vec<&
         assumed.push(key);
         default
     })
-}
-
-/// Corners of a box around nearly all Gaussians, halfway through the clip.
-fn box_without_strays(field: &Field) -> [[f32; 3]; 2] {
-    let visible = (0..field.len()).filter(|&i| field.opacity_at(i, 0.5) >= ALPHA_MIN);
-    let centers: Vec<[f64; 3]> = visible.map(|i| field.position_at(i, 0.5)).collect();
-    if centers.is_empty() {
-        return field.bounds();
-    }
-    let strays = (STRAYS * centers.len() as f64) as usize;
-    let mut corners = [[0.0; 3]; 2];
-    for axis in 0..3 {
-        let mut column: Vec<f64> = centers.iter().map(|center| center[axis]).collect();
-        column.sort_by(f64::total_cmp);
-        corners[0][axis] = column[strays] as f32;
-        corners[1][axis] = column[column.len() - 1 - strays] as f32;
-    }
-    corners
 }
 
 #[cfg(test)]
