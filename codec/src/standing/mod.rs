@@ -20,7 +20,7 @@ mod tests;
 pub use content::Content;
 
 use crate::camera::{cross, dot, norm, normalize, sub};
-use crate::{Camera, Clip, Field, Viewpoint};
+use crate::{Camera, Field, Viewpoint};
 use content::EXTENT;
 use discs::Discs;
 use glance::{Glance, SIZE, glance};
@@ -126,11 +126,6 @@ impl Surroundings {
         let ring = ring_directions(up, 0.0);
         let shown = ring.iter().filter(|&&direction| all.stand(direction, 1.0).shows_content()).count();
         if 2 * shown >= ring.len() { all } else { near }
-    }
-
-    /// The surroundings of a clip.
-    pub fn of_clip(clip: &Clip) -> Surroundings {
-        Surroundings::of(&clip.merged(), clip.plate.as_ref(), clip.info.up)
     }
 
     /// What people look at.
