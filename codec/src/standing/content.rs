@@ -35,13 +35,13 @@ const LONE_EXTENT: f64 = 4.0;
 
 /// What people look at.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Content {
+pub(super) struct Content {
     /// Centre of the ball that holds most of it, in source units.
-    pub center: [f64; 3],
+    pub(super) center: [f64; 3],
     /// Radius of the ball in source units, above 0.
-    pub radius: f64,
+    pub(super) radius: f64,
     /// Corners `[min, max]` of the box around it, without strays, in source units.
-    pub bounds: [[f64; 3]; 2],
+    pub(super) bounds: [[f64; 3]; 2],
 }
 
 /// A point of the content's mass.
@@ -67,7 +67,7 @@ impl Content {
         let discs: Vec<&Disc> = discs.iter().step_by(discs.len().div_ceil(POINTS).max(1)).copied().collect();
         let grain = weighted_quantile(discs.iter().map(|disc| (disc.radius, disc.opacity)), SHARE_MIN);
         let mass = |disc: &&Disc| {
-            // The square of the ratio, for that of the radius may be out of range.
+            // The square of the radius alone may be out of range.
             let weight = disc.opacity * (disc.radius / grain).min(1.0).powi(2);
             Mass { point: disc.center, weight }
         };

@@ -20,7 +20,7 @@ pub(super) struct Disc {
     pub(super) radius: f64,
     /// Opacity at the instant, [`ALPHA_MIN`] to 1.
     pub(super) opacity: f64,
-    /// Index of the selected row, the same at all instants. Rows of the plate follow those of the field.
+    /// Index of the selected row, the same at all instants. The plate's rows come after the field's.
     pub(super) row: usize,
     /// Whether it belongs to what people look at.
     pub(super) is_content: bool,

@@ -25,15 +25,12 @@ pub(super) struct Glance {
     pub(super) content: f64,
     /// Mean depth of what is seen, in source units.
     pub(super) depth: f64,
-    /// Share of the picture that shows something.
-    pub(super) covered: f64,
 }
 
 /// Looks at `discs` with `camera`, of [`SIZE`] pixels. Things nearer than `near` block it.
 pub(super) fn glance(discs: &Discs, camera: &Camera, near: f64) -> Glance {
-    let mut glance =
-        Glance { seen: vec![false; discs.rows], blocked: 0.0, content: 0.0, depth: 0.0, covered: 0.0 };
-    let mut content = [0.0; 2];
+    let mut glance = Glance { seen: vec![false; discs.rows], blocked: 0.0, content: 0.0, depth: 0.0 };
+    let (mut content, mut weight) = ([0.0; 2], 0.0);
     for instant in &discs.instants {
         let mut picture = Picture::default();
         for projected in project(instant, camera, discs.near) {
@@ -45,11 +42,10 @@ pub(super) fn glance(discs: &Discs, camera: &Camera, near: f64) -> Glance {
         content[0] += picture.content;
         content[1] += picture.without_content.iter().map(|transmittance| 1.0 - transmittance).sum::<f64>();
         glance.depth += picture.depth;
-        glance.covered += picture.weight;
+        weight += picture.weight;
     }
     glance.content = if content[1] > 0.0 { content[0] / content[1] } else { 0.0 };
-    glance.depth = if glance.covered > 0.0 { glance.depth / glance.covered } else { 0.0 };
-    glance.covered /= (discs.instants.len() * PIXELS) as f64;
+    glance.depth = if weight > 0.0 { glance.depth / weight } else { 0.0 };
     glance
 }
 
@@ -58,7 +54,7 @@ struct Picture {
     transmittance: [f64; PIXELS],
     /// Transmittance of the content alone.
     without_content: [f64; PIXELS],
-    /// Number of pixels of each transmittance that are not opaque: large discs that nobody sees would take long.
+    /// Number of pixels of each transmittance that are not opaque. Without any, large discs need not be drawn.
     open: [usize; 2],
     weight: f64,
     depth: f64,
@@ -116,7 +112,7 @@ impl Projected<'_> {
     fn add_to(&self, picture: &mut Picture, near: f64) -> bool {
         let size = [SIZE.0, SIZE.1];
         let nearest = [0, 1].map(|axis| self.at[axis].clamp(0.0, f64::from(size[axis]) - 1.0) as usize);
-        // Less than a pixel: as much of the one that it is in.
+        // A disc of less than a pixel covers a part of the pixel that it is in.
         let area = std::f64::consts::PI * self.radius * self.radius;
         if area <= 1.0 {
             return self.add_to_pixel(picture, nearest, self.alpha * area, near);
@@ -157,7 +153,7 @@ impl Projected<'_> {
         if self.depth < near {
             picture.blocked += weight;
         }
-        // However small it is in this picture, it is larger in that of a headset.
+        // The disc's own alpha, not its part of the pixel: a headset's picture shows it larger.
         self.alpha * transmittance >= ALPHA_MIN
     }
 }

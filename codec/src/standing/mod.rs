@@ -17,11 +17,9 @@ mod glance;
 #[cfg(test)]
 mod tests;
 
-pub use content::Content;
-
 use crate::camera::{cross, dot, norm, normalize, sub};
 use crate::{Camera, Field, Viewpoint};
-use content::EXTENT;
+use content::{Content, EXTENT};
 use discs::Discs;
 use glance::{Glance, SIZE, glance};
 
@@ -44,8 +42,8 @@ const INSIDE: u32 = 4;
 /// of its box: walls are near it, the inside of a body's surface is at a fifth.
 const INSIDE_DEPTH_MIN: f64 = 0.35;
 
-/// Distances of a stand point that are tried, from far to near, in units of the one at which the content fills the view:
-/// what is too far away is behind a wall.
+/// Distances of a stand point, tried from far to near: what is too far away is behind a wall. The unit is the distance at
+/// which the content fills the view.
 const DISTANCES: [f64; 4] = [1.0, 0.7, 0.5, 0.35];
 
 /// Distances of further stand points, across a room, in the same unit.
@@ -85,6 +83,7 @@ pub struct StandPoints {
 /// A field as people see it who stand in or before it.
 #[derive(Clone, Debug)]
 pub struct Surroundings {
+    /// What people look at.
     content: Content,
     /// Distance from the centre of the content up to which things belong to it.
     extent: f64,
@@ -128,11 +127,6 @@ impl Surroundings {
         if 2 * shown >= ring.len() { all } else { near }
     }
 
-    /// What people look at.
-    pub fn content(&self) -> Content {
-        self.content
-    }
-
     /// The view in which people see the field first: the content fills it, from the front, or from the side or the
     /// distance from which most of it shows.
     pub fn opening(&self) -> Viewpoint {
@@ -162,8 +156,8 @@ impl Surroundings {
 
     /// The places where people stand, as cameras of `size` pixels. From each the content shows between what stands
     /// before it, and nothing is right before the eye; where no place is such, they are around the content all the same.
-    /// `turn` rotates the places around the content, in units of the angle between neighbours: those of another turn
-    /// judge what was chosen from these.
+    /// `turn` rotates the places around the content, in units of the angle between neighbours. What was chosen from the
+    /// places of one turn is judged from the places of another.
     pub fn stand_points(&self, turn: f64, size: (u32, u32)) -> StandPoints {
         let directions = ring_directions(self.up, turn);
         let (mut content, mut further) = (Vec::new(), Vec::new());
@@ -202,7 +196,8 @@ impl Surroundings {
         }
     }
 
-    /// The looks of `candidates` that show most rows around the content that neither `first` nor those before them show.
+    /// Those of `candidates` that show the rows around the content which `first` does not. Each one chosen shows most of the
+    /// rows that are left.
     fn cover(&self, first: &[Look], mut candidates: Vec<Look>) -> Vec<Look> {
         let rows = self.discs.rows;
         let mut is_left = vec![false; rows];
@@ -230,7 +225,7 @@ impl Surroundings {
         chosen
     }
 
-    /// Centre of the content's box and half its diagonal; that of a ball where the box is a point.
+    /// Centre of the content's box, and half the box's diagonal, at least the radius of the content.
     fn center_and_radius(&self) -> ([f64; 3], f64) {
         let [low, high] = self.content.bounds;
         let half_diagonal = 0.5 * norm(sub(high, low));

@@ -114,7 +114,7 @@ fn the_content_is_what_is_dense_whatever_surrounds_it() {
         ("on a floor", with(floor(30.0))),
         ("in a room with strays", [with(room(COUNT, 100.0)), strays(1e9)].concat()),
     ] {
-        assert_is_unit_ball(surroundings(&rows).content(), what);
+        assert_is_unit_ball(surroundings(&rows).content, what);
     }
 }
 
@@ -129,9 +129,9 @@ fn unit_and_origin_do_not_matter() {
         let back = |point: [f64; 3]| std::array::from_fn(|axis| point[axis] / unit - origin[axis]);
         let near =
             |a: [f64; 3], b: [f64; 3]| assert!(distance(a, back(b)) < 0.02, "{unit}: {a:?} {:?}", back(b));
-        near(expected.content().center, found.content().center);
-        let radius = found.content().radius / unit;
-        assert!((radius / expected.content().radius - 1.0).abs() < 0.02, "{unit}: {radius}");
+        near(expected.content.center, found.content.center);
+        let radius = found.content.radius / unit;
+        assert!((radius / expected.content.radius - 1.0).abs() < 0.02, "{unit}: {radius}");
         near(expected.opening().position.map(f64::from), found.opening().position.map(f64::from));
         let [a, b] = [&expected, &found].map(|surroundings| surroundings.stand_points(0.5, (64, 48)));
         assert_eq!(a.content.len(), b.content.len());
@@ -245,7 +245,7 @@ fn odd_fields_get_places_and_an_opening() {
     ] {
         for up in [UP, [0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0; 3]] {
             let surroundings = Surroundings::of(&field, None, up);
-            let Content { center, radius, bounds } = surroundings.content();
+            let Content { center, radius, bounds } = surroundings.content;
             let numbers = [center, bounds[0], bounds[1], [radius; 3]];
             assert!(
                 numbers.as_flattened().iter().all(|x| x.is_finite()) && radius > 0.0,
@@ -263,7 +263,7 @@ fn odd_fields_get_places_and_an_opening() {
                 .for_each(|camera| assert_eq!(camera.check(), Ok(()), "{what}"));
         }
     }
-    let content = surroundings(&two).content();
+    let content = surroundings(&two).content;
     assert!(content.radius < 2.0 || (80.0..120.0).contains(&content.radius), "one of both: {content:?}");
 }
 
@@ -280,7 +280,7 @@ fn a_moving_field_is_seen_at_all_times() {
         rotation_rates: None,
     });
     let surroundings = Surroundings::of(&moving, None, UP);
-    let [low, high] = surroundings.content().bounds;
+    let [low, high] = surroundings.content.bounds;
     assert!(low[0] < -2.5 && high[0] > 2.5 && low[1] > -1.3 && high[1] < 1.3, "{low:?} {high:?}");
     for camera in surroundings.stand_points(0.0, (64, 48)).content {
         assert!(looks_at(&camera, [-3.0, 0.0, 0.0]) && looks_at(&camera, [3.0, 0.0, 0.0]));
@@ -291,7 +291,7 @@ fn a_moving_field_is_seen_at_all_times() {
 fn a_background_plate_is_in_the_way_and_never_content() {
     let (ball, room) = (field(&ball(300, 1.0)), field(&room(COUNT, 3.0)));
     let surroundings = Surroundings::of(&ball, Some(&room), UP);
-    assert_is_unit_ball(surroundings.content(), "in a plate");
+    assert_is_unit_ball(surroundings.content, "in a plate");
     let StandPoints { content, around } = surroundings.stand_points(0.0, (64, 48));
     assert!(content.iter().all(|camera| norm(camera.position()) < 3.0));
     assert!(!around.is_empty());
