@@ -126,8 +126,8 @@ impl DeviceState {
             FrameLayout { format: args.target.format(), eyes: views.len(), foveated: inset.is_some() };
         let start = Instant::now();
         match clip {
-            Content::Clip(clip, _) => {
-                let on_gpu = Arc::new(GpuClip::upload(gpu, clip)?);
+            Content::Clip(version) => {
+                let on_gpu = Arc::new(GpuClip::upload(gpu, &version.clip)?);
                 let upload_ms = start.elapsed().as_secs_f64() * 1e3;
                 let renderer = Renderer::new(gpu, on_gpu, layout)?;
                 Ok(DeviceState { image, renderer, take: None, upload_ms })
@@ -522,8 +522,8 @@ fn views(args: &Args, clip: &Content, poster: Option<Poster>) -> Result<Vec<View
         let size = args.size.unwrap_or(DEFAULT_SIZE);
         return Ok(eyes(args, clip, poster.viewpoint().camera(clip.info().up, size.x, size.y)));
     }
-    let viewpoints = clip.viewpoints();
-    let chosen = args.view.as_deref().map_or(Ok(0), |name| viewpoint::find(&viewpoints, name))?;
+    let viewpoints = &clip.info().viewpoints;
+    let chosen = args.view.as_deref().map_or(Ok(0), |name| viewpoint::find(viewpoints, name))?;
     let viewpoint = &viewpoints[chosen];
     Ok(match args.lens {
         Some(lens) => {

@@ -23,6 +23,8 @@ pub mod stats;
 pub mod takes;
 #[cfg(not(target_os = "android"))]
 mod terminal;
+#[cfg(test)]
+mod test_fields;
 pub mod view;
 pub mod viewpoint;
 #[cfg(feature = "window")]

@@ -208,14 +208,6 @@ impl Clip {
         }
     }
 
-    /// The viewpoints, or one that frames the bounds if there are none. Never empty.
-    pub fn viewpoints(&self) -> Vec<Viewpoint> {
-        match self.info.viewpoints.as_slice() {
-            [] => vec![Viewpoint::framing(self.bounds, self.info.up)],
-            viewpoints => viewpoints.to_vec(),
-        }
-    }
-
     /// Adds layers that were decoded without those of this clip. The clip is then the one that decoding all of them at
     /// once makes.
     ///

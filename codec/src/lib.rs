@@ -113,7 +113,6 @@ mod camera;
 mod clip;
 mod coder;
 mod columns;
-mod content;
 mod context;
 mod counters;
 mod decode;
@@ -153,7 +152,6 @@ mod visibility;
 pub use camera::Camera;
 pub use clip::{Clip, ClipInfo, LayerEnd, Layers, Viewpoint};
 pub use coder::Coder;
-pub use content::content_radius;
 pub use decode::{decode, decode_parallel};
 #[cfg(feature = "encode")]
 pub use encode::{ChunkForms, EncodeOptions, Rounded, Source, encode, encode_parallel, encode_rounded};

@@ -2,9 +2,11 @@
 
 use std::sync::Arc;
 
-use codec::{Clip, ClipInfo, Viewpoint};
+use codec::ClipInfo;
 use program::Subject;
 
+use super::event::ClipVersion;
+#[cfg(any(feature = "window", feature = "xr"))]
 use crate::audio::SoundTrack;
 use crate::takes::OpenTake;
 
@@ -12,7 +14,7 @@ use crate::takes::OpenTake;
 #[derive(Clone, Debug)]
 pub enum Content {
     /// All of it is in memory, with its sound.
-    Clip(Arc<Clip>, SoundTrack),
+    Clip(ClipVersion),
     /// Its head is in memory.
     Take(Arc<OpenTake>),
 }
@@ -22,15 +24,15 @@ impl Content {
     #[cfg(any(feature = "window", feature = "xr"))]
     pub(crate) fn sound(&self) -> SoundTrack {
         match self {
-            Content::Clip(_, sound) => sound.clone(),
+            Content::Clip(version) => version.sound.clone(),
             Content::Take(opened) => opened.sound.clone(),
         }
     }
 
-    /// Axes, frames per second, viewpoints.
+    /// Axes, frames per second, viewpoints. There is at least one viewpoint.
     pub(crate) fn info(&self) -> &ClipInfo {
         match self {
-            Content::Clip(clip, _) => &clip.info,
+            Content::Clip(version) => &version.clip.info,
             Content::Take(opened) => &opened.take.info,
         }
     }
@@ -38,23 +40,15 @@ impl Content {
     /// Duration in seconds.
     pub(crate) fn duration_s(&self) -> f64 {
         match self {
-            Content::Clip(clip, _) => clip.info.duration_s.into(),
+            Content::Clip(version) => version.clip.info.duration_s.into(),
             Content::Take(opened) => opened.take.duration_s,
-        }
-    }
-
-    /// The viewpoints, or one that frames the bounds if there are none. Never empty.
-    pub(crate) fn viewpoints(&self) -> Vec<Viewpoint> {
-        match self {
-            Content::Clip(clip, _) => clip.viewpoints(),
-            Content::Take(opened) => opened.viewpoints(),
         }
     }
 
     /// Number of layers; of a take, the most of a segment.
     pub(crate) fn layers(&self) -> usize {
         match self {
-            Content::Clip(clip, _) => clip.layers.len(),
+            Content::Clip(version) => version.clip.layers.len(),
             Content::Take(opened) => opened.layer_ends().len(),
         }
     }
@@ -62,7 +56,7 @@ impl Content {
     /// Number of layers that the package announces; a clip that is cut short has fewer.
     pub(crate) fn layers_announced(&self) -> usize {
         match self {
-            Content::Clip(clip, _) => clip.layers_announced.len(),
+            Content::Clip(version) => version.clip.layers_announced.len(),
             Content::Take(_) => self.layers(),
         }
     }
@@ -70,7 +64,9 @@ impl Content {
     /// Number of Gaussians, plates included.
     pub(crate) fn gaussians(&self) -> usize {
         match self {
-            Content::Clip(clip, _) => clip.len() + clip.plate.as_ref().map_or(0, |plate| plate.len()),
+            Content::Clip(ClipVersion { clip, .. }) => {
+                clip.len() + clip.plate.as_ref().map_or(0, |plate| plate.len())
+            }
             Content::Take(opened) => opened.layer_ends().last().copied().unwrap_or(0),
         }
     }
@@ -79,15 +75,17 @@ impl Content {
     pub(crate) fn is_static(&self) -> bool {
         match self {
             // One with sound plays, although nothing moves.
-            Content::Clip(clip, sound) => clip.dynamic_field.is_empty() && sound.is_empty(),
+            Content::Clip(ClipVersion { clip, sound, .. }) => {
+                clip.dynamic_field.is_empty() && sound.is_empty()
+            }
             Content::Take(_) => false,
         }
     }
 
-    /// The upright frame of it, at the start of a take.
+    /// The upright frame of it, at the start of a take. Found by the first call, which belongs on a thread that loads.
     pub(crate) fn subject(&self) -> Subject {
         match self {
-            Content::Clip(clip, _) => Subject::of(clip),
+            Content::Clip(version) => version.subject(),
             Content::Take(opened) => opened.subject(),
         }
     }

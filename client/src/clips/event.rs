@@ -1,6 +1,6 @@
 //! [`LoadEvent`]: what loading a clip reports, from the network up to the window.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use codec::{Clip, Limits, Poster};
 
@@ -9,7 +9,7 @@ use super::progress::Progress;
 use super::queue::{Entry, Queue};
 use crate::audio::SoundTrack;
 use crate::takes::OpenTake;
-use program::Fault;
+use program::{Fault, Subject};
 
 /// A version of a clip, as its source has it.
 #[derive(Clone, Debug)]
@@ -22,21 +22,33 @@ pub struct ClipVersion {
     pub poster: Option<Poster>,
     /// Whether it continues the version before: that has the same first layers.
     pub is_continued: bool,
+    /// The upright frame of the first version, which those that continue it keep.
+    subject: Arc<OnceLock<Subject>>,
 }
 
 impl ClipVersion {
     /// The first version of a clip, with what else its package holds: all of it, or a prefix that has its first layer.
     /// Sound or a poster that is damaged is left out.
-    pub(crate) fn new(clip: Arc<Clip>, package: &[u8], limits: &Limits) -> ClipVersion {
+    pub(crate) fn new(clip: Clip, package: &[u8], limits: &Limits) -> ClipVersion {
         let sound = SoundTrack::of_clip(package, limits);
         let poster = codec::poster(package, limits).ok().flatten();
-        ClipVersion { clip, sound, poster, is_continued: false }
+        ClipVersion { sound, poster, ..ClipVersion::bare(clip) }
     }
 
-    /// A clip that came without a package: silent, without a poster.
-    pub(crate) fn bare(clip: Clip) -> ClipVersion {
+    /// A clip that came without a package: silent, without a poster. One without viewpoints gets that of its opening,
+    /// which stays the same whatever layers follow.
+    pub(crate) fn bare(mut clip: Clip) -> ClipVersion {
+        let subject = match clip.info.viewpoints.is_empty() {
+            true => Subject::with_opening(&clip.surroundings(), &mut clip.info).into(),
+            false => OnceLock::new(),
+        };
         let (clip, sound) = (Arc::new(clip), SoundTrack::default());
-        ClipVersion { clip, sound, poster: None, is_continued: false }
+        ClipVersion { clip, sound, poster: None, is_continued: false, subject: Arc::new(subject) }
+    }
+
+    /// The upright frame of the clip. Found by the first call, which belongs on a thread that loads.
+    pub(crate) fn subject(&self) -> Subject {
+        *self.subject.get_or_init(|| Subject::of(&self.clip))
     }
 }
 

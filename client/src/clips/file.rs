@@ -41,7 +41,7 @@ pub(super) fn load_version(path: &Path, limits: &Limits) -> Result<ClipVersion, 
             error => format!("{error}: {}", advice(&error, "copy it again")),
         })
     })?;
-    Ok(ClipVersion::new(Arc::new(clip), &bytes, limits))
+    Ok(ClipVersion::new(clip, &bytes, limits))
 }
 
 /// How to make a clip of a file that is none.

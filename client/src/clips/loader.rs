@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::content::Content;
-use super::event::{ClipVersion, LoadEvent, Version};
+use super::event::{LoadEvent, Version};
 use super::folder::Neighbours;
 use super::playlist;
 use super::queue::{Entry, Queue};
@@ -174,11 +174,11 @@ impl<T: ClipTarget> Loading<'_, T> {
         for event in arrival {
             let mut flow = ControlFlow::Continue(());
             match event? {
-                LoadEvent::Clip(ClipVersion { clip, sound, is_continued, .. }) => {
-                    if !is_continued {
+                LoadEvent::Clip(version) => {
+                    if !version.is_continued {
                         self.uploaded = None;
                     }
-                    latest = Some(Content::Clip(clip, sound));
+                    latest = Some(Content::Clip(version));
                 }
                 LoadEvent::Take(take) => latest = Some(Content::Take(take)),
                 event => flow = self.pass_on(event),

@@ -79,7 +79,7 @@ impl Arrival {
             match event {
                 LoadEvent::Clip(clip) => {
                     let is_enough = layers.is_some_and(|layers| clip.clip.layers.len() >= layers);
-                    let clip = Content::Clip(clip.clip, clip.sound);
+                    let clip = Content::Clip(clip);
                     if is_enough {
                         return Ok(clip);
                     }
@@ -175,11 +175,30 @@ pub(super) fn no_net(url: &str) -> Fault {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::test_fields::{ball, field, package, sky, y_up};
 
     #[test]
     fn the_demo_clip_plays_and_offers_viewpoints() {
         let clip = open(None, &SourceOptions::default()).unwrap().wait(None, |_| ()).unwrap();
         assert!(!clip.is_static() && clip.duration_s() > 0.0 && !clip.info().viewpoints.is_empty());
+    }
+
+    #[test]
+    fn a_clip_without_viewpoints_opens_with_its_content_in_view() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.aarc");
+        let rows = [ball(), sky(30.0)].concat();
+        std::fs::write(&path, package(&y_up(), &field(&rows))).unwrap();
+        let clip = open(path.to_str(), &SourceOptions::default()).unwrap().wait(None, |_| ()).unwrap();
+        let [opening] = &clip.info().viewpoints[..] else { panic!("{:?}", clip.info().viewpoints) };
+        let camera = opening.camera(clip.info().up, 100, 100);
+        let [x, y, depth] = camera.camera_from_world[..3] else { unreachable!("it has three rows") };
+        assert!(
+            x[3].abs() < 0.2 && y[3].abs() < 0.2,
+            "the ball around the origin is in the middle: {opening:?}"
+        );
+        let radius = camera.k[1][1] / depth[3];
+        assert!((30.0..55.0).contains(&radius), "the ball fills the view: {radius} pixels of 50");
     }
 
     #[test]

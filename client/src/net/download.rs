@@ -134,7 +134,7 @@ impl Download {
         let file = cache.get(&self.url)?;
         match decode(&file.bytes, &self.options.limits) {
             Ok(clip) => {
-                let version = ClipVersion::new(Arc::new(clip), &file.bytes, &self.options.limits);
+                let version = ClipVersion::new(clip, &file.bytes, &self.options.limits);
                 Some((file.etag, version))
             }
             Err(error) => {
@@ -256,7 +256,7 @@ impl Download {
         let head = contents(bytes, limits)?;
         let Some(arrived) = self.arrived.as_mut().filter(|arrived| arrived.head == head) else {
             // What else there is comes before the first layer.
-            let version = ClipVersion::new(Arc::new(decode(bytes, limits)?), bytes, limits);
+            let version = ClipVersion::new(decode(bytes, limits)?, bytes, limits);
             self.arrived = Some(Arrived { head, version: version.clone() });
             return Ok((Some(version), bytes.len()));
         };
@@ -266,8 +266,8 @@ impl Download {
         }
         let layers = decode_layers(&head, bytes, first, limits)?;
         Arc::make_mut(&mut arrived.version.clip).append(layers);
-        let version = ClipVersion { is_continued: true, ..arrived.version.clone() };
-        Ok((Some(version), bytes.len() - ends[first - 1]))
+        arrived.version.is_continued = true;
+        Ok((Some(arrived.version.clone()), bytes.len() - ends[first - 1]))
     }
 
     fn fail(&self, fault: Fault) -> Flow {
@@ -302,9 +302,11 @@ impl Iterator for Download {
 #[cfg(test)]
 mod tests {
     use codec::{Clip, contents};
+    use glam::DVec3;
 
     use super::*;
     use crate::clips::Progress;
+    use crate::test_fields::{ball, field, package, y_up};
 
     const DEMO: &[u8] = include_bytes!("../../../assets/demo.aarc");
 
@@ -397,8 +399,28 @@ mod tests {
         {
             let version = download.decode(&other[..end]).unwrap().unwrap();
             assert_eq!(version.is_continued, is_continued);
-            assert!(*version.clip == decode(&other[..end], &Limits::default()).unwrap());
+            let expected = decode(&other[..end], &Limits::default()).unwrap();
+            assert!(version.clip.static_field == expected.static_field);
         }
+    }
+
+    #[test]
+    fn the_opening_view_is_that_of_the_first_layers_and_stays() {
+        // The second layer has another ball beside the first.
+        let aside = ball().into_iter().map(|(center, scale)| (center + 1.5 * DVec3::X, scale));
+        let rows: Vec<_> = ball().into_iter().zip(aside).flat_map(|(row, aside)| [row, aside]).collect();
+        let package = package(&y_up(), &field(&rows));
+        let mut download = download();
+        let ends = contents(&package, &Limits::default()).unwrap().layer_bytes();
+        let versions: Vec<ClipVersion> =
+            ends.iter().map(|&end| download.decode(&package[..end]).unwrap().unwrap()).collect();
+        let [first, whole] = &versions[..] else { panic!("there are two layers") };
+        let target = |version: &ClipVersion| version.clip.info.viewpoints[0].target[0];
+        assert!(target(first).abs() < 0.2 && first.subject().radius_m < 1.2, "{:?}", first.clip.info);
+        assert_eq!((first.clip.len(), whole.clip.len()), (rows.len() / 2, rows.len()));
+        assert_eq!((&first.clip.info, first.subject()), (&whole.clip.info, whole.subject()));
+        let at_once = self::download().decode(&package).unwrap().unwrap();
+        assert!((target(&at_once) - 0.75).abs() < 0.2 && at_once.subject().radius_m > 1.4);
     }
 
     #[test]

@@ -2,10 +2,10 @@
 
 use std::num::NonZero;
 use std::path::Path;
+use std::sync::OnceLock;
 use std::thread;
 
-use codec::{Clip, Error, FormatError, Layers, Limits, Package, Take, Viewpoint, package};
-use glam::DVec3;
+use codec::{Clip, Error, FormatError, Layers, Limits, Package, Surroundings, Take, package};
 use program::{Fault, Subject};
 
 use super::layers::Traffic;
@@ -43,6 +43,7 @@ pub struct OpenTake {
     limits: Limits,
     /// The sounds of the segments that were loaded.
     pub(crate) sound: SoundTrack,
+    subject: OnceLock<Subject>,
 }
 
 impl OpenTake {
@@ -103,7 +104,12 @@ impl OpenTake {
         if layers.iter().all(|layers| *layers == 0) {
             return Err(fault("the file is cut short before its first layer ends: copy it again".into()));
         }
-        Ok(Some(OpenTake { take, source, layers, limits: *limits, sound: SoundTrack::default() }))
+        let (sound, subject) = (SoundTrack::default(), OnceLock::new());
+        let mut opened = OpenTake { take, source, layers, limits: *limits, sound, subject };
+        if opened.take.info.viewpoints.is_empty() {
+            opened.subject = Subject::with_opening(&opened.surroundings(), &mut opened.take.info).into();
+        }
+        Ok(Some(opened))
     }
 
     /// Name of the take for messages.
@@ -143,14 +149,6 @@ impl OpenTake {
         (1..=most).map(end).collect()
     }
 
-    /// The viewpoints, or one that frames the bounds if there are none. Never empty.
-    pub(crate) fn viewpoints(&self) -> Vec<Viewpoint> {
-        match self.take.info.viewpoints.as_slice() {
-            [] => vec![Viewpoint::framing(self.take.bounds, self.take.info.up)],
-            viewpoints => viewpoints.to_vec(),
-        }
-    }
-
     /// The time and view that stand for the take; `None` if it states none that can be read.
     #[cfg(not(target_os = "android"))]
     pub(crate) fn poster(&self) -> Option<codec::Poster> {
@@ -160,24 +158,19 @@ impl OpenTake {
         codec::poster(&start, &self.limits).ok().flatten()
     }
 
-    /// The subject at the start of the take, by the first layers there; by the bounds where none can be decoded.
+    /// The upright frame of the take at its start. Found by the first call, which belongs on a thread that loads.
     pub(crate) fn subject(&self) -> Subject {
-        let at_start = |index: &usize| {
-            let segment = &self.take.segments[*index];
-            self.layers[*index] > 0 && span(segment).holds(0.0, self.take.duration_s)
-        };
-        let clips: Vec<Clip> = (0..self.layers.len())
-            .filter(at_start)
+        *self.subject.get_or_init(|| Subject::new(&self.take.info, &self.surroundings()))
+    }
+
+    /// Those at the start, by the first layers there that can be decoded.
+    fn surroundings(&self) -> Surroundings {
+        let wants = self.take.at(0.0).filter(|&segment| self.layers[segment] > 0);
+        let clips: Vec<(usize, Clip)> = wants
             .map(|segment| Want { segment, from: 0, layers: 1 })
-            .filter_map(|want| self.decode_segment(want, &self.read(want).ok()?).ok())
+            .filter_map(|want| Some((want.segment, self.decode_segment(want, &self.read(want).ok()?).ok()?)))
             .collect();
-        let info = &self.take.info;
-        let mut centers: Vec<DVec3> = clips.iter().flat_map(Subject::centers).collect();
-        if centers.is_empty() {
-            centers.extend(self.take.bounds.map(|corner| DVec3::from(corner.map(f64::from))));
-        }
-        let viewpoint = &self.viewpoints()[0];
-        Subject::from_parts(centers.into_iter(), info.up, info.metres_per_unit, viewpoint)
+        self.take.surroundings(&clips)
     }
 
     /// The layout of the take in GPU memory: rows for what playing wants at any instant, and for gaps between segments of

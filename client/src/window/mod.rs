@@ -45,8 +45,8 @@ pub fn run(args: &Args) -> Result<(), Fault> {
     let mut reporter = Reporter::new();
     let First { entry, clip, rest, queue, note } = first_clip(args, &mut reporter)?;
     reporter.end_progress();
-    let viewpoints = clip.viewpoints();
-    let viewpoint = args.view.as_deref().map_or(Ok(0), |name| viewpoint::find(&viewpoints, name))?;
+    let viewpoints = &clip.info().viewpoints;
+    let viewpoint = args.view.as_deref().map_or(Ok(0), |name| viewpoint::find(viewpoints, name))?;
     let settings = headless::settings(args, &clip)?;
     let source = args.source(cache_dir());
     let size = args.size;

@@ -173,8 +173,8 @@ impl Playing {
     ) -> Result<Playing, Fault> {
         let layout = FrameLayout::plain(format, 1);
         let (renderer, take) = match content {
-            Content::Clip(clip, _) => {
-                (Renderer::new(gpu, GpuClip::following(gpu, uploaded, clip)?, layout)?, None)
+            Content::Clip(version) => {
+                (Renderer::new(gpu, GpuClip::following(gpu, uploaded, &version.clip)?, layout)?, None)
             }
             Content::Take(opened) => {
                 let (renderer, take) =

@@ -19,7 +19,7 @@ pub(crate) struct ViewedClip {
 }
 
 impl ViewedClip {
-    /// The properties of `clip`. A clip without viewpoints gets one that frames its bounds.
+    /// The properties of `clip`.
     pub(crate) fn new(clip: &Content) -> ViewedClip {
         let info = clip.info();
         ViewedClip {
@@ -27,7 +27,7 @@ impl ViewedClip {
             fps: info.fps.into(),
             is_static: clip.is_static(),
             up: info.up,
-            viewpoints: clip.viewpoints(),
+            viewpoints: info.viewpoints.clone(),
             layers: clip.layers().max(1),
         }
     }

@@ -3,7 +3,9 @@
 use std::collections::BTreeMap;
 use std::fmt;
 
-use codec::{Field, NEAR_OF_SIZE, SH_C0, Viewpoint, content_radius};
+use codec::{Field, NEAR_OF_SIZE, SH_C0, Surroundings, Viewpoint};
+
+use crate::up_axis::DEFAULT_UP;
 
 /// The reason of [`Repairs::dropped`] for rows that the header announces and the file lacks.
 pub(crate) const TRUNCATED: &str = "truncated payload";
@@ -28,8 +30,10 @@ impl Imported {
     /// The field with the near distance that its file states, or with a share of the size of its content. So what stands
     /// right before the eye fades, whatever the unit is.
     pub(crate) fn with_near(mut self) -> Imported {
-        let of_content = || content_radius(&self.field).map_or(0.0, |radius| NEAR_OF_SIZE * 2.0 * radius);
-        let near = self.hints.near.unwrap_or_else(|| of_content() as f32);
+        let near = self.hints.near.unwrap_or_else(|| {
+            let up = self.hints.up.unwrap_or(DEFAULT_UP);
+            (NEAR_OF_SIZE * 2.0 * Surroundings::of(&self.field, None, up).content_radius()) as f32
+        });
         self.field.near = if near.is_finite() { near } else { 0.0 };
         self
     }

@@ -45,13 +45,13 @@ pub use glb::{EXTENSION as GAUSSIANS_EXTENSION, PREFIX as GAUSSIANS_PREFIX};
 pub use imported::{Hints, Imported, Repairs};
 pub use overrides::Overrides;
 pub use scene::{
-    DEFAULT_DURATION_S, DEFAULT_FPS, DEFAULT_METRES_PER_UNIT, DEFAULT_UP, ImportedScene, SceneFiles,
-    import_plate, plate_path,
+    DEFAULT_DURATION_S, DEFAULT_FPS, DEFAULT_METRES_PER_UNIT, ImportedScene, SceneFiles, import_plate,
+    plate_path,
 };
 pub use sequence::{SequenceFiles, import_sequence};
 pub use similarity::Similarity;
 pub use source::{EXTENSIONS, FORMATS};
-pub use up_axis::up_of;
+pub use up_axis::{DEFAULT_UP, up_of};
 
 /// Reads a fitted field within the default limits.
 ///

@@ -29,15 +29,13 @@ use crate::import_within;
 use crate::imported::{Hints, Imported};
 use crate::overrides::Overrides;
 use crate::source::FORMATS;
+use crate::up_axis::DEFAULT_UP;
 
 /// Default duration in seconds: clip time then equals seconds.
 pub const DEFAULT_DURATION_S: f32 = 1.0;
 
 /// Default frames per second.
 pub const DEFAULT_FPS: f32 = 30.0;
-
-/// Default up axis: that of upright cameras in COLMAP's and OpenCV's axes.
-pub const DEFAULT_UP: [f32; 3] = [0.0, -1.0, 0.0];
 
 /// Default scale.
 pub const DEFAULT_METRES_PER_UNIT: f32 = 1.0;

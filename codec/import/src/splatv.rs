@@ -21,7 +21,7 @@
 
 use std::f32::consts::FRAC_1_SQRT_2;
 
-use codec::{Camera, ClipInfo, Field, Viewpoint};
+use codec::{Camera, ClipInfo, Field, Surroundings, Viewpoint};
 use half::f16;
 use serde::{Deserialize, Serialize};
 
@@ -215,11 +215,12 @@ fn hints_of(field: &Field, cameras: &serde_json::Value, budget: &mut ImportBudge
     let own: Vec<(String, Camera)> =
         named.filter(|(_, camera)| probe.shows(camera)).take(VIEWPOINTS_MAX).collect();
     let up = up_of(own.iter().map(|(_, camera)| camera)).unwrap_or(UP);
+    let surroundings = Surroundings::of(field, None, up);
     let mut viewpoints: Vec<Viewpoint> =
-        own.iter().map(|(name, camera)| viewpoint(name, camera, field)).collect();
+        own.iter().map(|(name, camera)| surroundings.viewpoint(name, camera)).collect();
     if viewpoints.is_empty() {
         let front = front();
-        viewpoints.extend(probe.shows(&front).then(|| viewpoint("front", &front, field)));
+        viewpoints.extend(probe.shows(&front).then(|| surroundings.viewpoint("front", &front)));
     }
     Ok(Hints { up: Some(up), viewpoints, ..Hints::default() })
 }
@@ -253,29 +254,6 @@ fn front() -> Camera {
         height: height as u32,
         k: [[focal, 0.0, 0.5 * width], [0.0, focal, 0.5 * height], [0.0, 0.0, 1.0]],
         camera_from_world: std::array::from_fn(|r| std::array::from_fn(|c| f64::from(u8::from(r == c)))),
-    }
-}
-
-/// The view of a camera, looking at the median depth of the opaque Gaussians in front of it.
-fn viewpoint(name: &str, camera: &Camera, field: &Field) -> Viewpoint {
-    let [x, y, z, w] = camera.camera_from_world[2];
-    let depth_of = |center: &[f32; 3]| {
-        let [a, b, c] = center.map(f64::from);
-        x * a + y * b + z * c + w
-    };
-    let opaque = field.centers.iter().zip(&field.opacities).filter(|(_, opacity)| **opacity > 0.5);
-    let mut depths: Vec<f64> = opaque
-        .map(|(center, _)| depth_of(center))
-        .filter(|depth| *depth > 0.0 && depth.is_finite())
-        .collect();
-    depths.sort_by(f64::total_cmp);
-    let depth = depths.get(depths.len() / 2).copied().unwrap_or(1.0);
-    let (position, forward) = (camera.position(), [x, y, z]);
-    Viewpoint {
-        name: name.into(),
-        position: position.map(|x| x as f32),
-        target: std::array::from_fn(|axis| (position[axis] + depth * forward[axis]) as f32),
-        fov_y: (2.0 * (0.5 * f64::from(camera.height) / camera.k[1][1]).atan()) as f32,
     }
 }
 

@@ -1,6 +1,9 @@
-//! [`up_of`]: the up axis of a scene from its cameras.
+//! The up axis of a scene: [`up_of`] its cameras, or else [`DEFAULT_UP`].
 
 use codec::Camera;
+
+/// Default up axis: that of upright cameras in COLMAP's and OpenCV's axes.
+pub const DEFAULT_UP: [f32; 3] = [0.0, -1.0, 0.0];
 
 /// Mean up direction of cameras, snapped to an axis within about 25 degrees, since cameras are rarely exactly level;
 /// `None` if they cancel out or there are none.

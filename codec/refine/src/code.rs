@@ -366,8 +366,8 @@ impl Coded {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::prune::scenes::cloud;
-    use crate::prune::{dome, posed_views};
+    use crate::prune::posed_views;
+    use crate::prune::scenes::{around, cloud};
     use crate::reference::RenderScene;
     use codec::{ClipInfo, Field};
 
@@ -376,7 +376,7 @@ mod tests {
         let field = cloud(1, 60);
         let info = ClipInfo::default();
         let source = Source { info: &info, field: &field, plate: None };
-        let cameras = dome(&field, &[0.5], info.up, 0.0, (32, 24));
+        let cameras = around(&field, 0.0, (32, 24));
         let views = posed_views(&cameras, &[0.5]);
         let known = sensitivities(&field, None, &views, || ());
         let judge = Pictures::take(&RenderScene::from(&field), views, || ());
@@ -384,7 +384,7 @@ mod tests {
         let [mut alone, mut after] = [coder(), coder()];
         let first = after.code(40.0, || ()).unwrap();
         let before = after.own.known.len();
-        let [expected, second] = [&mut alone, &mut after].map(|coder| coder.code(45.0, || ()).unwrap());
+        let [expected, second] = [&mut alone, &mut after].map(|coder| coder.code(42.0, || ()).unwrap());
         assert!(expected.bytes == second.bytes && expected.fidelity == second.fidelity);
         assert!(first.bytes.len() < second.bytes.len() && second.miss.is_none(), "{:?}", second.miss);
         let (fresh, added) = (alone.own.known.len(), after.own.known.len() - before);
@@ -400,7 +400,7 @@ mod tests {
         let source = Source { info: &info, field: &field, plate: Some(&plate) };
         let views = |turn: f64| {
             let instants = [0.1, 0.3, 0.5, 0.7, 0.9];
-            posed_views(&dome(&field, &[0.5], info.up, turn, (64, 48)), &instants)
+            posed_views(&around(&field, turn, (64, 48)), &instants)
         };
         let known = sensitivities(&field, Some(&plate), &views(0.0), || ());
         let scene = RenderScene::from(&field).with_plate(&plate);

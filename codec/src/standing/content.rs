@@ -4,10 +4,11 @@
 //! made of larger ones than what stands before them, dust of smaller ones. The content is the ball with the largest weight
 //! over radius^0.75, among balls with a fifth of all weight. The exponent is below 1, with which a stick counts as much as
 //! any half of it, and so high that half of the weight in a tenth of the size wins over the whole. Balls are found from
-//! seeds by mean shift: the centre of mass of a ball is the centre of the next.
+//! seeds by mean shift: the centre of mass of a ball is the centre of the next. Further balls of about that size and score
+//! near it belong to the content: two people, or one who walks.
 
 use super::discs::{Disc, Discs};
-use crate::camera::{norm, sub};
+use crate::camera::{dot, norm, sub};
 
 /// Exponent of the radius in the score of a ball.
 const CONCENTRATION: f64 = 0.75;
@@ -24,80 +25,168 @@ const SEEDS: usize = 24;
 /// Mean shifts of a ball, at most.
 const SHIFTS: usize = 12;
 
+/// Balls of the content, at most.
+const BALLS_MAX: usize = 8;
+
+/// A further ball has at least this share of the best score, ...
+const FURTHER_SCORE_MIN: f64 = 0.4;
+
+/// ... at most so many times the radius of the best one, ...
+const FURTHER_RADIUS_MAX: f64 = 2.0;
+
+/// ... and its centre is at most so many radii of that away.
+const FURTHER_DISTANCE_MAX: f64 = 6.0;
+
 /// Share of the weight beyond either side of the box of the content, along each axis.
 const STRAYS: f64 = 0.02;
 
 /// Distance from the centre up to which things belong to the content, in radii: an arm that reaches out of the ball.
 pub(super) const EXTENT: f64 = 2.0;
 
-/// Nothing but content is there where all but strays lie within so many radii, such as a body with a thin neck.
+/// Nothing but content is there where all but strays lie within so many radii, such as a body with thin limbs.
 const LONE_EXTENT: f64 = 4.0;
 
 /// What people look at.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub(super) struct Content {
-    /// Centre of the ball that holds most of it, in source units.
-    pub(super) center: [f64; 3],
-    /// Radius of the ball in source units, above 0.
-    pub(super) radius: f64,
+    /// The balls that hold most of it, the best one first. Never empty.
+    pub(super) balls: Vec<Ball>,
     /// Corners `[min, max]` of the box around it, without strays, in source units.
     pub(super) bounds: [[f64; 3]; 2],
 }
 
 /// A point of the content's mass.
+#[derive(Clone)]
 struct Mass {
     point: [f64; 3],
     weight: f64,
 }
 
 /// A ball around a centre, with its score.
-#[derive(Clone, Copy)]
-struct Ball {
-    center: [f64; 3],
-    radius: f64,
-    score: f64,
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Ball {
+    /// In source units.
+    pub(super) center: [f64; 3],
+    /// In source units, above 0.
+    pub(super) radius: f64,
+    pub(super) score: f64,
 }
 
 impl Content {
     /// The content of the field of `discs`, and the box of all of the field where there may be nothing but content. A ball
     /// of radius 1 at the origin without discs.
     pub(super) fn of(discs: &Discs) -> (Content, Option<[[f64; 3]; 2]>) {
-        let discs: Vec<&Disc> =
-            discs.instants.iter().flatten().filter(|disc| disc.row < discs.field_rows).collect();
-        let discs: Vec<&Disc> = discs.iter().step_by(discs.len().div_ceil(POINTS).max(1)).copied().collect();
-        let grain = weighted_quantile(discs.iter().map(|disc| (disc.radius, disc.opacity)), SHARE_MIN);
-        let mass = |disc: &&Disc| {
-            // The square of the radius alone may be out of range.
-            let weight = disc.opacity * (disc.radius / grain).min(1.0).powi(2);
-            Mass { point: disc.center, weight }
-        };
-        let masses: Vec<Mass> = discs.iter().map(mass).collect();
+        let (masses, grain) = masses(discs);
         let total: f64 = masses.iter().map(|mass| mass.weight).sum();
         if total <= 0.0 {
-            return (Content { center: [0.0; 3], radius: 1.0, bounds: [[-1.0; 3], [1.0; 3]] }, None);
+            let ball = Ball { center: [0.0; 3], radius: 1.0, score: 0.0 };
+            return (Content { balls: vec![ball], bounds: [[-1.0; 3], [1.0; 3]] }, None);
         }
-        let mut best: Option<Ball> = None;
-        for seed in seeds(&masses, total) {
-            let mut ball = best_ball(seed, &masses, total, grain);
-            for _ in 0..SHIFTS {
-                let shifted = best_ball(center_of_mass(&ball, &masses), &masses, total, grain);
-                if shifted.score <= ball.score {
-                    break;
-                }
-                ball = shifted;
-            }
-            if best.is_none_or(|best| ball.score > best.score) {
-                best = Some(ball);
-            }
-        }
-        let Ball { center, radius, .. } =
-            best.unwrap_or(Ball { center: masses[0].point, radius: grain, score: 0.0 });
-        let distances = masses.iter().map(|mass| (norm(sub(mass.point, center)), mass.weight));
-        let is_alone = weighted_quantile(distances, 1.0 - STRAYS) <= LONE_EXTENT * radius;
-        let bounds = box_within(&masses, center, EXTENT * radius);
-        let whole = is_alone.then(|| box_within(&masses, center, f64::INFINITY));
-        (Content { center, radius, bounds }, whole)
+        let found: Vec<Ball> =
+            seeds(&masses, total).into_iter().map(|seed| shifted(seed, &masses, total, grain)).collect();
+        let content = Content { balls: group(&found), bounds: [[0.0; 3]; 2] };
+        let beyond = |mass: &Mass| (content.radii_to(mass.point), mass.weight);
+        let is_alone = weighted_quantile(masses.iter().map(beyond), 1.0 - STRAYS) <= LONE_EXTENT;
+        let whole = is_alone.then(|| box_of(&content.parts(masses.clone(), true)));
+        let bounds = box_of(&content.parts(masses, false));
+        (Content { bounds, ..content }, whole)
     }
+
+    /// Those of `masses` that belong to the content: all but strays where it `is_alone`.
+    fn parts(&self, mut masses: Vec<Mass>, is_alone: bool) -> Vec<Mass> {
+        let extent = if is_alone { LONE_EXTENT } else { EXTENT };
+        masses.retain(|mass| self.radii_to(mass.point) <= extent);
+        if is_alone {
+            // Thin limbs weigh little, so each row counts alike.
+            masses.iter_mut().for_each(|mass| mass.weight = 1.0);
+        }
+        masses
+    }
+
+    /// Distance of `point` from the centre of a ball in radii of that ball, the least over the balls.
+    pub(super) fn radii_to(&self, point: [f64; 3]) -> f64 {
+        self.balls
+            .iter()
+            .map(|ball| norm(sub(point, ball.center)) / ball.radius)
+            .fold(f64::INFINITY, f64::min)
+    }
+
+    /// Radius of the smallest ball around the mean of the centres that holds all balls, in source units.
+    pub(super) fn radius(&self) -> f64 {
+        let share = 1.0 / self.balls.len() as f64;
+        let center: [f64; 3] =
+            std::array::from_fn(|axis| self.balls.iter().map(|ball| share * ball.center[axis]).sum());
+        self.balls.iter().map(|ball| norm(sub(ball.center, center)) + ball.radius).fold(0.0, f64::max)
+    }
+}
+
+/// The ball that mean shift finds from `seed`.
+fn shifted(seed: [f64; 3], masses: &[Mass], total: f64, grain: f64) -> Ball {
+    let mut ball = best_ball(seed, masses, total, grain);
+    for _ in 0..SHIFTS {
+        let next = best_ball(center_of_mass(&ball, masses), masses, total, grain);
+        if next.score <= ball.score {
+            break;
+        }
+        ball = next;
+    }
+    ball
+}
+
+/// The best ball, and those that belong to it; from the best one on.
+fn group(found: &[Ball]) -> Vec<Ball> {
+    let mut balls: Vec<Ball> = found.to_vec();
+    // Stable: the first of equals.
+    balls.sort_by(|a, b| b.score.total_cmp(&a.score));
+    let best = balls[0];
+    let mut group = vec![best];
+    for ball in balls {
+        let apart = |other: &Ball| norm(sub(ball.center, other.center));
+        let is_like_it = ball.score >= FURTHER_SCORE_MIN * best.score
+            && ball.radius <= FURTHER_RADIUS_MAX * best.radius
+            && apart(&best) <= FURTHER_DISTANCE_MAX * best.radius;
+        if is_like_it && group.len() < BALLS_MAX && group.iter().all(|other| apart(other) > other.radius) {
+            group.push(ball);
+        }
+    }
+    group
+}
+
+/// Corners `[min, max]` along `axes` of the box around `content`, which may be alone, without strays; without discs, of the
+/// box around its bounds.
+pub(super) fn bounds_along(
+    axes: [[f64; 3]; 3],
+    content: &Content,
+    discs: &Discs,
+    is_alone: bool,
+) -> [[f64; 3]; 2] {
+    let along = |point: [f64; 3]| axes.map(|axis| dot(axis, point));
+    let mut masses = content.parts(masses(discs).0, is_alone);
+    if masses.is_empty() {
+        let [low, high] = content.bounds;
+        let corner =
+            |i: usize| along([0, 1, 2].map(|axis| if i >> axis & 1 == 0 { low } else { high }[axis]));
+        let outer = |of: fn(f64, f64) -> f64| {
+            (1..8).map(corner).fold(corner(0), |a, b| [0, 1, 2].map(|axis| of(a[axis], b[axis])))
+        };
+        return [outer(f64::min), outer(f64::max)];
+    }
+    masses.iter_mut().for_each(|mass| mass.point = along(mass.point));
+    box_of(&masses)
+}
+
+/// The masses of the discs of fields, and the size of a point.
+fn masses(discs: &Discs) -> (Vec<Mass>, f64) {
+    let discs: Vec<&Disc> =
+        discs.instants.iter().flatten().filter(|disc| disc.row < discs.field_rows).collect();
+    let discs: Vec<&Disc> = discs.iter().step_by(discs.len().div_ceil(POINTS).max(1)).copied().collect();
+    let grain = weighted_quantile(discs.iter().map(|disc| (disc.radius, disc.opacity)), SHARE_MIN);
+    let mass = |disc: &&Disc| {
+        // The square of the radius alone may be out of range.
+        let weight = disc.opacity * (disc.radius / grain).min(1.0).powi(2);
+        Mass { point: disc.center, weight }
+    };
+    (discs.iter().map(mass).collect(), grain)
 }
 
 /// Points evenly over the weight.
@@ -149,12 +238,11 @@ fn center_of_mass(ball: &Ball, masses: &[Mass]) -> [f64; 3] {
     }
 }
 
-/// Corners of the box around what lies within `extent` of `center`, without strays.
-fn box_within(masses: &[Mass], center: [f64; 3], extent: f64) -> [[f64; 3]; 2] {
-    let within: Vec<&Mass> = masses.iter().filter(|mass| norm(sub(mass.point, center)) <= extent).collect();
+/// Corners of the box around `masses`, without strays.
+fn box_of(masses: &[Mass]) -> [[f64; 3]; 2] {
     [STRAYS, 1.0 - STRAYS].map(|share| {
         std::array::from_fn(|axis| {
-            weighted_quantile(within.iter().map(|mass| (mass.point[axis], mass.weight)), share)
+            weighted_quantile(masses.iter().map(|mass| (mass.point[axis], mass.weight)), share)
         })
     })
 }

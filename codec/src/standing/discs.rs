@@ -1,4 +1,4 @@
-//! [`Discs`]: the visible rows of a field as discs, at a few instants.
+//! [`Discs`]: the visible rows of fields as discs, at a few instants.
 //!
 //! A disc has the opacity of its Gaussian and as much opacity times area as the Gaussian has from its broad side. Of
 //! many rows a regular selection stands for all, each disc for several rows.
@@ -7,6 +7,9 @@ use crate::{ALPHA_MIN, Field};
 
 /// Instants at which a dynamic field is looked at: the centres of so many equal intervals.
 const INSTANTS: usize = 4;
+
+/// A field, and the range of its clip time in which it is looked at.
+pub(super) type Part<'a> = (&'a Field, [f64; 2]);
 
 /// Largest absolute logarithm of a scale: numbers of any field stay finite.
 const LOG_SCALE_MAX: f64 = 80.0;
@@ -31,33 +34,47 @@ pub(super) struct Disc {
 pub(super) struct Discs {
     /// Never empty. An instant may have no discs.
     pub(super) instants: Vec<Vec<Disc>>,
-    /// Number of selected rows of the field.
+    /// Number of selected rows of the fields.
     pub(super) field_rows: usize,
-    /// Number of selected rows of the field and the plate.
+    /// Number of selected rows of the fields and the plate.
     pub(super) rows: usize,
-    /// [`Field::near`].
+    /// The largest [`Field::near`].
     pub(super) near: f64,
 }
 
 impl Discs {
-    /// The discs of at most `most` rows each of `field` and of its static background. Rows that live at no instant have
-    /// none; if no row has any, all rows are opaque discs where their opacity peaks.
-    pub(super) fn of(field: &Field, plate: Option<&Field>, most: usize) -> Discs {
-        let times: Vec<f64> = match field.temporal {
-            Some(_) => (0..INSTANTS).map(|i| (i as f64 + 0.5) / INSTANTS as f64).collect(),
-            None => vec![0.0],
+    /// The discs of at most `most` rows of `parts` together, which are shown at once, and of as many of their static
+    /// background. Rows that live at no instant have none; if no row has any, all rows are opaque discs where their opacity
+    /// peaks.
+    pub(super) fn of(parts: &[Part<'_>], plate: Option<&Field>, most: usize) -> Discs {
+        let all: usize = parts.iter().map(|(field, _)| field.len()).sum();
+        let selected = |field: &Field| match all <= most {
+            true => field.len(),
+            false => (field.len() as f64 * most as f64 / all as f64) as usize,
         };
-        let field_rows = field.len().min(most);
+        let field_rows = parts.iter().map(|(field, _)| selected(field)).sum();
         let rows = field_rows + plate.map_or(0, |plate| plate.len().min(most));
-        let at = |&t: &f64| {
-            let background = plate.into_iter().flat_map(|plate| discs_at(plate, Some(t), most, field_rows));
-            discs_at(field, Some(t), most, 0).chain(background).collect()
+        // At a share of the range of each part, or where the opacity peaks.
+        let of_parts = |share: Option<f64>| {
+            let mut first = 0;
+            parts.iter().flat_map(move |&(field, [from, to])| {
+                let (count, before) = (selected(field), first);
+                first += count;
+                discs_at(field, share.map(|share| from + share * (to - from)), count, before)
+            })
         };
-        let mut instants: Vec<Vec<Disc>> = times.iter().map(at).collect();
+        let is_dynamic = parts.iter().any(|(field, _)| !field.is_empty() && field.temporal.is_some());
+        let count = if is_dynamic { INSTANTS } else { 1 };
+        let at = |instant: usize| {
+            let background = plate.into_iter().flat_map(|plate| discs_at(plate, Some(0.0), most, field_rows));
+            of_parts(Some((instant as f64 + 0.5) / count as f64)).chain(background).collect()
+        };
+        let mut instants: Vec<Vec<Disc>> = (0..count).map(at).collect();
         if instants.iter().flatten().all(|disc| disc.row >= field_rows) {
-            instants = vec![discs_at(field, None, most, 0).collect()];
+            instants = vec![of_parts(None).collect()];
         }
-        Discs { instants, field_rows, rows, near: f64::from(field.near) }
+        let near = parts.iter().map(|(field, _)| f64::from(field.near)).fold(0.0, f64::max);
+        Discs { instants, field_rows, rows, near }
     }
 }
 

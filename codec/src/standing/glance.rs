@@ -23,57 +23,71 @@ pub(super) struct Glance {
     pub(super) blocked: f64,
     /// Share of the content's picture that nothing covers, 0 to 1; 0 where the content is out of the picture.
     pub(super) content: f64,
-    /// Mean depth of what is seen, in source units.
+    /// Share of the picture that the content would fill if nothing stood before it, 0 to 1.
+    pub(super) filled: f64,
+    /// Mean depth of what is seen, in source units; 0 without anything.
     pub(super) depth: f64,
+    /// Mean depth of the content that is seen, in source units; 0 where none is.
+    pub(super) content_depth: f64,
 }
 
-/// Looks at `discs` with `camera`, of [`SIZE`] pixels. Things nearer than `near` block it.
-pub(super) fn glance(discs: &Discs, camera: &Camera, near: f64) -> Glance {
-    let mut glance = Glance { seen: vec![false; discs.rows], blocked: 0.0, content: 0.0, depth: 0.0 };
-    let (mut content, mut weight) = ([0.0; 2], 0.0);
+/// Looks at `discs` with `camera`, of [`SIZE`] pixels. Things nearer than `near` block it, and fade from `fade` on.
+pub(super) fn glance(discs: &Discs, camera: &Camera, near: f64, fade: f64) -> Glance {
+    let mut seen = vec![false; discs.rows];
+    let (mut sum, mut blocked, mut alone) = (Sums::default(), 0.0_f64, 0.0);
     for instant in &discs.instants {
         let mut picture = Picture::default();
-        for projected in project(instant, camera, discs.near) {
+        for projected in project(instant, camera, fade) {
             if picture.shows(projected.disc) && projected.add_to(&mut picture, near) {
-                glance.seen[projected.disc.row] = true;
+                seen[projected.disc.row] = true;
             }
         }
-        glance.blocked = glance.blocked.max(picture.blocked / PIXELS as f64);
-        content[0] += picture.content;
-        content[1] += picture.without_content.iter().map(|transmittance| 1.0 - transmittance).sum::<f64>();
-        glance.depth += picture.depth;
-        weight += picture.weight;
+        let Sums { weight, depth, content, content_depth, blocked: here } = picture.sums;
+        blocked = blocked.max(here / PIXELS as f64);
+        alone += picture.without_content.iter().map(|transmittance| 1.0 - transmittance).sum::<f64>();
+        sum.weight += weight;
+        sum.depth += depth;
+        sum.content += content;
+        sum.content_depth += content_depth;
     }
-    glance.content = if content[1] > 0.0 { content[0] / content[1] } else { 0.0 };
-    glance.depth = if weight > 0.0 { glance.depth / weight } else { 0.0 };
-    glance
+    let ratio = |a: f64, b: f64| if b > 0.0 { a / b } else { 0.0 };
+    Glance {
+        seen,
+        blocked,
+        content: ratio(sum.content, alone),
+        filled: alone / (PIXELS * discs.instants.len()) as f64,
+        depth: ratio(sum.depth, sum.weight),
+        content_depth: ratio(sum.content_depth, sum.content),
+    }
 }
 
-/// A picture from front to back, with sums over its pixels.
+/// Sums over the pixels of what is seen of each disc, 0 to 1.
+#[derive(Clone, Copy, Default)]
+struct Sums {
+    weight: f64,
+    /// Of weight times depth.
+    depth: f64,
+    /// Of the weight of the content.
+    content: f64,
+    content_depth: f64,
+    /// Of the weight of what is right before the eye.
+    blocked: f64,
+}
+
+/// A picture from front to back.
 struct Picture {
     transmittance: [f64; PIXELS],
     /// Transmittance of the content alone.
     without_content: [f64; PIXELS],
     /// Number of pixels of each transmittance that are not opaque. Without any, large discs need not be drawn.
     open: [usize; 2],
-    weight: f64,
-    depth: f64,
-    content: f64,
-    blocked: f64,
+    sums: Sums,
 }
 
 impl Default for Picture {
     fn default() -> Picture {
         let clear = [1.0; PIXELS];
-        Picture {
-            transmittance: clear,
-            without_content: clear,
-            open: [PIXELS; 2],
-            weight: 0.0,
-            depth: 0.0,
-            content: 0.0,
-            blocked: 0.0,
-        }
+        Picture { transmittance: clear, without_content: clear, open: [PIXELS; 2], sums: Sums::default() }
     }
 }
 
@@ -86,14 +100,14 @@ struct Projected<'a> {
     alpha: f64,
 }
 
-/// The discs that overlap the picture, from near to far.
-fn project<'a>(discs: &'a [Disc], camera: &Camera, near: f64) -> Vec<Projected<'a>> {
+/// The discs that overlap the picture, from near to far. They fade from `fade` on.
+fn project<'a>(discs: &'a [Disc], camera: &Camera, fade: f64) -> Vec<Projected<'a>> {
     let (m, k) = (&camera.camera_from_world, &camera.k);
     let size = [SIZE.0, SIZE.1].map(f64::from);
     let projected = |disc: &'a Disc| {
         let [x, y, depth] =
             [0, 1, 2].map(|r| (0..3).map(|axis| m[r][axis] * disc.center[axis]).sum::<f64>() + m[r][3]);
-        let alpha = disc.opacity * near_fade(depth, near);
+        let alpha = disc.opacity * near_fade(depth, fade);
         if depth <= 0.0 || alpha < ALPHA_MIN {
             return None;
         }
@@ -142,16 +156,18 @@ impl Projected<'_> {
         let weight = alpha * transmittance;
         picture.transmittance[pixel] -= weight;
         picture.open[0] -= usize::from(transmittance > OPAQUE && transmittance - weight <= OPAQUE);
-        picture.weight += weight;
-        picture.depth += weight * self.depth;
+        let sums = &mut picture.sums;
+        sums.weight += weight;
+        sums.depth += weight * self.depth;
+        if self.depth < near {
+            sums.blocked += weight;
+        }
         if self.disc.is_content {
-            picture.content += weight;
+            sums.content += weight;
+            sums.content_depth += weight * self.depth;
             let alone = picture.without_content[pixel];
             picture.without_content[pixel] *= 1.0 - alpha;
             picture.open[1] -= usize::from(alone > OPAQUE && picture.without_content[pixel] <= OPAQUE);
-        }
-        if self.depth < near {
-            picture.blocked += weight;
         }
         // The disc's own alpha, not its part of the pixel: a headset's picture shows it larger.
         self.alpha * transmittance >= ALPHA_MIN

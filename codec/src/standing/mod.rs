@@ -18,9 +18,9 @@ mod glance;
 mod tests;
 
 use crate::camera::{cross, dot, norm, normalize, sub};
-use crate::{Camera, Field, Viewpoint};
-use content::{Content, EXTENT};
-use discs::Discs;
+use crate::{Camera, Clip, Field, Viewpoint};
+use content::{Ball, Content, EXTENT, bounds_along};
+use discs::{Discs, Part};
 use glance::{Glance, SIZE, glance};
 
 /// Rows of a field that are looked at, at most.
@@ -39,8 +39,11 @@ const RINGS: [(f64, u32); 2] = [(10.0, 5), (45.0, 3)];
 const INSIDE: u32 = 4;
 
 /// Content surrounds its centre where it is seen from there at this distance on average, in units of half the diagonal
-/// of its box: walls are near it, the inside of a body's surface is at a fifth.
+/// of its box: walls are near it, the inside of a body's surface is at a fifth; ...
 const INSIDE_DEPTH_MIN: f64 = 0.35;
+
+/// ... and where it fills at least this share of the view.
+const INSIDE_FILLED_MIN: f64 = 0.5;
 
 /// Distances of a stand point, tried from far to near: what is too far away is behind a wall. The unit is the distance at
 /// which the content fills the view.
@@ -85,8 +88,8 @@ pub struct StandPoints {
 pub struct Surroundings {
     /// What people look at.
     content: Content,
-    /// Distance from the centre of the content up to which things belong to it.
-    extent: f64,
+    /// Whether there is nothing but content.
+    is_alone: bool,
     discs: Discs,
     /// Unit vector.
     up: [f64; 3],
@@ -113,18 +116,87 @@ impl Look {
 impl Surroundings {
     /// The surroundings that a field and its static background make; `up` points up in the axes of the field.
     pub fn of(field: &Field, plate: Option<&Field>, up: [f32; 3]) -> Surroundings {
-        let discs = Discs::of(field, plate, ROWS);
+        Surroundings::of_discs(Discs::of(&[(field, [0.0, 1.0])], plate, ROWS), up)
+    }
+
+    /// The surroundings that `clips` make which are shown at once, each in a range of its clip time.
+    pub(crate) fn of_clips(clips: &[(&Clip, [f64; 2])], up: [f32; 3]) -> Surroundings {
+        let parts: Vec<Part> = clips
+            .iter()
+            .flat_map(|&(clip, range)| [(&clip.static_field, range), (&clip.dynamic_field, range)])
+            .collect();
+        let plate = clips.iter().find_map(|(clip, _)| clip.plate.as_ref());
+        Surroundings::of_discs(Discs::of(&parts, plate, ROWS), up)
+    }
+
+    /// The surroundings of a field of which nothing but its box is known: all of it is content.
+    pub(crate) fn of_box(bounds: [[f32; 3]; 2], up: [f32; 3]) -> Surroundings {
+        let bounds = bounds.map(|corner| corner.map(f64::from));
+        let [low, high] = bounds;
+        let half_diagonal = 0.5 * norm(sub(high, low));
+        let radius = if half_diagonal > 0.0 { half_diagonal } else { 1.0 };
+        let center = std::array::from_fn(|axis| 0.5 * (low[axis] + high[axis]));
+        let content = Content { balls: vec![Ball { center, radius, score: 0.0 }], bounds };
+        Surroundings { content, is_alone: true, discs: Discs::of(&[], None, 0), up: unit_up(up) }
+    }
+
+    fn of_discs(discs: Discs, up: [f32; 3]) -> Surroundings {
         let (content, whole) = Content::of(&discs);
-        let up = normalize(up.map(f64::from)).unwrap_or([0.0, 1.0, 0.0]);
-        let mut near = Surroundings { content, extent: EXTENT * content.radius, discs, up };
+        let up = unit_up(up);
+        let mut near = Surroundings { content, is_alone: false, discs, up };
         near.mark_content();
-        // What is around the ball belongs to the content where the ball is seen from outside of all: a body with a neck.
+        // What is around the balls belongs to the content where they are seen from outside of all: a body with a neck.
         let Some(bounds) = whole else { return near };
-        let all =
-            Surroundings { content: Content { bounds, ..content }, extent: f64::INFINITY, ..near.clone() };
+        let content = Content { bounds, ..near.content.clone() };
+        let all = Surroundings { content, is_alone: true, ..near.clone() };
         let ring = ring_directions(up, 0.0);
         let shown = ring.iter().filter(|&&direction| all.stand(direction, 1.0).shows_content()).count();
         if 2 * shown >= ring.len() { all } else { near }
+    }
+
+    /// Corners `[min, max]` of the box around the content, without strays, in source units.
+    pub fn content_bounds(&self) -> [[f64; 3]; 2] {
+        self.content.bounds
+    }
+
+    /// As [`Surroundings::content_bounds`], along `axes`: three unit vectors at right angles, such as those of an upright
+    /// frame.
+    pub fn content_bounds_along(&self, axes: [[f64; 3]; 3]) -> [[f64; 3]; 2] {
+        bounds_along(axes, &self.content, &self.discs, self.is_alone)
+    }
+
+    /// Radius of the ball that holds most of the content, in source units, above 0.
+    pub fn content_radius(&self) -> f64 {
+        self.content.radius()
+    }
+
+    /// The view of `camera`, its target as far away as the content, or else as far away as what it sees.
+    pub fn viewpoint(&self, name: &str, camera: &Camera) -> Viewpoint {
+        let (center, radius) = self.center_and_radius();
+        let [x, y, z, _] = camera.camera_from_world[2];
+        let (position, forward) = (camera.position(), [x, y, z]);
+        let ahead = dot(sub(center, position), forward);
+        let is_ahead = ahead > NEAR * radius;
+        let depth =
+            if is_ahead { ahead } else { self.look(camera.resized(SIZE.0, SIZE.1), 0.0).glance.depth };
+        let distance = if depth > 0.0 { depth } else { radius };
+        let [position, target] =
+            [position, moved(position, forward, distance)].map(|point| point.map(|x| x as f32));
+        let fov_y = 2.0 * libm::atan(0.5 * f64::from(camera.height) / camera.k[1][1]);
+        Viewpoint { name: name.into(), position, target, fov_y: fov_y as f32 }
+    }
+
+    /// Which of `cameras` show the content: it fills at least half as much of the picture as in the best of them, and nothing
+    /// stands before it or right before the eye. All if none is such.
+    pub fn which_show_content<'a>(&self, cameras: impl Iterator<Item = &'a Camera>) -> Vec<bool> {
+        let (center, _) = self.center_and_radius();
+        let filled = |camera: &Camera| {
+            let look = self.look(camera.resized(SIZE.0, SIZE.1), norm(sub(center, camera.position())));
+            if look.shows_content() { look.glance.filled } else { 0.0 }
+        };
+        let filled: Vec<f64> = cameras.map(filled).collect();
+        let least = 0.5 * filled.iter().copied().fold(0.0, f64::max);
+        filled.into_iter().map(|filled| filled >= least).collect()
     }
 
     /// The view in which people see the field first: the content fills it, from the front, or from the side or the
@@ -188,11 +260,10 @@ impl Surroundings {
         StandPoints { content: cameras(content), around: cameras(around) }
     }
 
-    /// Marks the discs in the ball.
+    /// Marks the discs in the balls.
     fn mark_content(&mut self) {
-        let Content { center, radius, .. } = self.content;
         for disc in self.discs.instants.iter_mut().flatten() {
-            disc.is_content = disc.row < self.discs.field_rows && norm(sub(disc.center, center)) <= radius;
+            disc.is_content = disc.row < self.discs.field_rows && self.content.radii_to(disc.center) <= 1.0;
         }
     }
 
@@ -202,7 +273,7 @@ impl Surroundings {
         let rows = self.discs.rows;
         let mut is_left = vec![false; rows];
         for disc in self.discs.instants.iter().flatten() {
-            is_left[disc.row] |= norm(sub(disc.center, self.content.center)) > self.extent;
+            is_left[disc.row] |= !self.is_alone && self.content.radii_to(disc.center) > EXTENT;
         }
         let show = |look: &Look, is_left: &mut [bool]| {
             is_left.iter_mut().zip(&look.glance.seen).for_each(|(left, seen)| *left &= !seen);
@@ -230,7 +301,7 @@ impl Surroundings {
         let [low, high] = self.content.bounds;
         let half_diagonal = 0.5 * norm(sub(high, low));
         let center = std::array::from_fn(|axis| 0.5 * (low[axis] + high[axis]));
-        (center, half_diagonal.max(self.content.radius))
+        (center, half_diagonal.max(self.content.radius()))
     }
 
     /// The look at the content from `direction`; at a `distance` of 1 its box fills the view.
@@ -251,11 +322,16 @@ impl Surroundings {
     /// Looks around in the centre of the content, if it surrounds its centre at some distance, perhaps open to one side.
     fn inside(&self, turn: f64) -> Vec<Look> {
         let (center, radius) = self.center_and_radius();
+        // A body that fades before the eye is no room.
         let look = |direction| {
-            self.look(self.camera(center, moved(center, direction, radius), AROUND_FOV_Y), radius)
+            let camera = self.camera(center, moved(center, direction, radius), AROUND_FOV_Y);
+            Look { glance: glance(&self.discs, &camera, NEAR * radius, 0.0), camera }
         };
         let looks: Vec<Look> = level_directions(self.up, INSIDE, turn).map(look).collect();
-        let sees_walls = |look: &&Look| look.is_free() && look.glance.depth >= INSIDE_DEPTH_MIN * radius;
+        let sees_walls = |look: &&Look| {
+            let Glance { filled, content_depth, .. } = look.glance;
+            look.is_free() && filled >= INSIDE_FILLED_MIN && content_depth >= INSIDE_DEPTH_MIN * radius
+        };
         let walls = looks.iter().filter(sees_walls).count();
         if walls + 1 >= INSIDE as usize { looks } else { Vec::new() }
     }
@@ -266,22 +342,42 @@ impl Surroundings {
 
     /// What `camera` sees. Things nearer than a share of `distance` are right before the eye.
     fn look(&self, camera: Camera, distance: f64) -> Look {
-        let glance = glance(&self.discs, &camera, NEAR * distance);
+        let glance = glance(&self.discs, &camera, NEAR * distance, self.discs.near);
         Look { camera, glance }
     }
 }
 
-/// Number of the rows of `field`, among those that live at one of four instants, that no camera of `cameras` shows.
-pub fn unseen_rows(field: &Field, plate: Option<&Field>, cameras: &[Camera]) -> usize {
-    let discs = Discs::of(field, plate, usize::MAX);
+impl Clip {
+    /// Where the content is, and where people stand to look at it. Takes a tenth of a second and more.
+    pub fn surroundings(&self) -> Surroundings {
+        Surroundings::of_clips(&[(self, [0.0, 1.0])], self.info.up)
+    }
+
+    /// The viewpoints, or [`Surroundings::opening`] if there are none. Never empty.
+    pub fn viewpoints(&self) -> Vec<Viewpoint> {
+        match self.info.viewpoints.as_slice() {
+            [] => vec![self.surroundings().opening()],
+            viewpoints => viewpoints.to_vec(),
+        }
+    }
+}
+
+/// The rows of `field`, among those that live at one of four instants, that no camera of `cameras` shows; ascending.
+pub fn unseen_rows(field: &Field, plate: Option<&Field>, cameras: &[Camera]) -> Vec<usize> {
+    let discs = Discs::of(&[(field, [0.0, 1.0])], plate, usize::MAX);
     let mut is_hidden = vec![false; discs.rows];
     let of_field = discs.instants.iter().flatten().filter(|disc| disc.row < discs.field_rows);
     of_field.for_each(|disc| is_hidden[disc.row] = true);
     for camera in cameras {
-        let seen = glance(&discs, &camera.resized(SIZE.0, SIZE.1), 0.0).seen;
+        let seen = glance(&discs, &camera.resized(SIZE.0, SIZE.1), 0.0, discs.near).seen;
         is_hidden.iter_mut().zip(seen).for_each(|(hidden, seen)| *hidden &= !seen);
     }
-    is_hidden.into_iter().filter(|&hidden| hidden).count()
+    (0..discs.field_rows).filter(|&row| is_hidden[row]).collect()
+}
+
+/// A unit vector along `up`, or along y where that has no direction.
+fn unit_up(up: [f32; 3]) -> [f64; 3] {
+    normalize(up.map(f64::from)).unwrap_or([0.0, 1.0, 0.0])
 }
 
 /// Directions from the content to the stand points around it.

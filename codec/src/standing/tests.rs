@@ -76,9 +76,10 @@ fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
 }
 
 /// Whether `content` is a ball of radius 1 around the origin.
-fn assert_is_unit_ball(content: Content, what: &str) {
-    assert!(norm(content.center) < 0.15, "{what}: {content:?}");
-    assert!((0.7..1.3).contains(&content.radius), "{what}: {content:?}");
+fn assert_is_unit_ball(content: &Content, what: &str) {
+    assert_eq!(content.balls.len(), 1, "{what}: {content:?}");
+    assert!(norm(content.balls[0].center) < 0.15, "{what}: {content:?}");
+    assert!((0.7..1.3).contains(&content.radius()), "{what}: {content:?}");
     for corner in content.bounds {
         assert!(corner.iter().all(|x| (0.6..1.3).contains(&x.abs())), "{what}: {content:?}");
     }
@@ -114,7 +115,7 @@ fn the_content_is_what_is_dense_whatever_surrounds_it() {
         ("on a floor", with(floor(30.0))),
         ("in a room with strays", [with(room(COUNT, 100.0)), strays(1e9)].concat()),
     ] {
-        assert_is_unit_ball(surroundings(&rows).content, what);
+        assert_is_unit_ball(&surroundings(&rows).content, what);
     }
 }
 
@@ -129,9 +130,9 @@ fn unit_and_origin_do_not_matter() {
         let back = |point: [f64; 3]| std::array::from_fn(|axis| point[axis] / unit - origin[axis]);
         let near =
             |a: [f64; 3], b: [f64; 3]| assert!(distance(a, back(b)) < 0.02, "{unit}: {a:?} {:?}", back(b));
-        near(expected.content.center, found.content.center);
-        let radius = found.content.radius / unit;
-        assert!((radius / expected.content.radius - 1.0).abs() < 0.02, "{unit}: {radius}");
+        near(expected.content.balls[0].center, found.content.balls[0].center);
+        let radius = found.content_radius() / unit;
+        assert!((radius / expected.content_radius() - 1.0).abs() < 0.02, "{unit}: {radius}");
         near(expected.opening().position.map(f64::from), found.opening().position.map(f64::from));
         let [a, b] = [&expected, &found].map(|surroundings| surroundings.stand_points(0.5, (64, 48)));
         assert_eq!(a.content.len(), b.content.len());
@@ -245,8 +246,8 @@ fn odd_fields_get_places_and_an_opening() {
     ] {
         for up in [UP, [0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0; 3]] {
             let surroundings = Surroundings::of(&field, None, up);
-            let Content { center, radius, bounds } = surroundings.content;
-            let numbers = [center, bounds[0], bounds[1], [radius; 3]];
+            let (radius, bounds) = (surroundings.content_radius(), surroundings.content_bounds());
+            let numbers = [bounds[0], bounds[1], [radius; 3]];
             assert!(
                 numbers.as_flattened().iter().all(|x| x.is_finite()) && radius > 0.0,
                 "{what}: {numbers:?}"
@@ -263,8 +264,33 @@ fn odd_fields_get_places_and_an_opening() {
                 .for_each(|camera| assert_eq!(camera.check(), Ok(()), "{what}"));
         }
     }
-    let content = surroundings(&two).content;
-    assert!(content.radius < 2.0 || (80.0..120.0).contains(&content.radius), "one of both: {content:?}");
+    let radius = surroundings(&two).content_radius();
+    assert!(radius < 2.0 || (80.0..120.0).contains(&radius), "one of both: {radius}");
+}
+
+#[test]
+fn thin_limbs_belong_to_a_body() {
+    let arm = |side: f64| (0..COUNT / 20).map(move |i| ([side * (1.0 + 0.013 * i as f64), 0.0, 0.0], 0.004));
+    let rows = [ball(COUNT, 1.0), arm(1.0).collect(), arm(-1.0).collect()].concat();
+    let surroundings = surroundings(&rows);
+    let [low, high] = surroundings.content_bounds();
+    assert!(low[0] < -2.0 && high[0] > 2.0, "{low:?} {high:?}");
+    let opening = surroundings.opening().camera(UP, 64, 48);
+    assert!(looks_at(&opening, [-2.5, 0.0, 0.0]) && looks_at(&opening, [2.5, 0.0, 0.0]));
+}
+
+#[test]
+fn two_people_are_the_content_together() {
+    for (apart, are_both) in [(2.5, true), (5.0, true), (40.0, false)] {
+        let people = [0.0, apart].map(|x| placed(&ball(COUNT, 1.0), 1.0, [x, 0.0, 0.0])).concat();
+        for rows in [people.clone(), [people, room(COUNT, 60.0)].concat()] {
+            let surroundings = surroundings(&rows);
+            let [low, high] = surroundings.content_bounds();
+            assert_eq!(high[0] - low[0] > apart, are_both, "{apart}: {low:?} {high:?}");
+            let opening = surroundings.opening().camera(UP, 64, 48);
+            assert!(!are_both || looks_at(&opening, [0.0; 3]) && looks_at(&opening, [apart, 0.0, 0.0]));
+        }
+    }
 }
 
 #[test]
@@ -285,20 +311,30 @@ fn a_moving_field_is_seen_at_all_times() {
     for camera in surroundings.stand_points(0.0, (64, 48)).content {
         assert!(looks_at(&camera, [-3.0, 0.0, 0.0]) && looks_at(&camera, [3.0, 0.0, 0.0]));
     }
+    // One who leaves halfway through: the content is where they were.
+    let mut leaves = moving;
+    leaves.temporal.as_mut().unwrap().s.fill(0.1);
+    leaves.temporal.as_mut().unwrap().tau.fill(0.2);
+    let [low, high] = Surroundings::of(&leaves, None, UP).content_bounds();
+    assert!(low[0] > -2.0 && high[0] < 2.5, "{low:?} {high:?}");
 }
 
 #[test]
 fn a_background_plate_is_in_the_way_and_never_content() {
     let (ball, room) = (field(&ball(300, 1.0)), field(&room(COUNT, 3.0)));
     let surroundings = Surroundings::of(&ball, Some(&room), UP);
-    assert_is_unit_ball(surroundings.content, "in a plate");
+    assert_is_unit_ball(&surroundings.content, "in a plate");
     let StandPoints { content, around } = surroundings.stand_points(0.0, (64, 48));
     assert!(content.iter().all(|camera| norm(camera.position()) < 3.0));
     assert!(!around.is_empty());
+    // What fades before the eye hides nothing, and yet nobody stands in it.
+    let faded = Surroundings::of(&Field { near: 1.2, ..ball }, Some(&Field { near: 1.2, ..room }), UP);
+    let content = faded.stand_points(0.0, (64, 48)).content;
+    assert!(content.iter().all(|camera| norm(camera.position()) > 1.0), "nobody stands in the ball");
 }
 
 #[test]
-fn rows_that_nothing_shows_are_counted() {
+fn rows_that_nothing_shows_are_named() {
     let below = |rows: Vec<Row>, y: f64| placed(&rows, 1.0, [0.0, -y, 0.0]);
     let closed = room(COUNT, 1.0).into_iter().map(|(center, _)| (center, 0.15)).collect();
     let field = field(&[closed, ball(100, 0.3), below(ball(50, 0.1), 500.0)].concat());
@@ -306,10 +342,15 @@ fn rows_that_nothing_shows_are_counted() {
     let ring = &surroundings.stand_points(0.0, (64, 48)).content[..8];
     let of_sphere = unseen_rows(&field.select(&(0..COUNT).collect::<Vec<_>>()), None, ring);
     let unseen = unseen_rows(&field, None, ring);
-    assert_eq!(unseen, of_sphere + 150, "those in the closed sphere and those far below");
-    assert!(of_sphere < COUNT / 4, "its lower side: {of_sphere}");
-    assert_eq!(unseen_rows(&field, None, &[]), COUNT + 150);
-    assert!(unseen_rows(&Field::default(), None, ring) == 0);
+    let others: Vec<usize> = (COUNT..COUNT + 150).collect();
+    assert_eq!(
+        unseen,
+        [of_sphere.clone(), others].concat(),
+        "those in the closed sphere and those far below"
+    );
+    assert!(of_sphere.len() < COUNT / 4, "its lower side: {}", of_sphere.len());
+    assert_eq!(unseen_rows(&field, None, &[]).len(), COUNT + 150);
+    assert!(unseen_rows(&Field::default(), None, ring).is_empty());
 }
 
 #[test]
@@ -317,7 +358,118 @@ fn many_rows_are_looked_at_as_few() {
     let rows = |count| [ball(count, 1.0), room(count, 10.0)].concat();
     let [few, many] = [3000, 50_000].map(|count| surroundings(&rows(count)));
     assert_eq!(many.discs.rows, ROWS, "whatever the field, that many discs are looked at");
-    assert!(distance(few.content.center, many.content.center) < 0.1);
-    assert!((few.content.radius / many.content.radius - 1.0).abs() < 0.1);
+    assert!(distance(few.content.balls[0].center, many.content.balls[0].center) < 0.1);
+    assert!((few.content_radius() / many.content_radius() - 1.0).abs() < 0.1);
     assert_eq!(many.stand_points(0.0, (64, 48)), surroundings(&rows(50_000)).stand_points(0.0, (64, 48)));
+}
+
+#[test]
+fn the_view_of_a_camera_looks_at_the_content_or_at_what_it_sees() {
+    for (unit, origin) in [(1.0, [0.0; 3]), (1e-3, [0.0, 0.0, -3.0]), (1e5, [40.0, 0.0, 7.0])] {
+        let room = placed(&[ball(COUNT, 1.0), room(COUNT, 30.0)].concat(), unit, origin);
+        let at =
+            |point: [f64; 3]| -> [f64; 3] { std::array::from_fn(|axis| unit * (point[axis] + origin[axis])) };
+        let surroundings = surroundings(&room);
+        let camera = |target| Camera::look_at(at([0.0, 0.0, 4.0]), at(target), [0.0, 1.0, 0.0], 0.7, 64, 48);
+        let target = |camera: &Camera| surroundings.viewpoint("at camera", camera).target.map(f64::from);
+        let ahead = surroundings.viewpoint("ahead", &camera([0.0; 3]));
+        assert!(distance(ahead.target.map(f64::from), at([0.0; 3])) < 0.2 * unit, "{ahead:?}");
+        assert!((ahead.fov_y - 0.7).abs() < 1e-6 && ahead.name == "ahead");
+        let wall = target(&camera([0.0, 0.0, 8.0]));
+        assert!(distance(wall, at([0.0, 0.0, 29.0])) < 3.0 * unit, "{wall:?}");
+    }
+}
+
+/// A person of 1.8 units who stands on the ground at (`x`, 0, 0).
+fn person(x: f64) -> Vec<Row> {
+    let mut random = numbers(5);
+    let row = |_| {
+        let [side, _, front] = direction(&mut random);
+        ([x + 0.25 * side, 1.8 * random(), 0.15 * front], 0.03)
+    };
+    (0..COUNT).map(row).collect()
+}
+
+/// The floor and two walls of a room of 8 units, on the ground around the origin.
+fn corner() -> Vec<Row> {
+    let mut random = numbers(6);
+    let row = |i: usize| {
+        let [a, b] = [8.0 * (random() - 0.5), random() - 0.5];
+        ([[a, 0.0, 8.0 * b], [a, 1.5 + 3.0 * b, -4.0], [4.0, 1.5 + 3.0 * b, a]][i % 3], 0.2)
+    };
+    (0..COUNT / 2).map(row).collect()
+}
+
+#[test]
+fn the_box_along_other_axes_is_that_of_the_content() {
+    let rows = [person(1.0), corner()].concat();
+    let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let upright = surroundings(&rows);
+    assert_eq!(upright.content_bounds_along(axes), upright.content_bounds());
+    // The same room on its side, as in a clip whose axes are tilted.
+    let tilted = |vector: [f64; 3]| rotate(vector, [0.6, 0.0, 0.8], 0.7);
+    let aside: Vec<Row> = rows.iter().map(|(center, scale)| (tilted(*center), *scale)).collect();
+    let found = Surroundings::of(&field(&aside), None, tilted([0.0, 1.0, 0.0]).map(|x| x as f32));
+    let bounds = found.content_bounds_along(axes.map(tilted));
+    let expected = [[0.75, 0.0, -0.15], [1.25, 1.8, 0.15]];
+    for (corner, expected) in bounds.into_iter().zip(expected) {
+        assert!(distance(corner, expected) < 0.1, "{bounds:?}");
+    }
+    assert!(distance(found.content_bounds()[0], bounds[0]) > 0.3, "those are along the axes of the clip");
+}
+
+#[test]
+fn a_box_alone_is_its_own_content() {
+    let bounds = [[1.0, 2.0, 3.0], [3.0, 8.0, 6.0]];
+    let surroundings = Surroundings::of_box(bounds, UP);
+    assert_eq!(surroundings.opening(), Viewpoint::framing(bounds, UP));
+    let along = surroundings.content_bounds_along([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]);
+    assert_eq!(along, [[3.0, 2.0, -3.0], [6.0, 8.0, -1.0]]);
+    let point = Surroundings::of_box([[4.0; 3]; 2], UP);
+    assert!(point.content_radius() > 0.0 && point.opening().position != point.opening().target);
+}
+
+/// A person who walks from x = -2 to x = 2 in clip time, in a room that stands still.
+fn walk() -> Clip {
+    let mut walker = field(&person(0.0));
+    walker.temporal = Some(Temporal {
+        tau: vec![0.5; COUNT],
+        s: vec![f32::INFINITY; COUNT],
+        motion_order: 1,
+        motion: vec![[4.0, 0.0, 0.0]; COUNT],
+        rotation_rates: None,
+    });
+    let room = field(&corner());
+    Clip::of_one_layer(crate::ClipInfo { up: UP, ..Default::default() }, room.bounds(), room, walker, None)
+}
+
+#[test]
+fn a_clip_is_looked_at_in_a_range_of_its_time() {
+    let clip = walk();
+    for (range, [from, to]) in
+        [([0.0, 0.1], [-2.0, -1.6]), ([0.9, 1.0], [1.6, 2.0]), ([0.45, 0.55], [-0.2, 0.2])]
+    {
+        let [low, high] = Surroundings::of_clips(&[(&clip, range)], UP).content_bounds();
+        assert!((low[0] - from).abs() < 0.35 && (high[0] - to).abs() < 0.35, "{range:?}: {low:?} {high:?}");
+        assert!(low[1].abs() < 0.1 && (high[1] - 1.8).abs() < 0.1, "{range:?}: {low:?} {high:?}");
+    }
+    let [all, merged] = [clip.surroundings(), Surroundings::of(&clip.merged(), None, UP)];
+    assert_eq!(all.content, merged.content, "both regions are one field");
+    // Clips that are shown at once, each in its own time.
+    let still = Clip { dynamic_field: Field::default(), ..clip.clone() };
+    let walker = Clip { static_field: Field::default(), ..clip };
+    let parts = Surroundings::of_clips(&[(&still, [0.0, 0.5]), (&walker, [0.9, 1.0])], UP);
+    let [low, high] = parts.content_bounds();
+    assert!((low[0] - 1.6).abs() < 0.35 && (high[0] - 2.0).abs() < 0.35, "{low:?} {high:?}");
+}
+
+#[test]
+fn of_many_rows_each_part_is_looked_at_by_its_share() {
+    let part = |count: usize, at: f64| field(&placed(&ball(count, 1.0), 1.0, [at, 0.0, 0.0]));
+    let (large, small) = (part(3 * ROWS, 0.0), part(ROWS, 9.0));
+    let discs = Discs::of(&[(&large, [0.0, 1.0]), (&small, [0.0, 1.0])], None, ROWS);
+    assert_eq!(discs.rows, ROWS);
+    let of_small = discs.instants.iter().flatten().filter(|disc| disc.center[0] > 5.0);
+    assert_eq!(of_small.count(), ROWS / 4);
+    assert!(discs.instants.iter().flatten().enumerate().all(|(i, disc)| disc.row == i));
 }

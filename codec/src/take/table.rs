@@ -6,7 +6,7 @@
 use std::cmp::Ordering;
 
 use crate::{
-    ClipInfo, Coder, Contents, PixelFilter,
+    Clip, ClipInfo, Coder, Contents, PixelFilter, Surroundings,
     columns::{PackageColumns, TemporalColumns},
     format::{FIXED_BYTES, LAYERS_MAX, RESIDENT_MAX, SEGMENTS_MAX},
     take::span::{Resident, span_holds},
@@ -125,6 +125,24 @@ impl Take {
     /// ascending.
     pub fn at(&self, t_s: f64) -> impl Iterator<Item = usize> + '_ {
         (0..self.segments.len()).filter(move |&index| self.holds(index, t_s))
+    }
+
+    /// Where the content is at the start, and where people stand to look at it. `clips` are segments that are seen there
+    /// ([`Take::at`]), as decoded, with their numbers: they are looked at until the first of them ends. Without any, the
+    /// box around all centres is the content.
+    ///
+    /// # Panics
+    /// If there is no segment of such a number.
+    pub fn surroundings(&self, clips: &[(usize, Clip)]) -> Surroundings {
+        if clips.is_empty() {
+            return Surroundings::of_box(self.bounds, self.info.up);
+        }
+        let ends = clips.iter().map(|(number, _)| self.segments[*number].end_s());
+        let end_s = ends.fold(f64::INFINITY, f64::min);
+        let ranges = clips
+            .iter()
+            .map(|(number, clip)| (clip, [0.0, end_s].map(|t_s| self.segments[*number].clip_time(t_s))));
+        Surroundings::of_clips(&ranges.collect::<Vec<_>>(), self.info.up)
     }
 
     /// Length of the whole package in bytes.

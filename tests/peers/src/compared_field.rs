@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use codec::{Clip, ClipInfo, Field, Limits, Viewpoint};
+use codec::{Clip, ClipInfo, Field, Limits, Surroundings};
 use indicatif::ProgressBar;
 use refine::prune::{Ranking, by_importance, contributions_to};
 use studio::input::{Input, read_package};
@@ -41,7 +41,7 @@ impl ComparedField {
         let ReportSubject { mut scene, mut field, .. } = ReportSubject::load(path)?;
         let info = &mut scene.info;
         if info.viewpoints.is_empty() {
-            info.viewpoints.push(Viewpoint::framing(field.bounds(), info.up));
+            info.viewpoints.push(Surroundings::of(&field, None, info.up).opening());
         }
         if let Some(budget) = budget.filter(|&budget| budget < field.len()) {
             progress.set_message("ranking");

@@ -169,7 +169,7 @@ impl Input {
         let mut viewpoints = match self {
             Input::Package(clip) => clip.viewpoints(),
             Input::Scene(scene) => scene.info.viewpoints.clone(),
-            Input::Take(take) => take.viewpoints(),
+            Input::Take(take) => take.viewpoints.clone(),
         };
         let name = name.unwrap_or("0");
         let named = viewpoints.iter().position(|viewpoint| viewpoint.name == name);

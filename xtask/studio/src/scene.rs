@@ -3,12 +3,13 @@
 use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 use ::import::{
     FieldPath, ImportedScene, NoField, Overrides, POINT_CLOUDS, SceneFiles, import_plate, is_field_file,
     is_field_name, list_folder,
 };
-use codec::{ClipInfo, Field};
+use codec::{ClipInfo, Field, Surroundings};
 use program::Fault;
 
 use crate::import::{
@@ -39,6 +40,7 @@ pub struct Scene {
     pub assumed: Vec<&'static str>,
     /// Whether it is a segment of a take, whose head has the viewpoints.
     pub is_segment: bool,
+    surroundings: OnceLock<Surroundings>,
 }
 
 impl Scene {
@@ -103,7 +105,8 @@ impl Scene {
 
     fn of(name: String, parts: ImportedScene) -> Scene {
         let ImportedScene { subject, plate, info, assumed } = parts;
-        Scene { name, subject, plate, info, assumed, is_segment: false }
+        let surroundings = OnceLock::new();
+        Scene { name, subject, plate, info, assumed, is_segment: false, surroundings }
     }
 
     /// Whether `path` is a folder with a capture and no field.
@@ -131,7 +134,15 @@ impl Scene {
     pub fn made(name: &str, field: Field, info: ClipInfo) -> Scene {
         let (hints, repairs) = (Hints::default(), Repairs::default());
         let subject = Imported { field, hints, repairs, format: "made up", notes: Vec::new() };
-        Scene { name: name.to_owned(), subject, plate: None, info, assumed: Vec::new(), is_segment: false }
+        Scene::of(name.to_owned(), ImportedScene { subject, plate: None, info, assumed: Vec::new() })
+    }
+
+    /// Where its content is and where people stand, in the field as it is when this is called for the first time.
+    pub(crate) fn surroundings(&self) -> &Surroundings {
+        self.surroundings.get_or_init(|| {
+            let plate = self.plate.as_ref().map(|plate| &plate.field);
+            Surroundings::of(&self.subject.field, plate, self.info.up)
+        })
     }
 
     /// The metadata of its package.

@@ -3,9 +3,11 @@
 use std::path::PathBuf;
 
 use codec::{ClipInfo, EncodeOptions, Field, SegmentPackage, Source, contents, encode, encode_take_head};
+use glam::dvec3;
 use tempfile::TempDir;
 
 use super::*;
+use crate::test_fields::{self, field, moving_field, room, y_up};
 
 /// A clip of `count` Gaussians in a row from `x` on, in layers that end at `layers`.
 fn clip(x: f32, count: usize, layers: &[usize]) -> Vec<u8> {
@@ -88,6 +90,36 @@ fn segments_are_loaded_in_any_order_and_in_layers() {
     assert_eq!(opened.layout().rows, 180 + 70);
     let subject = opened.subject();
     assert!((subject.ground.x - 9.5).abs() < 0.1, "by the first layer at the start: {subject:?}");
+}
+
+#[test]
+fn a_take_without_viewpoints_opens_where_its_content_is_at_the_start() {
+    // A person who walks 3 units in 2 seconds, in a room that is there twice, for a second each.
+    let person = test_fields::person(dvec3(-1.5, 0.0, 0.0));
+    let walk = test_fields::package(&y_up(), &moving_field(&person, dvec3(3.0, 0.0, 0.0)));
+    let room = test_fields::package(&y_up(), &field(&room()));
+    let heads = [&walk, &room, &room].map(|package| contents(package, &Limits::default()).unwrap());
+    let spans = [(0.0, 2.0), (0.0, 1.0), (1.0, 1.0)];
+    let segments: Vec<_> = spans
+        .iter()
+        .zip(&heads)
+        .map(|(&(start_s, duration_s), contents)| SegmentPackage { start_s, duration_s, level: 0, contents })
+        .collect();
+    let head = encode_take_head(&y_up(), 2.0, &segments).unwrap();
+    let mut bytes = [&head[..], &walk, &room, &room].concat();
+    let opened = open(&written(&bytes));
+    let [opening] = &opened.take.info.viewpoints[..] else { panic!("{:?}", opened.take.info) };
+    assert!((opening.target[0] + 0.75).abs() < 0.2 && (opening.target[1] - 0.9).abs() < 0.1, "{opening:?}");
+    let subject = opened.subject();
+    assert!((subject.ground - dvec3(-0.75, 0.0, 0.0)).length() < 0.2, "{subject:?}");
+    assert!((subject.height_m - 1.8).abs() < 0.1 && subject.radius_m < 1.2, "{subject:?}");
+    // What can be decoded counts, and the bounds where nothing can.
+    bytes[head.len() + 200] ^= 1;
+    let radius_m = open(&written(&bytes)).subject().radius_m;
+    assert!((3.0..4.1).contains(&radius_m), "of the room: {radius_m} m");
+    bytes[head.len() + walk.len() + 200] ^= 1;
+    let framed = codec::Viewpoint::framing(opened.take.bounds, y_up().up);
+    assert_eq!(open(&written(&bytes)).take.info.viewpoints, [framed]);
 }
 
 #[test]

@@ -39,8 +39,8 @@ impl ClipTarget for HeadsetTarget {
             .ok_or_else(|| Fault::Device("the graphics device is gone: open the clip again".into()))?;
         let layout = FrameLayout { format: self.format.drawn(), eyes: 2, foveated: true };
         let (renderer, take, layer_ends) = match &content {
-            Content::Clip(clip, _) => {
-                let on_gpu = GpuClip::following(&gpu, uploaded, clip)?;
+            Content::Clip(version) => {
+                let on_gpu = GpuClip::following(&gpu, uploaded, &version.clip)?;
                 let layer_ends = on_gpu.layer_ends();
                 (Renderer::new(&gpu, on_gpu, layout)?, None, layer_ends)
             }

@@ -4,9 +4,10 @@ use std::num::NonZero;
 use std::ops::Range;
 use std::thread::{self, available_parallelism};
 
-use codec::{Field, sh_coefficients};
+use codec::{Field, Surroundings, sh_coefficients};
 
 use crate::budget::ImportBudget;
+use crate::up_axis::DEFAULT_UP;
 
 use super::lost::LostRows;
 use super::samples::{Filled, Samples};
@@ -17,9 +18,6 @@ pub(super) const TOLERANCE: f64 = 1e-3;
 
 /// Rows that a thread fits at a time.
 const ROWS_PER_THREAD: usize = 256;
-
-/// Fraction of the rows at either end of an axis that do not count for the size.
-const STRAYS: f64 = 0.02;
 
 /// The frames of a sequence whose rows correspond.
 #[derive(Default)]
@@ -144,15 +142,10 @@ fn in_parallel<T: Send>(rows: Range<usize>, of: &(impl Fn(usize) -> T + Sync)) -
     })
 }
 
-/// Diagonal of the box around nearly all centres; the largest standard deviation where they coincide.
+/// Diagonal of the box around the content; its radius where all of it is at one point.
 fn size_of(field: &Field) -> f64 {
-    let strays = (STRAYS * field.len() as f64) as usize;
-    let extent = |axis: usize| {
-        let mut column: Vec<f64> = field.centers.iter().map(|center| f64::from(center[axis])).collect();
-        column.sort_by(f64::total_cmp);
-        column[column.len() - 1 - strays] - column[strays]
-    };
-    let diagonal = (0..3).map(|axis| extent(axis).powi(2)).sum::<f64>().sqrt();
-    let largest = || field.log_scales.as_flattened().iter().fold(f32::NEG_INFINITY, |a, &b| a.max(b));
-    if diagonal > 0.0 { diagonal } else { f64::from(largest()).exp().max(f64::MIN_POSITIVE) }
+    let surroundings = Surroundings::of(field, None, DEFAULT_UP);
+    let [low, high] = surroundings.content_bounds();
+    let diagonal = (0..3).map(|axis| (high[axis] - low[axis]).powi(2)).sum::<f64>().sqrt();
+    if diagonal > 0.0 { diagonal } else { surroundings.content_radius() }
 }

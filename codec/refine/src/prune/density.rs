@@ -6,11 +6,9 @@
 //! so ties between voxels are deterministic. Rounding is monotone, so a subset is nowhere denser than
 //! the whole field.
 
-use codec::{ALPHA_MIN, Field};
+use codec::{ALPHA_MIN, Field, Surroundings};
 use glam::{DMat3, DQuat, DVec3};
 use rayon::prelude::*;
-
-use super::extent::core_box;
 
 /// Least standard deviation of a kernel in voxels: a thinner kernel falls between the sample points.
 const SIGMA_MIN: f64 = 0.5;
@@ -21,8 +19,11 @@ const SIGMA_MAX: f64 = 1e4;
 /// Support radius of a kernel in standard deviations.
 const SUPPORT: f64 = 3.0;
 
-/// Margin of the grid around the core of the field, in sizes of the core.
-const MARGIN: f64 = 0.5;
+/// Margin of the grid around the content of the field, in sizes of the content.
+const MARGIN: f64 = 1.0;
+
+/// The topology is the same, whichever way is up.
+const UP: [f32; 3] = [0.0, 1.0, 0.0];
 
 /// Slices of voxels that one task fills.
 const SLAB: usize = 4;
@@ -40,16 +41,16 @@ pub(crate) struct Grid {
 impl Grid {
     /// A grid with `voxels` voxels along its longest axis around `field` at `instants`.
     ///
-    /// Outliers would make the voxels coarse, so the grid contains the core of the field and at most half
-    /// the core's size on either side.
+    /// Strays, walls and a sky would make the voxels coarse, so the grid contains the content of the field and at most the
+    /// content's size on either side: a thin arm is not in the box of the content.
     pub(crate) fn around(field: &Field, instants: &[f64], voxels: usize) -> Grid {
-        let core = core_box(field, instants).unwrap_or_default();
+        let content = Surroundings::of(field, None, UP).content_bounds().map(DVec3::from);
         let supports = support_box(field, instants).unwrap_or_default();
-        let margin = MARGIN * (core[1] - core[0]).max_element();
-        // The core of a field in one point has no size; its Gaussians do.
+        let margin = MARGIN * (content[1] - content[0]).max_element();
+        // The content of a field in one point has no size; its Gaussians do.
         let margin = if margin > 0.0 { margin } else { f64::INFINITY };
-        let low = supports[0].max(core[0] - margin);
-        let high = supports[1].min(core[1] + margin);
+        let low = supports[0].max(content[0] - margin);
+        let high = supports[1].min(content[1] + margin);
         let longest = (high - low).max_element();
         let inner = voxels.max(3) - 2;
         let voxel = longest / inner as f64;
@@ -259,7 +260,7 @@ mod tests {
     }
 
     #[test]
-    fn the_grid_contains_the_field_without_outliers() {
+    fn the_grid_contains_the_content() {
         let mut centers: Vec<[f32; 3]> = (0..300).map(|i| [i as f32 / 299.0, 5.0, -1.0]).collect();
         let near = Grid::around(&balls(&centers, 0.01, 0.9), &[0.0], 64);
         assert_eq!(near.size[0], 64);

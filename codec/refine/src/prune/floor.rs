@@ -439,7 +439,7 @@ mod tests {
         for row in hand.clone() {
             field.log_scales[row] = [0.02f32.ln(); 3];
             field.opacities[row] = 1.0;
-            field.centers[row] = [2.6 + 0.01 * (row % 3) as f32, 0.01 * (row % 5) as f32, 3.0];
+            field.centers[row] = [2.6 + 0.01 * (row % 3) as f32, 0.01 * (row % 5) as f32, 1.5];
         }
         let order = by_mass(&field);
         let budget = field.len() - 30 - 27;

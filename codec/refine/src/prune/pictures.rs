@@ -128,13 +128,14 @@ pub struct WorstPicture {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::prune::posed_views;
+    use crate::prune::scenes::around;
     use crate::prune::scenes::cloud;
-    use crate::prune::{dome, posed_views};
 
     #[test]
     fn errors_are_pooled_over_pixels() {
         let field = cloud(1, 60);
-        let cameras = dome(&field, &[0.5], [0.0, 1.0, 0.0], 0.0, (32, 24));
+        let cameras = around(&field, 0.0, (32, 24));
         let scene = RenderScene::from(&field);
         let pictures = Pictures::take(&scene, posed_views(&cameras, &[0.3, 0.7]), || ());
         assert_eq!(pictures.psnr(&scene, || ()), f64::INFINITY);
@@ -157,7 +158,7 @@ mod tests {
     #[test]
     fn the_worst_picture_and_the_covered_pixels_are_told_apart() {
         let field = cloud(1, 60);
-        let cameras = dome(&field, &[0.5], [0.0, 1.0, 0.0], 0.0, (32, 24));
+        let cameras = around(&field, 0.0, (32, 24));
         let pictures = Pictures::take(&RenderScene::from(&field), posed_views(&cameras, &[0.5]), || ());
         let part = field.select(&(0..50).collect::<Vec<_>>());
         let fidelity = pictures.compare(&RenderScene::from(&part), || ());

@@ -127,8 +127,9 @@ pub fn by_importance(scores: &[f64]) -> Vec<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::prune::posed_views;
+    use crate::prune::scenes::around;
     use crate::prune::scenes::{balls, cloud};
-    use crate::prune::{dome, posed_views};
     use codec::Temporal;
 
     /// Two Gaussians whose mean scales are 2 and 1/e.
@@ -177,7 +178,7 @@ mod tests {
     #[test]
     fn blending_is_summed_and_maximised_over_views() {
         let field = cloud(1, 60);
-        let cameras = dome(&field, &[0.5], [0.0, 1.0, 0.0], 0.0, (48, 36));
+        let cameras = around(&field, 0.0, (48, 36));
         let views = posed_views(&cameras, &[0.25, 0.75]);
         let mut calls = 0;
         let seen = contributions_to(&views, &field, || calls += 1);

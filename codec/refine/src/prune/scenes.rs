@@ -1,6 +1,11 @@
-//! Small fields for the tests of pruning.
+//! Small fields for the tests of pruning, and cameras around them.
 
-use codec::{Field, Temporal};
+use codec::{Camera, Field, Surroundings, Temporal};
+
+/// Cameras of `size` pixels around `field`, which has +y up.
+pub(crate) fn around(field: &Field, turn: f64, size: (u32, u32)) -> Vec<Camera> {
+    Surroundings::of(field, None, [0.0, 1.0, 0.0]).stand_points(turn, size).content
+}
 
 /// Static grey balls with equal standard deviation and opacity.
 pub(crate) fn balls(centers: &[[f32; 3]], sigma: f32, opacity: f32) -> Field {

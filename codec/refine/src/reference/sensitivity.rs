@@ -161,8 +161,9 @@ fn sums_in(field: &Field, plate: Option<&Field>, PosedView { camera, t }: &Posed
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::prune::posed_views;
+    use crate::prune::scenes::around;
     use crate::prune::scenes::{balls, cloud};
-    use crate::prune::{dome, posed_views};
     use crate::reference::{RenderScene, render};
     use codec::Camera;
 
@@ -170,7 +171,7 @@ mod tests {
     #[test]
     fn sensitivities_predict_the_error_of_a_picture() {
         let field = cloud(3, 40);
-        let cameras = dome(&field, &[0.5], [0.0, 1.0, 0.0], 0.0, (96, 72));
+        let cameras = around(&field, 0.0, (96, 72));
         let views = posed_views(&cameras, &[0.5]);
         let (rows, _) = sensitivities(&field, None, &views, || ()).unwrap();
         let error_of = |changed: &Field| {

@@ -541,7 +541,6 @@ pub(super) fn fit_and_write(
     let fitted =
         fit::fit(plan, capture_files, views, plate, runtime, out, &mut |progress| show(&bar, progress))?;
     bar.finish_and_clear();
-    let info = fit::clip_info(capture_files);
     let cameras = fit::learned_cameras(capture_files, &fitted.fit, views.timeline);
     if let Some(cameras) = &cameras {
         output::write_durable(&cameras_path(out), cameras.to_json().as_bytes())?;
@@ -549,6 +548,7 @@ pub(super) fn fit_and_write(
     // The checkpoint goes only when the field is safe.
     let record = capture_files.fit_record(plan.holdout);
     let [moving, still] = fitted.fit.to_field_and_plate();
+    let info = fit::clip_info(capture_files, &moving, plate.map(|_| &still));
     if plate.is_some() {
         write_plate(&plate_path(out), &still, &info)?;
     }

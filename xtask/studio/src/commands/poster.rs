@@ -7,7 +7,7 @@ use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-use codec::{EncodeError, Limits, Poster, Take, Viewpoint};
+use codec::{EncodeError, Limits, Poster, Viewpoint};
 use glam::DVec3;
 use program::{Fault, output};
 use serde_json::json;
@@ -125,7 +125,7 @@ fn chosen(args: &Args, file: &TakeFile, before: Option<Poster>) -> Result<Poster
         let end = decimal(take.duration_s, 3);
         return Err(Fault::Usage(format!("--time {time_s}: choose a time from 0 to {end} s")));
     }
-    let viewpoints = viewpoints(take);
+    let viewpoints = file.viewpoints();
     let Viewpoint { position, target, fov_y, .. } = match (&args.view, args.eye, args.target, before) {
         (Some(name), ..) => viewpoint(&viewpoints, name)?.clone(),
         (None, Some(position), Some(target), _) => {
@@ -158,14 +158,6 @@ fn check_tilt(eye: [f32; 3], target: [f32; 3], up: [f32; 3]) -> Result<(), Fault
         point(target),
         point(up)
     )))
-}
-
-/// The viewpoints of a take, or one that frames its bounds. Never empty.
-fn viewpoints(take: &Take) -> Vec<Viewpoint> {
-    match take.info.viewpoints.is_empty() {
-        true => vec![Viewpoint::framing(take.bounds, take.info.up)],
-        false => take.info.viewpoints.clone(),
-    }
 }
 
 fn viewpoint<'a>(viewpoints: &'a [Viewpoint], name: &str) -> Result<&'a Viewpoint, Fault> {

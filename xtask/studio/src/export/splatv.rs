@@ -2,7 +2,7 @@
 
 use std::f32::consts::SQRT_2;
 
-use codec::{ClipInfo, Field, SH_C0, Viewpoint};
+use codec::{ClipInfo, Field, SH_C0, Surroundings, Viewpoint};
 use half::f16;
 use serde_json::json;
 
@@ -16,10 +16,12 @@ const CAMERA_SIZE: (u32, u32) = (1024, 768);
 pub fn splatv(field: &Field, info: &ClipInfo) -> Vec<u8> {
     let lines = field.len().div_ceil(ROWS_PER_LINE);
     let size = lines * ROWS_PER_LINE * ROW;
-    let framing = [Viewpoint::framing(field.bounds(), info.up)];
-    let viewpoints = if info.viewpoints.is_empty() { &framing[..] } else { &info.viewpoints };
+    let viewpoints = match info.viewpoints.as_slice() {
+        [] => vec![Surroundings::of(field, None, info.up).opening()],
+        viewpoints => viewpoints.to_vec(),
+    };
     let cameras: Vec<SplatvCamera> =
-        (0..).zip(viewpoints).map(|(id, viewpoint)| camera(id, viewpoint, info.up)).collect();
+        (0..).zip(&viewpoints).map(|(id, viewpoint)| camera(id, viewpoint, info.up)).collect();
     let header = json!([{
         "type": "splat", "size": size, "texwidth": 4 * ROWS_PER_LINE, "texheight": lines,
         "cameras": cameras, "aarc": ClipRecord::from(info),

@@ -23,11 +23,11 @@ mod training_views;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use codec::{ClipInfo, Viewpoint};
+use codec::{ClipInfo, Field, Surroundings};
 use image::RgbImage;
 use program::{Fault, output};
 use rayon::prelude::*;
-use refine::capture::{CalibratedCamera, Focus};
+use refine::capture::CalibratedCamera;
 use refine::fit::{Backend, DeviceError, Fit, Lpips, RenderedImage, Run, TrainingView};
 
 use crate::capture::CaptureFiles;
@@ -275,44 +275,37 @@ pub fn remove_checkpoint(out: &Path) -> Result<(), Fault> {
 }
 
 /// Metadata of a clip of this capture: its duration and frame rate, its up direction or else the mean of its cameras', its
-/// scale, and viewpoints at some of the cameras that it is fitted to.
-pub fn clip_info(capture_files: &CaptureFiles) -> ClipInfo {
+/// scale, and viewpoints at some of the cameras that it is fitted to and that see the content of the `field` before its
+/// `plate`.
+pub fn clip_info(capture_files: &CaptureFiles, field: &Field, plate: Option<&Field>) -> ClipInfo {
     let cameras = &capture_files.capture.cameras;
     let duration_s = capture_files.capture.duration_s();
+    let up = match capture_files.stated_up {
+        Some(up) => up.map(|x| x as f32),
+        None => up_of(cameras.iter().map(|camera| &camera.camera)).unwrap_or(DEFAULT_UP),
+    };
+    let surroundings = Surroundings::of(field, plate, up);
     // A held camera may stand where no other looks.
-    let fitted: Vec<&CalibratedCamera> = cameras.iter().filter(|camera| !camera.held).collect();
-    let focus = Focus::of(fitted.iter().map(|camera| &camera.camera));
+    let mut fitted: Vec<&CalibratedCamera> = cameras.iter().filter(|camera| !camera.held).collect();
+    let is_shown = surroundings.which_show_content(fitted.iter().map(|camera| &camera.camera));
+    fitted = fitted
+        .into_iter()
+        .zip(is_shown)
+        .filter(|(_, is_shown)| *is_shown)
+        .map(|(camera, _)| camera)
+        .collect();
     let views = fitted.len().min(VIEWPOINTS_MAX);
+    let viewpoint = |i: usize| {
+        let CalibratedCamera { name, camera, .. } = fitted[i * fitted.len() / views];
+        surroundings.viewpoint(name, camera)
+    };
     ClipInfo {
         duration_s: if duration_s > 0.0 { duration_s as f32 } else { DEFAULT_DURATION_S },
         fps: capture_files.fps() as f32,
-        up: match capture_files.stated_up {
-            Some(up) => up.map(|x| x as f32),
-            None => up_of(cameras.iter().map(|camera| &camera.camera)).unwrap_or(DEFAULT_UP),
-        },
+        up,
         metres_per_unit: capture_files
             .metres_per_unit
             .map_or(DEFAULT_METRES_PER_UNIT, |metres| metres as f32),
-        viewpoints: (0..views).map(|i| viewpoint(fitted[i * fitted.len() / views], focus.as_ref())).collect(),
-    }
-}
-
-/// A viewpoint at a camera, with its target as far away as the focus of all cameras.
-fn viewpoint(camera: &CalibratedCamera, focus: Option<&Focus>) -> Viewpoint {
-    let CalibratedCamera { name, camera, .. } = camera;
-    let (position, forward) = (camera.position(), camera.camera_from_world[2]);
-    let ahead = |focus: &Focus| -> f64 {
-        let center = focus.center.to_array();
-        (0..3).map(|axis| (center[axis] - position[axis]) * forward[axis]).sum()
-    };
-    // A single camera has no focus: the world's origin is near the subject of most captures.
-    let to_origin = || position.iter().map(|x| x * x).sum::<f64>().sqrt();
-    let distance = focus.map(ahead).filter(|ahead| *ahead > 0.0).unwrap_or_else(to_origin);
-    let distance = if distance > 0.0 { distance } else { 1.0 };
-    Viewpoint {
-        name: name.clone(),
-        position: position.map(|x| x as f32),
-        target: std::array::from_fn(|axis| (position[axis] + distance * forward[axis]) as f32),
-        fov_y: (2.0 * (0.5 * f64::from(camera.height) / camera.k[1][1]).atan()) as f32,
+        viewpoints: (0..views).map(viewpoint).collect(),
     }
 }

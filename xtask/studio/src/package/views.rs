@@ -1,13 +1,12 @@
 //! The views that rank Gaussians and steer the coder, and the views that judge.
 //!
-//! They come from the viewpoints that the source states and from all around, over all of time: a player lets its user walk
-//! around. Where none is stated, they come from where people stand, and what is reported from further places of theirs that
-//! chose nothing. Judging views differ from steering views, so that no choice is judged by the
-//! pictures that led to it. A view that shows next to nothing, or one Gaussian's inside, does not count.
+//! They come from the viewpoints that the source states and from where people stand, over all of time: a player lets its user
+//! walk around. Judging views differ from steering views, so that no choice is judged by the pictures that led to it. A view
+//! that shows next to nothing, or one Gaussian's inside, does not count.
 
-use codec::{Camera, Field, StandPoints, Surroundings, unseen_rows};
+use codec::{Camera, Field, StandPoints, unseen_rows};
 use rayon::prelude::*;
-use refine::prune::{PosedView, dome, inside, instants, is_informative, steps_aside};
+use refine::prune::{PosedView, instants, is_informative, steps_aside};
 use refine::reference::RenderScene;
 
 use crate::scene::Scene;
@@ -26,9 +25,6 @@ const COMPARED: usize = 12;
 /// Number of views for joint rounding.
 const ROUNDING: usize = 80;
 
-/// Number of instants at which the extent of a field is measured.
-const EXTENT_INSTANTS: usize = 4;
-
 /// Maximum number of viewpoints that are used with all their steps aside.
 const VIEWPOINTS: usize = 2;
 
@@ -36,15 +32,15 @@ const VIEWPOINTS: usize = 2;
 /// may surround the subject.
 const AROUND: usize = 8;
 
-/// Increment of the camera index from picture to picture; coprime to the number of cameras of a source, 4, 5
-/// or 8 to 10, and around it, 8 or 12, where neighbours in the list are neighbours in space.
-const CAMERA_STEP: usize = 7;
+/// Increments of the camera index from picture to picture, since neighbours in the list are neighbours in space. The first
+/// that does not divide the number of cameras, at most 24, is coprime to it.
+const CAMERA_STEPS: [usize; 2] = [7, 5];
 
 /// Size in pixels of the pictures that measure the coding error.
 pub(crate) const CODED_SIZE: (u32, u32) = (640, 480);
 
-/// Camera placement: steps aside in degrees, whether the viewpoint itself is used, and rotation of the cameras
-/// all around relative to the angle between them.
+/// Camera placement: steps aside in degrees, whether the viewpoint itself is used, and rotation of the places where people
+/// stand relative to the angle between them.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Places {
     pub(crate) aside: f64,
@@ -111,16 +107,16 @@ pub(crate) fn compared_views(scene: &Scene, field: &Field, size: (u32, u32)) -> 
 }
 
 /// Views that measure what is reported, in pictures of this `size`; `None` where the source states viewpoints, whose judging
-/// views are reported.
+/// views are reported: a user who asks for a quality there reads that it is met.
 pub(crate) fn reported_views(scene: &Scene, field: &Field, size: (u32, u32)) -> Option<Vec<PosedView>> {
     (!states_viewpoints(scene)).then(|| views_of(scene, field, REPORTED_PLACES, size, COMPARED))
 }
 
-/// Number of rows of `field` that no place shows where people stand, whether it judges or steers.
-pub(crate) fn unseen(scene: &Scene, field: &Field, plate: Option<&Field>) -> usize {
+/// The rows of `field` that no place shows where people stand, whether it judges or steers.
+pub(crate) fn unseen(scene: &Scene, field: &Field, plate: Option<&Field>) -> Vec<usize> {
     let info = &scene.info;
-    let surroundings = Surroundings::of(field, plate, info.up);
-    let turned = [STEERING_PLACES, JUDGING_PLACES].map(|places| surroundings.stand_points(places.turn, SIZE));
+    let turned =
+        [STEERING_PLACES, JUDGING_PLACES].map(|places| scene.surroundings().stand_points(places.turn, SIZE));
     let mut cameras: Vec<Camera> =
         turned.into_iter().flat_map(|points| [points.content, points.around].concat()).collect();
     cameras.extend(info.viewpoints.iter().map(|viewpoint| viewpoint.camera(info.up, SIZE.0, SIZE.1)));
@@ -137,7 +133,7 @@ pub(crate) fn views_of(
     size: (u32, u32),
     count: usize,
 ) -> Vec<PosedView> {
-    let groups = camera_groups(scene, field, places, size);
+    let groups = camera_groups(scene, places, size);
     let mut views: Vec<PosedView> = match field.temporal {
         Some(_) => {
             let instants = instants(field, count);
@@ -172,8 +168,9 @@ pub(crate) fn blind_viewpoints(scene: &Scene) -> Vec<&str> {
 fn view_at(groups: &[Vec<Camera>], field: &Field, t: f64, i: usize) -> Option<PosedView> {
     let of_group = |group: &[Camera]| {
         let first = i / groups.len();
+        let step = CAMERA_STEPS.into_iter().find(|step| !group.len().is_multiple_of(*step)).unwrap_or(1);
         (0..group.len()).find_map(|k| {
-            let camera = group[(first + k) * CAMERA_STEP % group.len()].clone();
+            let camera = group[(first + k) * step % group.len()].clone();
             Some(PosedView { camera, t }).filter(|view| is_informative(field, view))
         })
     };
@@ -202,20 +199,15 @@ fn states_viewpoints(scene: &Scene) -> bool {
     !scene.assumed.contains(&"viewpoints") && !scene.info.viewpoints.is_empty()
 }
 
-/// Cameras for a field: those of the source's viewpoints, then a dome, with cameras inside where the field is a room. If the
-/// source states no viewpoint, those of people who look at the content, after those who look around, if there is more to
-/// see. Never empty; the last group is there whatever the field is.
-fn camera_groups(scene: &Scene, field: &Field, places: Places, size: (u32, u32)) -> Vec<Vec<Camera>> {
+/// Cameras for a scene: those of the source's viewpoints, then those of people who stand around the content and elsewhere.
+/// If the source states no viewpoint, half of all are the content's. Never empty; the last group is there whatever the field
+/// is.
+fn camera_groups(scene: &Scene, places: Places, size: (u32, u32)) -> Vec<Vec<Camera>> {
+    let StandPoints { content, around } = scene.surroundings().stand_points(places.turn, size);
     if !states_viewpoints(scene) {
-        let plate = scene.plate.as_ref().map(|plate| &plate.field);
-        let surroundings = Surroundings::of(field, plate, scene.info.up);
-        let StandPoints { content, around } = surroundings.stand_points(places.turn, size);
         return [around, content].into_iter().filter(|group| !group.is_empty()).collect();
     }
     let up = scene.info.up;
-    let instants = instants(field, EXTENT_INSTANTS);
-    let mut around = dome(field, &instants, up, places.turn, size);
-    around.extend(inside(field, &instants, up, places.turn, size));
     let viewpoints = &scene.info.viewpoints;
     // The first camera is the viewpoint itself.
     let own = usize::from(!places.viewpoint);
@@ -224,7 +216,7 @@ fn camera_groups(scene: &Scene, field: &Field, places: Places, size: (u32, u32))
         ..AROUND => viewpoints.iter().take(VIEWPOINTS).flat_map(steps_aside).collect(),
         many => (0..AROUND).map(|i| steps_aside(&viewpoints[i * many / AROUND]).swap_remove(0)).collect(),
     };
-    vec![known, around]
+    vec![known, [content, around].concat()]
 }
 
 pub(crate) fn render_scene<'a>(field: &'a Field, plate: Option<&'a Field>) -> RenderScene<'a> {
@@ -266,7 +258,7 @@ mod tests {
     fn a_ring_is_seen_from_all_its_sides_and_from_other_places_by_the_judge() {
         let scene = ring(16);
         let [steering, judging] = [STEERING_PLACES, JUDGING_PLACES].map(|places| ring_views(&scene, places));
-        // As many of the ring as of the dome.
+        // As many of the ring as from around.
         assert_eq!((steering.len(), judging.len()), (2 * AROUND, 2 * AROUND));
         for views in [&steering, &judging] {
             let x = views[..AROUND].iter().map(|view| view.camera.position()[0]).sum::<f64>();
@@ -313,6 +305,39 @@ mod tests {
         }
     }
 
+    /// Rows all over a ball of this `radius`, each of this `scale`.
+    fn shell(rows: usize, radius: f64, scale: f64, field: &mut Field) {
+        for row in 0..rows {
+            let height = 1.0 - (2 * row + 1) as f64 / rows as f64;
+            let (sin, cos) = libm::sincos(2.399_963 * row as f64);
+            let level = (1.0 - height * height).sqrt();
+            field.centers.push([level * cos, height, level * sin].map(|x| (radius * x) as f32));
+            field.log_scales.push([libm::log(scale) as f32; 3]);
+        }
+        field.rotations = vec![[1.0, 0.0, 0.0, 0.0]; field.len()];
+        field.opacities = vec![0.9; field.len()];
+        field.sh = vec![[0.5; 3]; field.len()];
+    }
+
+    #[test]
+    fn a_few_rows_of_a_far_sky_take_no_view_away_from_the_content() {
+        let distances = |sky: usize| {
+            let mut field = Field::default();
+            shell(1000, 1.0, 0.1, &mut field);
+            shell(sky, 100.0, 30.0, &mut field);
+            let viewpoints = ring(1).info.viewpoints;
+            let info = ClipInfo { up: [0.0, 1.0, 0.0], viewpoints, ..ClipInfo::default() };
+            let views = ring_views(&Scene::made("under a sky", field, info), STEERING_PLACES);
+            let position = |view: &PosedView| view.camera.position();
+            let distance = |[x, y, z]: [f64; 3]| (x * x + y * y + z * z).sqrt();
+            let near = views.iter().map(position).map(distance).filter(|&distance| distance < 10.0).count();
+            (near, views.len())
+        };
+        let (alone, views) = distances(0);
+        assert_eq!(alone, views);
+        assert!(distances(100).0 >= alone, "{:?}", distances(100));
+    }
+
     #[test]
     fn views_that_show_nothing_do_not_count() {
         let mut scene = ring(2);
@@ -324,8 +349,9 @@ mod tests {
         let views = ring_views(&scene, JUDGING_PLACES);
         assert_eq!(views.len(), 5 + AROUND);
         scene.info.viewpoints.remove(0);
-        assert_eq!(ring_views(&scene, JUDGING_PLACES).len(), AROUND, "only the dome");
-        scene.subject.field.opacities[0] = 0.0;
-        assert_eq!(ring_views(&scene, JUDGING_PLACES).len(), AROUND, "nothing to see: the dome");
+        assert_eq!(ring_views(&scene, JUDGING_PLACES).len(), AROUND, "only from around");
+        let mut nothing = ring(2);
+        nothing.subject.field.opacities[0] = 0.0;
+        assert_eq!(ring_views(&nothing, JUDGING_PLACES).len(), AROUND, "nothing to see: from around");
     }
 }

@@ -37,7 +37,9 @@ impl ReportSubject {
                 let scene = |field| Scene::made(&name, field, clip.info.clone());
                 let plate = clip.plate.clone().map(|plate| scene(plate).subject);
                 let assumed = if clip.info.viewpoints.is_empty() { vec!["viewpoints"] } else { Vec::new() };
-                Scene { plate, assumed, ..scene(clip.merged()) }
+                let mut whole = scene(clip.merged());
+                (whole.plate, whole.assumed) = (plate, assumed);
+                whole
             }
         };
         let (field, _) = visible(&scene.subject);

@@ -19,8 +19,9 @@ pub struct DecodedTake {
     pub info: ClipInfo,
     /// Duration in seconds; that of `info` is this one, rounded.
     pub duration_s: f64,
+    /// The viewpoints of `info`, or the opening at the start if there are none. Never empty.
+    pub viewpoints: Vec<Viewpoint>,
     segments: Vec<DecodedSegment>,
-    bounds: [[f32; 3]; 2],
 }
 
 /// A segment in memory.
@@ -65,14 +66,6 @@ impl SegmentContent {
         match self {
             SegmentContent::Clip(_) => FitRecord::default(),
             SegmentContent::Scene(scene) => scene.fit_record(),
-        }
-    }
-
-    /// Corners of the box around all centres but the background's.
-    fn bounds(&self) -> [[f32; 3]; 2] {
-        match self {
-            SegmentContent::Clip(clip) => clip.bounds,
-            SegmentContent::Scene(scene) => scene.subject.field.bounds(),
         }
     }
 
@@ -129,8 +122,8 @@ impl DecodedTake {
             }
             eprintln!("note: {what}");
         }
-        let (info, duration_s, bounds) = (take.info.clone(), take.duration_s, take.bounds);
-        Ok(DecodedTake { info, duration_s, segments, bounds })
+        let (info, duration_s, viewpoints) = (take.info.clone(), take.duration_s, file.viewpoints());
+        Ok(DecodedTake { info, duration_s, viewpoints, segments })
     }
 
     /// Reads the segments of a field folder that hold one of the `seconds`, or all without any.
@@ -146,7 +139,6 @@ impl DecodedTake {
         let (duration_s, mut gaussians) = (folder.duration_s, 0);
         let first = folder.scene(0)?;
         let info = ClipInfo { duration_s: duration_s as f32, ..first.info.clone() };
-        let mut bounds = first.subject.field.bounds();
         let mut segments = Vec::new();
         for index in 0..folder.len() {
             let span = folder.span(index);
@@ -156,14 +148,12 @@ impl DecodedTake {
                 continue;
             }
             let content = read_segment(folder, index)?;
-            let [low, high] = content.bounds();
-            let outer = |a: [f32; 3], b: [f32; 3], of: fn(f32, f32) -> f32| [0, 1, 2].map(|i| of(a[i], b[i]));
-            bounds = [outer(bounds[0], low, f32::min), outer(bounds[1], high, f32::max)];
             gaussians += content.len();
             check_size(&path.display().to_string(), gaussians)?;
             segments.push(DecodedSegment { span, content });
         }
-        Ok(DecodedTake { info, duration_s, segments, bounds })
+        let viewpoints = info.viewpoints.clone();
+        Ok(DecodedTake { info, duration_s, viewpoints, segments })
     }
 
     /// What all of the segments that were read record of their fit: held-out frames, and mattes.
@@ -195,14 +185,6 @@ impl DecodedTake {
     /// Whether a segment has a background plate.
     pub fn has_plate(&self) -> bool {
         self.segments.iter().any(|segment| segment.content.plate().is_some())
-    }
-
-    /// The viewpoints, or one that frames the bounds if there are none. Never empty.
-    pub fn viewpoints(&self) -> Vec<Viewpoint> {
-        match self.info.viewpoints.as_slice() {
-            [] => vec![Viewpoint::framing(self.bounds, self.info.up)],
-            viewpoints => viewpoints.to_vec(),
-        }
     }
 
     /// All Gaussians but the backgrounds' as one field, in clip time of the take, and how many of them are alive

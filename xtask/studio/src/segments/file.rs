@@ -6,7 +6,7 @@ use std::num::NonZero;
 use std::path::{Path, PathBuf};
 use std::thread::available_parallelism;
 
-use codec::{Clip, Contents, Error, FormatError, Limits, Package, Poster, Sound, Take};
+use codec::{Clip, Contents, Error, FormatError, Limits, Package, Poster, Sound, Take, Viewpoint};
 use program::Fault;
 
 use super::folder::FieldFolder;
@@ -185,6 +185,17 @@ impl TakeFile {
             true => bad_package(&self.path, &error),
             false => self.damaged(index, &without_number(&error)),
         })
+    }
+
+    /// The viewpoints, or the opening at the start if there are none, by the segments there that can be decoded. Never
+    /// empty.
+    pub fn viewpoints(&self) -> Vec<Viewpoint> {
+        if !self.take.info.viewpoints.is_empty() {
+            return self.take.info.viewpoints.clone();
+        }
+        let decoded = |index: usize| Some((index, self.decode(index).ok()?));
+        let clips: Vec<(usize, Clip)> = self.take.at(0.0).filter_map(decoded).collect();
+        vec![self.take.surroundings(&clips).opening()]
     }
 
     /// Checks that the first `length` bytes of a segment are in the file.

@@ -156,14 +156,15 @@ fn add_top(field: &Field, duration_s: f64, parts: &mut Vec<SplitSegment>) {
 fn scene_of_part(whole: &Scene, part: &SplitSegment, duration_s: f64) -> Scene {
     let info = ClipInfo { duration_s: part.duration_s as f32, ..whole.info.clone() };
     let name = format!("{} from {} s", whole.name, part.start_s);
-    let made = Scene::made(&name, part.field.clone(), info);
+    let mut scene = Scene::made(&name, part.field.clone(), info);
     let plate = whole.plate.as_ref().filter(|_| spans_all(part, duration_s));
-    let plate = plate.map(|plate| Imported {
+    scene.plate = plate.map(|plate| Imported {
         field: plate.field.clone(),
         hints: plate.hints.clone(),
         repairs: plate.repairs.clone(),
         format: plate.format,
         notes: plate.notes.clone(),
     });
-    Scene { plate, assumed: whole.assumed.clone(), is_segment: true, ..made }
+    (scene.assumed, scene.is_segment) = (whole.assumed.clone(), true);
+    scene
 }

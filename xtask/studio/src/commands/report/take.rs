@@ -131,7 +131,8 @@ fn measure_file(
     let take = file.take();
     let mut compared = reference.map(|path| Reference::load(path, take)).transpose()?;
     let capture_files = request.capture.map(|folder| capture_of(folder, request, take)).transpose()?;
-    let (viewpoint, camera) = view(take, size);
+    let viewpoint = file.viewpoints().swap_remove(0);
+    let camera = viewpoint.camera(take.info.up, size[0], size[1]);
     let layers = take.segments.iter().map(|segment| segment.layers.len()).max().unwrap_or(1);
     let (cuts, times) = (cuts(take), instants(take));
     let progress = StagedProgress::visible();
@@ -162,7 +163,7 @@ fn measure_file(
             duration_s: take.duration_s,
             layers,
             size,
-            viewpoint,
+            viewpoint: viewpoint.name,
             reference: reference.map(name_of),
         },
         course: course(take),
@@ -234,13 +235,6 @@ fn photographs(
     let frames = over_time(capture_files, &cameras, draw, || progress.step())?;
     let cameras = cameras.into_iter().map(|camera| capture.cameras[camera].name.clone()).collect();
     Ok(TakePhotographs::new(cameras, frames, cuts_s))
-}
-
-/// The first viewpoint of a take, or one that frames all of it.
-fn view(take: &Take, [width, height]: [u32; 2]) -> (String, Camera) {
-    let viewpoint = take.info.viewpoints.first().cloned();
-    let viewpoint = viewpoint.unwrap_or_else(|| codec::Viewpoint::framing(take.bounds, take.info.up));
-    (viewpoint.name.clone(), viewpoint.camera(take.info.up, width, height))
 }
 
 /// Seconds at which a segment begins or ends, ascending, without the ends of the take.

@@ -28,6 +28,7 @@ mod windows;
 mod work_folder;
 
 use anyhow::bail;
+use codec::Field;
 use program::Fault;
 use refine::anchor::AnchorError;
 
@@ -147,8 +148,9 @@ fn whole(
         has_mattes: capture_files.has_mattes(),
         ..FitRecord::default()
     };
-    let info = clip_info(capture_files);
-    let Some(assembled) = assemble(work, &windows, interval_s, &info, &record)? else {
+    let info = |field: &Field| clip_info(capture_files, field, None);
+    let Some(assembled) = assemble(work, &windows, interval_s, (info, capture_files.fps() as f32), &record)?
+    else {
         let why = without_anchor.map_or_else(String::new, |error| format!("no anchor: {error}; "));
         let out = work.out.display();
         bail!(Fault::Data(format!(
