@@ -10,8 +10,8 @@
 pub const NEAR_SHARE: f64 = 0.2;
 
 /// [`Field::near`](crate::Field::near) as a share of the size of the content, twice
-/// [`Surroundings::content_radius`](crate::Surroundings::content_radius), for a field of another program, which states none: nobody knows at which
-/// distance its cameras stood. It is 0.01 units in a field of unit size, the near plane of other renderers.
+/// [`Surroundings::content_radius`](crate::Surroundings::content_radius), for a field of another program, which states none:
+/// nobody knows at which distance its cameras stood. It is 0.01 units in a field of unit size, the near plane of other renderers.
 pub const NEAR_OF_SIZE: f64 = 0.01;
 
 /// Share of [`Field::near`](crate::Field::near) up to which nothing is drawn.
