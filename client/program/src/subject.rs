@@ -54,7 +54,7 @@ impl Subject {
         }
     }
 
-    /// As [`Subject::new`], of a clip or a take without viewpoints: it gets that of its opening.
+    /// As [`Subject::new`], of a clip or a take without viewpoints: adds its opening view to `info`.
     pub fn with_opening(surroundings: &Surroundings, info: &mut ClipInfo) -> Subject {
         info.viewpoints.push(surroundings.opening());
         Subject::new(info, surroundings)

@@ -2,10 +2,10 @@
 //!
 //! What a disc counts is its opacity times its area, at most the area that a fifth of them do not have: walls and a sky are
 //! made of larger ones than what stands before them, dust of smaller ones. The content is the ball with the largest weight
-//! over radius^0.75, among balls with a fifth of all weight. The exponent is below 1, with which a stick counts as much as
-//! any half of it, and so high that half of the weight in a tenth of the size wins over the whole. Balls are found from
-//! seeds by mean shift: the centre of mass of a ball is the centre of the next. Further balls of about that size and score
-//! near it belong to the content: two people, or one who walks.
+//! over radius^0.75, among balls with a fifth of all weight. With an exponent of 1, half of a stick would count as much as the
+//! whole stick. With a lower one, a room would count more than an object in it that has half of the weight in a tenth of the
+//! size. Balls are found from seeds by mean shift: the centre of mass of a ball is the centre of the next. Further balls of
+//! about that size and score near it belong to the content: two people, or one who walks.
 
 use super::discs::{Disc, Discs};
 use crate::camera::{dot, norm, sub};

@@ -147,11 +147,11 @@ impl Surroundings {
         near.mark_content();
         // What is around the balls belongs to the content where they are seen from outside of all: a body with a neck.
         let Some(bounds) = whole else { return near };
-        let content = Content { bounds, ..near.content.clone() };
-        let all = Surroundings { content, is_alone: true, ..near.clone() };
+        let content = near.content.clone();
+        let all = Surroundings { content: Content { bounds, ..near.content }, is_alone: true, ..near };
         let ring = ring_directions(up, 0.0);
         let shown = ring.iter().filter(|&&direction| all.stand(direction, 1.0).shows_content()).count();
-        if 2 * shown >= ring.len() { all } else { near }
+        if 2 * shown >= ring.len() { all } else { Surroundings { content, is_alone: false, ..all } }
     }
 
     /// Corners `[min, max]` of the box around the content, without strays, in source units.

@@ -32,8 +32,8 @@ const VIEWPOINTS: usize = 2;
 /// may surround the subject.
 const AROUND: usize = 8;
 
-/// Increments of the camera index from picture to picture, since neighbours in the list are neighbours in space. The first
-/// that does not divide the number of cameras, at most 24, is coprime to it.
+/// Increments of the camera index from picture to picture, since neighbours in the list are neighbours in space. Both
+/// are prime: the first that does not divide the number of cameras, at most 24, visits all of them.
 const CAMERA_STEPS: [usize; 2] = [7, 5];
 
 /// Size in pixels of the pictures that measure the coding error.

@@ -45,15 +45,15 @@ pub(crate) fn visible_scene(scene: &Scene, settings: &PackageSettings) -> Result
         }
     }
 
-    let (plate, plate_counts) = background.unzip();
-    // A plate without a visible Gaussian is dropped.
-    let plate = plate.filter(|plate| !plate.is_empty());
     if field.is_empty() {
         return Err(Fault::Data(format!(
             "{}: it has no Gaussian that can be seen; check its opacities and times",
             scene.name
         )));
     }
+    let (plate, plate_counts) = background.unzip();
+    // A plate without a visible Gaussian is dropped.
+    let plate = plate.filter(|plate| !plate.is_empty());
     Ok(VisibleScene { field, subject, plate, plate_counts, parts_removed })
 }
 
