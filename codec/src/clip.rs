@@ -81,13 +81,17 @@ impl Viewpoint {
     /// (OpenGL, glTF), along +z if y points down (OpenCV), along +y if z points up. `bounds` may be
     /// empty; its coordinates must be finite and at most 1e37.
     pub fn framing(bounds: [[f32; 3]; 2], up: [f32; 3]) -> Viewpoint {
-        let [low, high] = bounds.map(|corner| corner.map(f64::from));
-        let center: [f64; 3] = std::array::from_fn(|axis| 0.5 * (low[axis] + high[axis]));
-        let half: [f64; 3] = std::array::from_fn(|axis| 0.5 * (high[axis] - low[axis]).abs());
         let up = up.map(f64::from);
         // Rows: right, down, forward.
         let right = if up[0].abs() < 0.99 * norm(up) { [1.0, 0.0, 0.0] } else { [0.0, 0.0, 1.0] };
-        let forward = cross(up, right);
+        Viewpoint::framing_along(cross(up, right), bounds, up)
+    }
+
+    /// As [`Viewpoint::framing`], in the direction `forward`.
+    pub(crate) fn framing_along(forward: [f64; 3], bounds: [[f32; 3]; 2], up: [f64; 3]) -> Viewpoint {
+        let [low, high] = bounds.map(|corner| corner.map(f64::from));
+        let center: [f64; 3] = std::array::from_fn(|axis| 0.5 * (low[axis] + high[axis]));
+        let half: [f64; 3] = std::array::from_fn(|axis| 0.5 * (high[axis] - low[axis]).abs());
         let axes = Camera::look_at([0.0; 3], forward, up, FRAMING_FOV_Y, 1, 1).camera_from_world;
         let [x, y, z] =
             [0, 1, 2].map(|row| (0..3).map(|axis| axes[row][axis].abs() * half[axis]).sum::<f64>());

@@ -43,6 +43,9 @@ const STRAYS: f64 = 0.02;
 /// Distance from the centre up to which things belong to the content, in radii: an arm that reaches out of the ball.
 pub(super) const EXTENT: f64 = 2.0;
 
+/// Largest gap between things one above the other that belong together, in radii: legs below a body, feet on a floor.
+const GAP_MAX: f64 = 0.25;
+
 /// Nothing but content is there where all but strays lie within so many radii, such as a body with thin limbs.
 const LONE_EXTENT: f64 = 4.0;
 
@@ -51,6 +54,8 @@ const LONE_EXTENT: f64 = 4.0;
 pub(super) struct Content {
     /// The balls that hold most of it, the best one first. Never empty.
     pub(super) balls: Vec<Ball>,
+    /// Lowest and highest points of what stands above and below the centres of the balls without a gap, in source units.
+    pub(super) ends: Vec<[f64; 3]>,
     /// Corners `[min, max]` of the box around it, without strays, in source units.
     pub(super) bounds: [[f64; 3]; 2],
 }
@@ -74,21 +79,23 @@ pub(super) struct Ball {
 
 impl Content {
     /// The content of the field of `discs`, and the box of all of the field where there may be nothing but content. A ball
-    /// of radius 1 at the origin without discs.
-    pub(super) fn of(discs: &Discs) -> (Content, Option<[[f64; 3]; 2]>) {
+    /// of radius 1 at the origin without discs. `up` is a unit vector.
+    pub(super) fn of(discs: &Discs, up: [f64; 3]) -> (Content, Option<[[f64; 3]; 2]>) {
         let (masses, grain) = masses(discs);
         let total: f64 = masses.iter().map(|mass| mass.weight).sum();
         if total <= 0.0 {
             let ball = Ball { center: [0.0; 3], radius: 1.0, score: 0.0 };
-            return (Content { balls: vec![ball], bounds: [[-1.0; 3], [1.0; 3]] }, None);
+            return (Content { balls: vec![ball], ends: Vec::new(), bounds: [[-1.0; 3], [1.0; 3]] }, None);
         }
         let found: Vec<Ball> =
             seeds(&masses, total).into_iter().map(|seed| shifted(seed, &masses, total, grain)).collect();
-        let content = Content { balls: group(&found), bounds: [[0.0; 3]; 2] };
+        let balls = group(&found);
+        let ends = balls.iter().flat_map(|ball| ball.ends(&masses, up)).collect();
+        let content = Content { balls, ends, bounds: [[0.0; 3]; 2] };
         let beyond = |mass: &Mass| (content.radii_to(mass.point), mass.weight);
         let is_alone = weighted_quantile(masses.iter().map(beyond), 1.0 - STRAYS) <= LONE_EXTENT;
         let whole = is_alone.then(|| box_of(&content.parts(masses.clone(), true)));
-        let bounds = box_of(&content.parts(masses, false));
+        let bounds = with_points(box_of(&content.parts(masses, false)), content.ends.iter().copied());
         (Content { bounds, ..content }, whole)
     }
 
@@ -118,6 +125,40 @@ impl Content {
             std::array::from_fn(|axis| self.balls.iter().map(|ball| share * ball.center[axis]).sum());
         self.balls.iter().map(|ball| norm(sub(ball.center, center)) + ball.radius).fold(0.0, f64::max)
     }
+}
+
+impl Ball {
+    /// Lowest and highest points along `up`, a unit vector, of what stands above and below the centre without a gap.
+    fn ends(&self, masses: &[Mass], up: [f64; 3]) -> [[f64; 3]; 2] {
+        // In radii.
+        let mut heights: Vec<f64> = masses
+            .iter()
+            .filter_map(|mass| {
+                let from_center = sub(mass.point, self.center).map(|x| x / self.radius);
+                let height = dot(from_center, up);
+                let aside = norm(std::array::from_fn(|axis| from_center[axis] - height * up[axis]));
+                (aside <= 1.0 && height.abs() <= LONE_EXTENT).then_some(height)
+            })
+            .collect();
+        heights.sort_by(f64::total_cmp);
+        let above = heights.partition_point(|height| *height < 0.0);
+        let low = reach(heights[..above].iter().rev());
+        let high = reach(heights[above..].iter());
+        [low, high]
+            .map(|height| std::array::from_fn(|axis| self.center[axis] + height * self.radius * up[axis]))
+    }
+}
+
+/// The last of `heights`, from 0 on, before a gap.
+fn reach<'a>(heights: impl Iterator<Item = &'a f64>) -> f64 {
+    let mut end = 0.0;
+    for height in heights {
+        if (height - end).abs() > GAP_MAX {
+            break;
+        }
+        end = *height;
+    }
+    end
 }
 
 /// The ball that mean shift finds from `seed`.
@@ -166,13 +207,21 @@ pub(super) fn bounds_along(
         let [low, high] = content.bounds;
         let corner =
             |i: usize| along([0, 1, 2].map(|axis| if i >> axis & 1 == 0 { low } else { high }[axis]));
-        let outer = |of: fn(f64, f64) -> f64| {
-            (1..8).map(corner).fold(corner(0), |a, b| [0, 1, 2].map(|axis| of(a[axis], b[axis])))
-        };
-        return [outer(f64::min), outer(f64::max)];
+        return with_points([corner(0); 2], (1..8).map(corner));
     }
     masses.iter_mut().for_each(|mass| mass.point = along(mass.point));
-    box_of(&masses)
+    let ends = if is_alone { &[][..] } else { &content.ends };
+    with_points(box_of(&masses), ends.iter().map(|end| along(*end)))
+}
+
+/// The smallest box around a box and `points`.
+fn with_points(bounds: [[f64; 3]; 2], points: impl Iterator<Item = [f64; 3]>) -> [[f64; 3]; 2] {
+    points.fold(bounds, |[low, high], point| {
+        let outer = |corner: [f64; 3], of: fn(f64, f64) -> f64| {
+            std::array::from_fn(|axis| of(corner[axis], point[axis]))
+        };
+        [outer(low, f64::min), outer(high, f64::max)]
+    })
 }
 
 /// The masses of the discs of fields, and the size of a point.

@@ -14,6 +14,7 @@
 mod content;
 mod discs;
 mod glance;
+mod opening;
 #[cfg(test)]
 mod tests;
 
@@ -61,11 +62,8 @@ const BLOCKED_MAX: f64 = 0.25;
 /// ... or where less than this share of the content shows between what stands before it.
 const CONTENT_MIN: f64 = 0.25;
 
-/// Share of the content that the opening view shows at least, if any does, and a stand point across a room.
+/// Share of the content that shows at least in the opening view, if any does, and from a stand point across a room.
 const CLEAR_CONTENT_MIN: f64 = 0.5;
-
-/// Directions of the opening view, in eighths of a turn from the front.
-const OPENING_TURNS: [f64; 8] = [0.0, 1.0, -1.0, 2.0, -2.0, 3.0, -3.0, 4.0];
 
 /// A further stand point shows at least this share of all rows that no other has shown, ...
 const COVER_GAIN_MIN: f64 = 0.01;
@@ -116,7 +114,12 @@ impl Look {
 impl Surroundings {
     /// The surroundings that a field and its static background make; `up` points up in the axes of the field.
     pub fn of(field: &Field, plate: Option<&Field>, up: [f32; 3]) -> Surroundings {
-        Surroundings::of_discs(Discs::of(&[(field, [0.0, 1.0])], plate, ROWS), up)
+        Surroundings::of_parts(&[(field, [0.0, 1.0])], plate, up)
+    }
+
+    /// The surroundings that fields make which are shown at once, each in a range of its clip time.
+    pub fn of_parts(parts: &[(&Field, [f64; 2])], plate: Option<&Field>, up: [f32; 3]) -> Surroundings {
+        Surroundings::of_discs(Discs::of(parts, plate, ROWS), up)
     }
 
     /// The surroundings that `clips` make which are shown at once, each in a range of its clip time.
@@ -126,7 +129,7 @@ impl Surroundings {
             .flat_map(|&(clip, range)| [(&clip.static_field, range), (&clip.dynamic_field, range)])
             .collect();
         let plate = clips.iter().find_map(|(clip, _)| clip.plate.as_ref());
-        Surroundings::of_discs(Discs::of(&parts, plate, ROWS), up)
+        Surroundings::of_parts(&parts, plate, up)
     }
 
     /// The surroundings of a field of which nothing but its box is known: all of it is content.
@@ -136,13 +139,13 @@ impl Surroundings {
         let half_diagonal = 0.5 * norm(sub(high, low));
         let radius = if half_diagonal > 0.0 { half_diagonal } else { 1.0 };
         let center = std::array::from_fn(|axis| 0.5 * (low[axis] + high[axis]));
-        let content = Content { balls: vec![Ball { center, radius, score: 0.0 }], bounds };
+        let content = Content { balls: vec![Ball { center, radius, score: 0.0 }], ends: Vec::new(), bounds };
         Surroundings { content, is_alone: true, discs: Discs::of(&[], None, 0), up: unit_up(up) }
     }
 
     fn of_discs(discs: Discs, up: [f32; 3]) -> Surroundings {
-        let (content, whole) = Content::of(&discs);
         let up = unit_up(up);
+        let (content, whole) = Content::of(&discs, up);
         let mut near = Surroundings { content, is_alone: false, discs, up };
         near.mark_content();
         // What is around the balls belongs to the content where they are seen from outside of all: a body with a neck.
@@ -197,33 +200,6 @@ impl Surroundings {
         let filled: Vec<f64> = cameras.map(filled).collect();
         let least = 0.5 * filled.iter().copied().fold(0.0, f64::max);
         filled.into_iter().map(|filled| filled >= least).collect()
-    }
-
-    /// The view in which people see the field first: the content fills it, from the front, or from the side or the
-    /// distance from which most of it shows.
-    pub fn opening(&self) -> Viewpoint {
-        let bounds = self.content.bounds.map(|corner| corner.map(|x| x as f32));
-        let up = self.up.map(|x| x as f32);
-        let front = Viewpoint::framing(bounds, up);
-        let target = front.target.map(f64::from);
-        let arm = sub(front.position.map(f64::from), target);
-        let mut best: Option<(f64, Viewpoint)> = None;
-        for distance in DISTANCES {
-            for turn in OPENING_TURNS {
-                let turned = rotate(arm, self.up, turn * std::f64::consts::FRAC_PI_4);
-                let position = std::array::from_fn(|axis| (target[axis] + distance * turned[axis]) as f32);
-                let viewpoint = Viewpoint { position, ..front.clone() };
-                let look = self.look(viewpoint.camera(up, SIZE.0, SIZE.1), distance * norm(arm));
-                let shown = if look.is_free() { look.glance.content } else { 0.0 };
-                if shown >= CLEAR_CONTENT_MIN {
-                    return viewpoint;
-                }
-                if best.as_ref().map_or(0.0, |(most, _)| *most) < shown {
-                    best = Some((shown, viewpoint));
-                }
-            }
-        }
-        best.map_or(front, |(_, viewpoint)| viewpoint)
     }
 
     /// The places where people stand, as cameras of `size` pixels. From each the content shows between what stands

@@ -400,6 +400,117 @@ fn corner() -> Vec<Row> {
     (0..COUNT / 2).map(row).collect()
 }
 
+/// A body of 1.8 units on the ground at the origin: most of its weight is in the trunk, arms and legs are thin.
+fn slender() -> Vec<Row> {
+    let mut random = numbers(7);
+    let mut part = |count: usize, center: [f64; 3], size: [f64; 3], scale: f64| {
+        (0..count)
+            .map(|_| {
+                let side = direction(&mut random);
+                (std::array::from_fn(|axis| center[axis] + size[axis] * side[axis]), scale)
+            })
+            .collect::<Vec<Row>>()
+    };
+    [
+        part(1500, [0.0, 1.2, 0.0], [0.2, 0.35, 0.13], 0.02),
+        part(400, [0.0, 1.65, 0.0], [0.1, 0.15, 0.1], 0.015),
+        part(200, [0.5, 1.4, 0.0], [0.3, 0.05, 0.05], 0.012),
+        part(200, [-0.5, 1.4, 0.0], [0.3, 0.05, 0.05], 0.012),
+        part(200, [0.12, 0.45, 0.0], [0.06, 0.45, 0.06], 0.015),
+        part(200, [-0.12, 0.45, 0.0], [0.06, 0.45, 0.06], 0.015),
+    ]
+    .concat()
+}
+
+#[test]
+fn a_body_stands_on_its_feet_in_a_room() {
+    let walls: Vec<Row> = corner().into_iter().filter(|(center, _)| center[1] > 0.05).collect();
+    for (what, around) in [("on a floor", corner()), ("without a floor", walls)] {
+        let rows = [slender(), around].concat();
+        let [low, high] = surroundings(&rows).content_bounds();
+        assert!(low[1].abs() < 0.05 && (high[1] - 1.8).abs() < 0.1, "{what}: {low:?} {high:?}");
+        // Of the whole floor, what is below the body.
+        assert!(low[0] > -1.2 && high[0] < 1.2 && high[2] < 0.5, "{what}: {low:?} {high:?}");
+        // The same body on its side.
+        let rolled: Vec<Row> = rows.iter().map(|([x, y, z], scale)| ([-y, *x, *z], *scale)).collect();
+        let [low, high] = Surroundings::of(&field(&rolled), None, [-1.0, 0.0, 0.0]).content_bounds();
+        assert!((low[0] + 1.8).abs() < 0.1 && high[0].abs() < 0.05, "{what}: {low:?} {high:?}");
+    }
+    // What is on a table does not reach through the air below it.
+    let table = |y: f64| {
+        (0..1000).map(move |i| ([0.1 * f64::from(i % 32) - 1.6, y, 0.1 * f64::from(i / 32) - 1.6], 0.05))
+    };
+    let rows = [ball(COUNT, 0.3), table(-0.3).collect(), placed(&corner(), 1.0, [0.0, -1.2, 0.0])].concat();
+    let [low, _] = surroundings(&rows).content_bounds();
+    assert!((low[1] + 0.3).abs() < 0.05, "{low:?}");
+}
+
+#[test]
+fn nobody_opens_in_the_haze_of_a_wall() {
+    let ball = field(&ball(COUNT, 1.0));
+    let z = f64::from(Surroundings::of(&ball, None, UP).opening().position[2]);
+    let mut haze = field(&room(COUNT, 0.95 * z));
+    haze.opacities.fill(0.02);
+    let surroundings = Surroundings::of(&ball, Some(&haze), UP);
+    let opening = surroundings.opening();
+    let blocked = surroundings.look(opening.camera(UP, SIZE.0, SIZE.1), z).glance.blocked;
+    assert!(blocked < 0.05 && opening.position[2] > 1.5, "{blocked}: {opening:?}");
+}
+
+/// A rectangle around the origin, `sides` along the axes, one of them 0.
+fn rectangle(sides: [f64; 3]) -> Vec<Row> {
+    let mut random = numbers(8);
+    (0..COUNT).map(|_| (sides.map(|side| side * (random() - 0.5)), 0.02)).collect()
+}
+
+#[test]
+fn flat_content_is_seen_from_its_broad_side() {
+    for (sides, broad) in [([2.0, 1.5, 0.0], 2), ([0.0, 1.5, 2.0], 0), ([2.0, 0.0, 2.0], 1)] {
+        let position = surroundings(&rectangle(sides)).opening().position.map(|x| f64::from(x).abs());
+        let share = position[broad] / norm(position);
+        // From above, people see it at an angle.
+        let least = if broad == 1 { 0.45 } else { 0.99 };
+        assert!(share > least, "{sides:?}: {position:?}");
+    }
+}
+
+/// The four walls, the floor and the ceiling of a room of 6 x 2.5 x 6 units around the origin.
+fn walls() -> Vec<Row> {
+    let mut random = numbers(9);
+    let row = |i: usize| {
+        let [a, b] = [random() - 0.5, random() - 0.5];
+        let side = if i.is_multiple_of(2) { 3.0 } else { -3.0 };
+        let center = match i / 2 % 4 {
+            0 => [side, 2.5 * a, 6.0 * b],
+            1 => [6.0 * a, 2.5 * b, side],
+            _ => [6.0 * a, 1.25 * side / 3.0, 6.0 * b],
+        };
+        (center, 0.1)
+    };
+    (0..COUNT).map(row).collect()
+}
+
+#[test]
+fn a_furnished_room_is_seen_from_within() {
+    let cupboards = |x: f64| placed(&ball(COUNT / 6, 0.7), 1.0, [x, -0.5, x]);
+    let furnished = [walls(), cupboards(1.0), cupboards(-1.4)].concat();
+    for (unit, origin) in [(1.0, [0.0; 3]), (1e-3, [500.0, 2.0, -70.0])] {
+        let opening = surroundings(&placed(&furnished, unit, origin)).opening();
+        for point in [opening.position, opening.target] {
+            let point: [f64; 3] = std::array::from_fn(|axis| f64::from(point[axis]) / unit - origin[axis]);
+            assert!(
+                point[0].abs() < 2.9 && point[1].abs() < 1.2 && point[2].abs() < 2.9,
+                "{unit}: {opening:?}"
+            );
+        }
+    }
+    // A hollow body looks like a room without anything in it.
+    for rows in [walls(), room(COUNT, 1.0)] {
+        let opening = surroundings(&rows).opening();
+        assert!(norm(opening.position.map(f64::from)) > 2.0, "{opening:?}");
+    }
+}
+
 #[test]
 fn the_box_along_other_axes_is_that_of_the_content() {
     let rows = [person(1.0), corner()].concat();
