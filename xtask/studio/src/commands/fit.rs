@@ -548,7 +548,7 @@ pub(super) fn fit_and_write(
     // The checkpoint goes only when the field is safe.
     let record = capture_files.fit_record(plan.holdout);
     let [moving, still] = fitted.fit.to_field_and_plate();
-    let info = fit::clip_info(capture_files, &moving, plate.map(|_| &still));
+    let info = fit::clip_info(capture_files, &[(&moving, [0.0, 1.0])], plate.map(|_| &still));
     if plate.is_some() {
         write_plate(&plate_path(out), &still, &info)?;
     }

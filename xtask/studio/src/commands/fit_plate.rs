@@ -101,7 +101,7 @@ pub(super) fn fit_plate(
         }
     }
     let plate = fitted.fit.to_field();
-    write_plate(&path, &plate, &fit::clip_info(capture_files, &plate, None))?;
+    write_plate(&path, &plate, &fit::clip_info(capture_files, &[(&plate, [0.0, 1.0])], None))?;
     fit::remove_checkpoint(&path)?;
     let learned = fitted.fit.rig().map_or(plan.learned, Rig::learned);
     Ok(Some(FittedPlate { field: plate, learned }))

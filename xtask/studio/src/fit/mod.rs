@@ -275,16 +275,20 @@ pub fn remove_checkpoint(out: &Path) -> Result<(), Fault> {
 }
 
 /// Metadata of a clip of this capture: its duration and frame rate, its up direction or else the mean of its cameras', its
-/// scale, and viewpoints at some of the cameras that it is fitted to and that see the content of the `field` before its
-/// `plate`.
-pub fn clip_info(capture_files: &CaptureFiles, field: &Field, plate: Option<&Field>) -> ClipInfo {
+/// scale, and viewpoints at some of the cameras that it is fitted to and that see the content of the `fields` before their
+/// `plate`. The fields are shown at once, each in a range of its clip time.
+pub fn clip_info(
+    capture_files: &CaptureFiles,
+    fields: &[(&Field, [f64; 2])],
+    plate: Option<&Field>,
+) -> ClipInfo {
     let cameras = &capture_files.capture.cameras;
     let duration_s = capture_files.capture.duration_s();
     let up = match capture_files.stated_up {
         Some(up) => up.map(|x| x as f32),
         None => up_of(cameras.iter().map(|camera| &camera.camera)).unwrap_or(DEFAULT_UP),
     };
-    let surroundings = Surroundings::of(field, plate, up);
+    let surroundings = Surroundings::of_parts(fields, plate, up);
     // A held camera may stand where no other looks.
     let mut fitted: Vec<&CalibratedCamera> = cameras.iter().filter(|camera| !camera.held).collect();
     let is_shown = surroundings.which_show_content(fitted.iter().map(|camera| &camera.camera));

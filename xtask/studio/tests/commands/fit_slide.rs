@@ -250,7 +250,14 @@ fn what_stands_still_is_one_segment_over_the_take() {
     assert!(by_level.len() > 1 && background > 100 && dynamic > background, "{json}");
     let manifest: Value =
         serde_json::from_slice(&fs::read(folder.join("field/field.json")).unwrap()).unwrap();
-    let top = manifest["segments"].as_array().unwrap().iter().find(|segment| segment["level"] != 0).unwrap();
+    let segments = manifest["segments"].as_array().unwrap();
+    let viewpoints = |segment: &Value| {
+        let file = folder.join("field").join(segment["file"].as_str().unwrap());
+        studio::import::import(&file).unwrap().hints.viewpoints
+    };
+    let first = viewpoints(&segments[0]);
+    assert!(!first.is_empty() && segments.iter().all(|segment| viewpoints(segment) == first), "of the take");
+    let top = segments.iter().find(|segment| segment["level"] != 0).unwrap();
     assert_eq!((&top["start_s"], &top["duration_s"]), (&0.0.into(), &manifest["duration_s"]));
     let field =
         studio::import::import(&folder.join("field").join(top["file"].as_str().unwrap())).unwrap().field;

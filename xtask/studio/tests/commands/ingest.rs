@@ -8,7 +8,6 @@ use std::time::SystemTime;
 
 use crate::support::{Noise, data};
 use crate::tool::{aarc_studio, aarc_studio_with, ffmpeg, has_ffmpeg, ingest, refused};
-use codec::Field;
 use serde_json::Value;
 use studio::capture::CaptureFiles;
 use tempfile::{TempDir, tempdir};
@@ -294,8 +293,7 @@ fn the_field_stands_as_the_options_say() {
     assert_eq!((manifest["fps"].as_f64(), manifest["frames"].as_u64()), (Some(12.5), Some(13)));
     assert_eq!(manifest["cameras"][0]["w2c"][2], serde_json::json!([0.0, 0.0, 1.0, 2.0]), "the origin moved");
     assert!(folder.join("studio/images/c/000012.jpg").is_file());
-    let info =
-        studio::fit::clip_info(&CaptureFiles::open(&folder.join("studio")).unwrap(), &Field::default(), None);
+    let info = studio::fit::clip_info(&CaptureFiles::open(&folder.join("studio")).unwrap(), &[], None);
     assert_eq!((info.up, info.metres_per_unit, info.fps), ([0.0, -0.6, 0.8], 0.25, 12.5));
 }
 

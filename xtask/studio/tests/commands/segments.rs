@@ -351,6 +351,40 @@ fn a_take_has_the_largest_near_distance_of_its_fields() {
     assert_eq!(shown("c.aarc"), Value::Null);
 }
 
+/// The walls of a room last as long as the take, and who is in it has a segment of their own. No field states a viewpoint.
+#[test]
+fn a_take_opens_by_all_segments_of_its_start() {
+    let folder = tempdir().unwrap();
+    let path = folder.path().join("take");
+    fs::create_dir(&path).unwrap();
+    let mut noise = Noise(9);
+    let mut shell = |len: usize, radius: f32, x: f32, log_scale: f32| {
+        let mut center = || {
+            let arm = [(); 3].map(|()| noise.uniform(-1.0, 1.0));
+            let norm = arm.iter().map(|x| x * x).sum::<f32>().sqrt();
+            [x + radius * arm[0] / norm, radius * arm[1] / norm, radius * arm[2] / norm]
+        };
+        let centers = (0..len).map(|_| center()).collect();
+        let (log_scales, opacities) = (vec![[log_scale; 3]; len], vec![0.9; len]);
+        Field { centers, log_scales, opacities, near: 0.0, ..field(len, 0, None, false) }
+    };
+    let segment = |name: &str, field: Field, duration_s: f32| {
+        let info = ClipInfo { duration_s, viewpoints: Vec::new(), ..info() };
+        fs::write(path.join(name), field_file(&field, &info)).unwrap();
+    };
+    segment("room.ply", shell(400, 6.0, 0.0, -0.5), 2.0);
+    segment("person.ply", shell(400, 0.5, 3.0, -3.0), 1.0);
+    let manifest = json!({"version": 1, "duration_s": 2, "fps": 25, "segments": [
+        {"file": "room.ply", "start_s": 0, "duration_s": 2, "level": 1},
+        {"file": "person.ply", "start_s": 0, "duration_s": 1, "level": 0},
+    ]});
+    fs::write(path.join("field.json"), manifest.to_string()).unwrap();
+    run(&folder, "package take -o take.aarc --coder fixed").success();
+    let take = take_of(&read(&folder, "take.aarc"));
+    let [x, y, z] = take.info.viewpoints[0].target;
+    assert!((x - 3.0).abs() < 0.3 && y.abs() < 0.3 && z.abs() < 0.3, "{:?}", take.info.viewpoints);
+}
+
 #[test]
 fn inspect_lists_segments_and_the_course() {
     let (folder, _) = joined();

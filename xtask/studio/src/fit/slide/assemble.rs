@@ -6,7 +6,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use codec::{ClipInfo, Field, SegmentGrid};
+use codec::{ClipInfo, SegmentGrid};
 use program::output;
 use refine::fit::{Parameters, Timeline};
 
@@ -29,7 +29,7 @@ pub struct Assembled {
     pub seconds: f64,
 }
 
-/// Writes the segments and `field.json` to the field folder, with the `info` of each field; `None` if nothing was fitted.
+/// Writes the segments and `field.json` to the field folder, with the `info` of the take; `None` if nothing was fitted.
 ///
 /// # Errors
 /// [`Fault::Data`](program::Fault::Data) if a part is damaged; [`Fault::Usage`](program::Fault::Usage) if a file cannot be written.
@@ -37,7 +37,7 @@ pub(super) fn assemble(
     work: &WorkFolder,
     windows: &Windows,
     interval_s: f64,
-    (info, fps): (impl Fn(&Field) -> ClipInfo, f32),
+    info: &ClipInfo,
     record: &FitRecord,
 ) -> anyhow::Result<Option<Assembled>> {
     let duration_s = windows.duration_s;
@@ -73,7 +73,7 @@ pub(super) fn assemble(
             let level = usize::from(place.0);
             assembled.gaussians.resize(assembled.gaussians.len().max(level + 1), 0);
             assembled.gaussians[level] += rows.len();
-            entries.push(write_segment(&work.out, &grid, place, &rows, interval_s, (&info, record))?);
+            entries.push(write_segment(&work.out, &grid, place, &rows, interval_s, (info, record))?);
         }
     }
     if entries.is_empty() {
@@ -83,7 +83,7 @@ pub(super) fn assemble(
     let entries: Vec<FolderEntry> =
         order_of(duration_s, &spans).into_iter().map(|i| entries[i].clone()).collect();
     assembled.segments = entries.len();
-    let manifest = FieldFolder::manifest(duration_s, fps, entries);
+    let manifest = FieldFolder::manifest(duration_s, info.fps, entries);
     output::write_durable(&work.out.join(FIELD_FOLDER), manifest.as_bytes())?;
     Ok(Some(assembled))
 }
@@ -113,11 +113,11 @@ fn write_segment(
     (level, number): (u8, u64),
     rows: &Parameters<f32>,
     interval_s: f64,
-    (info, record): (&impl Fn(&Field) -> ClipInfo, &FitRecord),
+    (info, record): (&ClipInfo, &FitRecord),
 ) -> anyhow::Result<FolderEntry> {
     let (start_s, duration_s) = grid.span(level, number);
     let field = rows.to_field(Timeline { frames: 2, intervals: duration_s / interval_s });
-    let info = ClipInfo { duration_s: duration_s as f32, ..info(&field) };
+    let info = ClipInfo { duration_s: duration_s as f32, ..info.clone() };
     let file = format!("segment-{level:02}-{number:06}.ply");
     output::write_durable(&out.join(&file), &fitted_field_file(&field, &info, record))?;
     Ok(FolderEntry { file, start_s, duration_s, level, plate: None })

@@ -28,9 +28,10 @@ mod windows;
 mod work_folder;
 
 use anyhow::bail;
-use codec::Field;
+use codec::ClipInfo;
 use program::Fault;
 use refine::anchor::AnchorError;
+use refine::fit::Timeline;
 
 use super::{FitRuntime, clip_info};
 use crate::capture::CaptureFiles;
@@ -148,9 +149,8 @@ fn whole(
         has_mattes: capture_files.has_mattes(),
         ..FitRecord::default()
     };
-    let info = |field: &Field| clip_info(capture_files, field, None);
-    let Some(assembled) = assemble(work, &windows, interval_s, (info, capture_files.fps() as f32), &record)?
-    else {
+    let info = info(photographs, work)?;
+    let Some(assembled) = assemble(work, &windows, interval_s, &info, &record)? else {
         let why = without_anchor.map_or_else(String::new, |error| format!("no anchor: {error}; "));
         let out = work.out.display();
         bail!(Fault::Data(format!(
@@ -158,4 +158,20 @@ fn whole(
         )));
     };
     Ok(assembled)
+}
+
+/// Metadata of the take, with viewpoints for the background and the first part that shows anything: where playing starts.
+fn info(photographs: &Photographs, work: &WorkFolder) -> Result<ClipInfo, Fault> {
+    let &Photographs { capture_files, windows, interval_s, .. } = photographs;
+    let timeline = |duration_s: f64| Timeline { frames: 2, intervals: duration_s / interval_s };
+    let background = work.fitted_background()?.to_field(timeline(windows.duration_s));
+    for part in 0..windows.count {
+        let [from_s, to_s] = windows.span_s(part);
+        let field = work.part(part)?.finished.to_field(timeline(to_s - from_s));
+        if !field.is_empty() {
+            let range = [from_s, to_s].map(|second| second / windows.duration_s);
+            return Ok(clip_info(capture_files, &[(&field, [0.0, 1.0]), (&background, range)], None));
+        }
+    }
+    Ok(clip_info(capture_files, &[(&background, [0.0, 1.0])], None))
 }
