@@ -204,7 +204,8 @@ fn median(values: &mut [f64]) -> f64 {
 /// small images, and does not wait for the GPU.
 fn headset(group: &mut BenchmarkGroup<'_, WallTime>, gpu: &Gpu) {
     let clip = clip(2.0..2.5);
-    let cameras = Lens::Quest3.cameras(&clip, &clip.info.viewpoints[0], None, [SMALL; 2]);
+    let head = clip.info.viewpoints[0].camera(clip.info.up, 1, 1);
+    let cameras = Lens::Quest3.cameras(&head, f64::from(clip.info.metres_per_unit), [SMALL; 2]);
     let views = cameras.each_ref().map(View::from_camera);
     let image = Offscreen::new(gpu, views[0].size, 2, ChannelDepth::Eight).expect("memory for the image");
     let on_gpu = Arc::new(GpuClip::upload(gpu, &clip).expect("memory for the clip"));

@@ -125,16 +125,16 @@ pub struct Args {
     #[arg(conflicts_with_all = ["camera", "stereo"])]
     pub lens: Option<Lens>,
 
-    /// With --lens or --xr: stand 0.7 m in front of the clip's centre [default with --lens: at --view; with --xr: where
-    /// the clip was left, else in front of it].
+    /// With --lens or --xr: stand 0.7 m in front of the middle of the content [default with --lens: at --view; with
+    /// --xr: where the clip was left, else in front of it].
     #[arg(long, requires = "worn", group = "standpoint")]
     pub near: bool,
 
-    /// With --lens or --xr: stand 2 m in front of the clip's centre.
+    /// With --lens or --xr: stand 2 m in front of the middle of the content.
     #[arg(long, requires = "worn", group = "standpoint")]
     pub standing: bool,
 
-    /// With --lens or --xr: stand in the clip's centre and look level in the direction of its first viewpoint.
+    /// With --lens or --xr: stand in the middle of the content and look level in the direction of the first viewpoint.
     #[arg(long, requires = "worn", group = "standpoint")]
     pub inside: bool,
 

@@ -529,7 +529,11 @@ fn views(args: &Args, clip: &Content, poster: Option<Poster>) -> Result<Vec<View
         Some(lens) => {
             let size = args.size.map_or(lens.size(), |size| size.to_array());
             let (subject, up) = (clip.subject(), clip.info().up);
-            let cameras = lens.cameras_at(&subject, up, viewpoint, args.standpoint(), size);
+            let head = match args.standpoint() {
+                Some(standpoint) => standpoint.camera(&subject, up),
+                None => viewpoint.camera(up, 1, 1),
+            };
+            let cameras = lens.cameras(&head, subject.metres_per_unit, size);
             cameras.iter().map(View::from_camera).collect()
         }
         None => {

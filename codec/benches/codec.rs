@@ -1,10 +1,10 @@
 //! Throughput of the package: 40,000 procedural Gaussians, encoded and decoded by one thread and by two,
-//! in Gaussians and in bytes of package per second.
+//! in Gaussians and in bytes of package per second; and the surroundings of 100,000 moving ones, by one thread.
 
 #[path = "../tests/common/mod.rs"]
 mod common;
 
-use codec::{Coder, EncodeOptions, Limits, Source, decode_parallel, encode, encode_parallel};
+use codec::{Coder, EncodeOptions, Limits, Source, Surroundings, decode_parallel, encode, encode_parallel};
 use common::{Shape, field, info};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use std::{hint::black_box, num::NonZero};
@@ -32,6 +32,14 @@ fn benches(criterion: &mut Criterion) {
         }
         group.finish();
     }
+
+    let field = field(Shape { rows: 100_000, sh_degree: 0, rotation_rates: false, ..Shape::full(0) }, 1);
+    let mut group = criterion.benchmark_group("codec/surroundings");
+    group.sample_size(10);
+    let of = || Surroundings::of(black_box(&field), None, info.up);
+    group.bench_function("opening", |b| b.iter(|| of().opening()));
+    group.bench_function("stand points", |b| b.iter(|| of().stand_points(0.0, (640, 480))));
+    group.finish();
 }
 
 criterion_group!(codec, benches);

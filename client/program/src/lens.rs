@@ -5,7 +5,7 @@
 //! from the same place.
 
 use clap::ValueEnum;
-use codec::{Camera, Clip, Viewpoint};
+use codec::Camera;
 use glam::{DVec3, dvec3};
 
 use crate::Subject;
@@ -26,11 +26,11 @@ pub enum Lens {
 /// Where the wearer of a headset stands and looks, on a clip of life size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Standpoint {
-    /// At arm's length, 0.7 m in front of the centre.
+    /// At arm's length, 0.7 m in front of the middle of the content.
     Near,
-    /// 2 m in front of the centre.
+    /// 2 m in front of it.
     Standing,
-    /// In the centre, looking level in the direction of the first viewpoint.
+    /// In it, looking level in the direction of the first viewpoint.
     Inside,
 }
 
@@ -50,34 +50,12 @@ impl Lens {
         }
     }
 
-    /// The cameras of the left and the right eye of a viewer of `clip` at `standpoint`, or else at `viewpoint`,
-    /// with images of `width` by `height` pixels.
-    pub fn cameras(
-        self,
-        clip: &Clip,
-        viewpoint: &Viewpoint,
-        standpoint: Option<Standpoint>,
-        size: [u32; 2],
-    ) -> [Camera; 2] {
-        self.cameras_at(&Subject::of(clip), clip.info.up, viewpoint, standpoint, size)
-    }
-
-    /// As [`Lens::cameras`], of a viewer of `subject`; `up` is that of its clip.
-    pub fn cameras_at(
-        self,
-        subject: &Subject,
-        up: [f32; 3],
-        viewpoint: &Viewpoint,
-        standpoint: Option<Standpoint>,
-        [width, height]: [u32; 2],
-    ) -> [Camera; 2] {
-        let head = match standpoint {
-            Some(standpoint) => standpoint.camera(subject, up),
-            None => viewpoint.camera(up, 1, 1),
-        };
+    /// The cameras of the left and the right eye, with images of `width` by `height` pixels. `head` is midway between the
+    /// eyes; only its pose counts.
+    pub fn cameras(self, head: &Camera, metres_per_unit: f64, [width, height]: [u32; 2]) -> [Camera; 2] {
         let [outer, inner, upper, lower] = self.degrees().map(|angle| angle.to_radians().tan());
         let focal = [f64::from(width) / (outer + inner), f64::from(height) / (upper + lower)];
-        let mut eyes = head.stereo_pair(Camera::EYE_DISTANCE_M / subject.metres_per_unit);
+        let mut eyes = head.stereo_pair(Camera::EYE_DISTANCE_M / metres_per_unit);
         for (eye, left) in eyes.iter_mut().zip([outer, inner]) {
             (eye.width, eye.height) = (width, height);
             eye.k = [[focal[0], 0.0, left * focal[0]], [0.0, focal[1], upper * focal[1]], [0.0, 0.0, 1.0]];
@@ -87,7 +65,7 @@ impl Lens {
 }
 
 impl Standpoint {
-    /// Level distance from the clip's centre, in metres.
+    /// Level distance from the middle of the content, in metres.
     pub fn distance_m(self) -> f64 {
         match self {
             Standpoint::Near => 0.7,
@@ -97,7 +75,7 @@ impl Standpoint {
     }
 
     /// A camera midway between the eyes; only its pose counts. `up` is that of the clip.
-    fn camera(self, subject: &Subject, up: [f32; 3]) -> Camera {
+    pub fn camera(self, subject: &Subject, up: [f32; 3]) -> Camera {
         let eye_m = dvec3(0.0, EYE_HEIGHT_M, self.distance_m());
         let target_m = match self {
             Standpoint::Near | Standpoint::Standing => dvec3(0.0, GAZE_HEIGHT * subject.height_m, 0.0),
@@ -113,7 +91,7 @@ impl Standpoint {
 mod tests {
     use std::f64::consts::FRAC_PI_2;
 
-    use codec::{ClipInfo, Field};
+    use codec::{Clip, ClipInfo, Field};
     use glam::{DMat4, DVec2};
 
     use super::*;
@@ -136,8 +114,10 @@ mod tests {
         Clip::of_one_layer(info, static_field.bounds(), static_field, Field::default(), None)
     }
 
-    fn cameras(clip: &Clip, standpoint: Option<Standpoint>) -> [Camera; 2] {
-        Lens::Quest3.cameras(clip, &clip.viewpoints()[0], standpoint, Lens::Quest3.size())
+    fn cameras(clip: &Clip, standpoint: Standpoint) -> [Camera; 2] {
+        let subject = Subject::of(clip);
+        let head = standpoint.camera(&subject, clip.info.up);
+        Lens::Quest3.cameras(&head, subject.metres_per_unit, Lens::Quest3.size())
     }
 
     /// A point of the clip in pixels from the axis of a camera.
@@ -148,7 +128,7 @@ mod tests {
 
     #[test]
     fn the_eyes_are_mirrored_and_see_farther_outwards() {
-        let [left, right] = cameras(&person(), None);
+        let [left, right] = cameras(&person(), Standpoint::Standing);
         for eye in [&left, &right] {
             eye.check().unwrap();
             assert!((eye.k[0][0] - 757.0).abs() < 2.0 && (eye.k[1][1] - 757.0).abs() < 2.0, "{eye:?}");
@@ -164,8 +144,7 @@ mod tests {
         let mut clip = person();
         for metres_per_unit in [1.0, 0.01] {
             clip.info.metres_per_unit = metres_per_unit;
-            let [left, right] =
-                cameras(&clip, Some(Standpoint::Standing)).map(|eye| DVec3::from(eye.position()));
+            let [left, right] = cameras(&clip, Standpoint::Standing).map(|eye| DVec3::from(eye.position()));
             let apart_m = left.distance(right) * f64::from(metres_per_unit);
             assert!((apart_m - 0.063).abs() < 1e-6, "{apart_m}");
         }
@@ -179,7 +158,7 @@ mod tests {
         for (standpoint, distance_m) in
             [(Standpoint::Near, 0.7), (Standpoint::Standing, 2.0), (Standpoint::Inside, 0.0)]
         {
-            let eyes = cameras(&clip, Some(standpoint));
+            let eyes = cameras(&clip, standpoint);
             let [left, right] = [0, 1].map(|i| DVec3::from(eyes[i].position()));
             let measured_m = (0.5 * (left + right)).distance(axis(EYE_HEIGHT_M)) * subject.metres_per_unit;
             assert!((measured_m - distance_m).abs() < 1e-6, "{standpoint:?}: {measured_m} m");

@@ -338,8 +338,9 @@ impl Clip {
     }
 }
 
-/// The rows of `field`, among those that live at one of four instants, that no camera of `cameras` shows; ascending.
-pub fn unseen_rows(field: &Field, plate: Option<&Field>, cameras: &[Camera]) -> Vec<usize> {
+/// Number of rows of `field`, among those that live at one of four instants, that no camera of `cameras` shows in pictures of
+/// 48x36 pixels. The rims of some of them show in larger ones.
+pub fn unseen_rows(field: &Field, plate: Option<&Field>, cameras: &[Camera]) -> usize {
     let discs = Discs::of(&[(field, [0.0, 1.0])], plate, usize::MAX);
     let mut is_hidden = vec![false; discs.rows];
     let of_field = discs.instants.iter().flatten().filter(|disc| disc.row < discs.field_rows);
@@ -348,7 +349,7 @@ pub fn unseen_rows(field: &Field, plate: Option<&Field>, cameras: &[Camera]) -> 
         let seen = glance(&discs, &camera.resized(SIZE.0, SIZE.1), 0.0, discs.near).seen;
         is_hidden.iter_mut().zip(seen).for_each(|(hidden, seen)| *hidden &= !seen);
     }
-    (0..discs.field_rows).filter(|&row| is_hidden[row]).collect()
+    is_hidden.into_iter().filter(|hidden| *hidden).count()
 }
 
 /// A unit vector along `up`, or along y where that has no direction.

@@ -4,7 +4,7 @@
 //! Gaussians and bytes say nothing about them.
 
 use codec::{Camera, Clip, Field};
-use program::{Lens, Standpoint};
+use program::{Lens, Standpoint, Subject};
 use refine::prune::instants;
 use refine::reference::{Radius, RenderScene, coverage};
 use serde::Serialize;
@@ -24,7 +24,7 @@ const STANDPOINTS: [(Standpoint, &str); 3] =
 /// Fragments per pixel of both eyes, mean over a few instants.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct LensFragments {
-    /// The viewer 0.7 m in front of the centre ("near"), 2 m in front of it ("standing"), or in it ("inside").
+    /// The viewer 0.7 m in front of the middle of the content ("near"), 2 m in front of it ("standing"), or in it ("inside").
     pub standpoint: &'static str,
     /// Those of the scene's visible Gaussians.
     pub before: f64,
@@ -39,9 +39,9 @@ pub(crate) struct LensCounter {
 }
 
 impl LensCounter {
-    /// A viewer of `clip` at `standpoint`, at a few instants at which `field` has Gaussians.
-    pub(crate) fn new(clip: &Clip, field: &Field, standpoint: Standpoint) -> LensCounter {
-        let eyes = LENS.cameras(clip, &clip.viewpoints()[0], Some(standpoint), LENS.size());
+    /// A viewer of `subject` at `standpoint`, at a few instants at which `field` has Gaussians. `up` is that of the clip.
+    pub(crate) fn new(subject: &Subject, up: [f32; 3], field: &Field, standpoint: Standpoint) -> LensCounter {
+        let eyes = LENS.cameras(&standpoint.camera(subject, up), subject.metres_per_unit, LENS.size());
         LensCounter { eyes, instants: instants(field, INSTANTS) }
     }
 
@@ -56,8 +56,9 @@ impl LensCounter {
 
 /// The fragments of `clip`, the decoded package of the visible `field` and `plate`, at every standpoint.
 pub(super) fn lens_fragments(field: &Field, plate: Option<&Field>, clip: &Clip) -> Vec<LensFragments> {
+    let subject = Subject::of(clip);
     let count = |(standpoint, name)| {
-        let counter = LensCounter::new(clip, field, standpoint);
+        let counter = LensCounter::new(&subject, clip.info.up, field, standpoint);
         LensFragments {
             standpoint: name,
             before: counter.per_pixel(&render_scene(field, plate)),

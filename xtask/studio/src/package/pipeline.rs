@@ -80,7 +80,7 @@ pub fn package_with(
         snapped,
         recolor_gain_db: choice.recolor_gain_db,
         refined,
-        unseen: unseen(scene, &choice.field, plate.as_ref()).len(),
+        unseen: unseen(scene, &choice.field, plate.as_ref()),
         layers: coded.clip.layers.iter().map(|end| end.total()).collect(),
         lens_fragments,
         duration_s: scene.info.duration_s,

@@ -112,8 +112,8 @@ pub(crate) fn reported_views(scene: &Scene, field: &Field, size: (u32, u32)) -> 
     (!states_viewpoints(scene)).then(|| views_of(scene, field, REPORTED_PLACES, size, COMPARED))
 }
 
-/// The rows of `field` that no place shows where people stand, whether it judges or steers.
-pub(crate) fn unseen(scene: &Scene, field: &Field, plate: Option<&Field>) -> Vec<usize> {
+/// Number of rows of `field` that no place shows where people stand, whether it judges or steers.
+pub(crate) fn unseen(scene: &Scene, field: &Field, plate: Option<&Field>) -> usize {
     let info = &scene.info;
     let turned =
         [STEERING_PLACES, JUDGING_PLACES].map(|places| scene.surroundings().stand_points(places.turn, SIZE));

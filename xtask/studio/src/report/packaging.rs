@@ -7,7 +7,7 @@
 use std::time::Instant;
 
 use codec::Field;
-use program::Standpoint;
+use program::{Standpoint, Subject};
 use refine::fit::{Cpu, FRAGMENT_WEIGHT};
 use refine::prune::{Candidate, Pictures, Ranking, Selection, recolor};
 use refine::reference::RenderScene;
@@ -52,7 +52,7 @@ pub fn measure(
     }
     let rows = analysis.order(Ranking::Mass);
     let whole = analysis.draft(&field.select(&rows))?;
-    let counter = LensCounter::new(&whole, field, Standpoint::Near);
+    let counter = LensCounter::new(&Subject::of(&whole), whole.info.up, field, Standpoint::Near);
     parameters.push(fragments(subject, &analysis, &rows, &counter)?);
     if let Some((views, steps)) = refinement {
         parameters.push(fragment_term(subject, views, steps, &counter, progress));
@@ -244,7 +244,7 @@ mod tests {
             FieldAnalysis::new(&subject.scene, &subject.field, None, &settings, &progress).unwrap();
         let rows = analysis.order(Ranking::Mass);
         let whole = analysis.draft(&subject.field.select(&rows)).unwrap();
-        let counter = LensCounter::new(&whole, &subject.field, Standpoint::Near);
+        let counter = LensCounter::new(&Subject::of(&whole), whole.info.up, &subject.field, Standpoint::Near);
         let parameter = fragments(&subject, &analysis, &rows, &counter).unwrap();
         let (costs, psnr) = costs_and_psnr(&parameter);
         assert_eq!(costs.len(), FRACTIONS.len());
@@ -292,7 +292,7 @@ mod tests {
         )
         .and_then(|analysis| analysis.draft(&subject.field))
         .unwrap();
-        let counter = LensCounter::new(&clip, &subject.field, Standpoint::Near);
+        let counter = LensCounter::new(&Subject::of(&clip), clip.info.up, &subject.field, Standpoint::Near);
         let parameter = fragment_term(&subject, &views, 60, &counter, &StagedProgress::hidden());
         let (costs, psnr) = costs_and_psnr(&parameter);
         assert_eq!((costs.len(), parameter.points[2].default), (1 + WEIGHTS.len(), true));
