@@ -18,7 +18,7 @@ const TURNS: [f64; 8] = [0.0, 1.0, -1.0, 2.0, -2.0, 3.0, -3.0, 4.0];
 /// Elevation of the views from above, in radians.
 const ELEVATION: f64 = FRAC_PI_6;
 
-/// What is right before the eye covers at most this share of the view: nobody opens in the haze of a wall.
+/// Things right before the eye cover at most this share of the view: nobody opens in the haze of a wall.
 const HAZE_MAX: f64 = 0.03;
 
 /// The first turn is taken from which the content has at least this share of the area that it has from the best one: a
@@ -105,17 +105,18 @@ impl Surroundings {
         }
     }
 
-    /// The view of `framing`, at a `distance` in units of that of `framing`.
+    /// What `framing` shows from `distance` times as far away.
     fn view(&self, framing: Viewpoint, distance: f64) -> View {
         let [target, position] = [framing.target, framing.position].map(|point| point.map(f64::from));
         let arm = sub(position, target);
         let viewpoint = Viewpoint { position: moved(target, arm, distance).map(|x| x as f32), ..framing };
         let camera = viewpoint.camera(self.up.map(|x| x as f32), SIZE.0, SIZE.1);
-        let glance = self.look(camera, distance * norm(arm)).glance;
+        let distance = distance * norm(arm);
+        let glance = self.look(camera, distance).glance;
         let shown = if glance.blocked <= HAZE_MAX { glance.content } else { 0.0 };
         let rows = &glance.seen[..self.discs.field_rows];
         let seen = rows.iter().filter(|seen| **seen).count() as f64 / rows.len().max(1) as f64;
-        View { viewpoint, shown, area: seen * glance.filled * norm(arm).powi(2) }
+        View { viewpoint, shown, area: seen * glance.filled * distance.powi(2) }
     }
 
     /// The view along a furnished room; `None` where the content is no such room.
