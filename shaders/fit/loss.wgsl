@@ -48,7 +48,7 @@ fn alpha_difference(pixel: u32) -> f32 {
         return 0.0;
     }
     let opacity = select(f32(mask) / 255.0, 0.0, mask == 1u);
-    return ALPHA_CHANNELS * (image[pixel].w - opacity);
+    return uniforms.alpha_channels * (image[pixel].w - opacity);
 }
 
 // Colour of the image; that of the photograph for an invalid pixel.
@@ -184,7 +184,7 @@ fn loss_backward(at: Invocation) {
     let by_structure = each * (by[0] + 2.0 * a * by[1] + b * by[2]);
     // sign(NaN) is undefined, but the other term is NaN then.
     let gradient = (1.0 - LAMBDA) * each * sign(a - b) - LAMBDA * by_structure;
-    let by_alpha = (1.0 - LAMBDA) * each * ALPHA_CHANNELS * sign(alpha_difference(pixel));
+    let by_alpha = (1.0 - LAMBDA) * each * uniforms.alpha_channels * sign(alpha_difference(pixel));
     d_image[pixel] += vec4<f32>(gradient, by_alpha);
 }
 

@@ -24,6 +24,8 @@ struct StepUniforms {
     detach_tau: u32,
     // Depth from which on Gaussians are drawn whole; 0 if none fades.
     near: f32,
+    // Weight of alpha in the loss, against a channel of colour.
+    alpha_channels: f32,
 }
 
 @group(0) @binding(0) var<uniform> uniforms: StepUniforms;

@@ -26,8 +26,6 @@ pub const LENGTH_MIN: f32 = 1e-12;
 pub const ADAM: [f32; 3] = [0.9, 0.999, 1e-15];
 /// Weight of structural dissimilarity in the loss, against L1.
 pub const LAMBDA: f32 = 0.2;
-/// Weight of alpha in L1, against that of a channel of colour.
-pub const ALPHA_CHANNELS: f32 = 3.0;
 
 /// Threads per group of most kernels.
 pub const GROUP: u32 = 64;
@@ -319,7 +317,6 @@ fn constants(columns: Columns) -> String {
         ("LENGTH_MIN", LENGTH_MIN),
         ("Q_MARGIN", Q_MARGIN),
         ("LAMBDA", LAMBDA),
-        ("ALPHA_CHANNELS", ALPHA_CHANNELS),
         ("BETA1", beta1),
         ("BETA2", beta2),
         ("LOG_BETA1", log(beta1)),

@@ -32,6 +32,10 @@ pub struct StepUniforms {
     pub detach_tau: u32,
     /// Depth from which on Gaussians are drawn whole; 0 if none fades.
     pub near: f32,
+    /// Weight of alpha in the loss, against a channel of colour.
+    pub alpha_channels: f32,
+    #[doc(hidden)]
+    pub _pad0: [u32; 3],
 }
 
 /// `Series` of series.wgsl: the input of a scan or a sort.

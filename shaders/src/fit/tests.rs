@@ -138,7 +138,8 @@ fn structs_have_the_layout_of_their_counterparts() {
             gaussians,
             pair_capacity,
             detach_tau,
-            near
+            near,
+            alpha_channels
         }
     );
     assert_layout!(adam, AdamUniforms { rates, log_scales, log_widths, tau, logit_max, fragment_weight });

@@ -13,7 +13,7 @@ use crate::fit::backend::{
     Backend, DeviceError, Gradient, PixelGradients, StepConfig, StepReport, TrainingState,
 };
 use crate::fit::cameras::{RESPONSE_NUMBERS, ViewGradient};
-use crate::fit::loss::{LAMBDA, lpips_loss};
+use crate::fit::loss::{LAMBDA, alpha_channels, lpips_loss};
 use crate::fit::parameters::{Carried, Parameters};
 use crate::fit::views::{FrameView, Photograph, RenderedImage};
 
@@ -67,7 +67,7 @@ impl Gpu {
         assert_eq!(d_image.len() as u64, pixels(size), "a gradient for each pixel");
         loaded.resize(device, size)?;
         let before: Vec<Statistics> = device.read(&loaded.buffers.gaussians.statistics, loaded.count())?;
-        let totals = loaded.run(device, view, detach_tau, |device, loaded| {
+        let totals = loaded.run(device, view, detach_tau, 0.0, |device, loaded| {
             device.write(&loaded.buffers.pixels.d_image, 0, d_image);
             let stages = [&loaded.plan.forward[..], &loaded.plan.backward];
             loaded.submit(device, size, &stages, device.encoder())
@@ -143,7 +143,7 @@ impl Backend for Gpu {
         let (device, loaded) = self.loaded();
         let (width, height) = (view.camera.width, view.camera.height);
         loaded.resize(device, [width, height])?;
-        loaded.run(device, view, true, |device, loaded| {
+        loaded.run(device, view, true, 0.0, |device, loaded| {
             loaded.submit(device, [width, height], &[&loaded.plan.forward], device.encoder())
         })?;
         let pixels = device.read(&loaded.buffers.pixels.image, width as usize * height as usize)?;
@@ -189,24 +189,25 @@ impl Backend for Gpu {
         device.write(&loaded.buffers.pixels.photograph, 0, &photograph.words());
         device.write(&loaded.buffers.fixed.adam_uniforms, 0, &[transfer::adam_uniforms(config)]);
         let mut perceptual = 0.0;
-        let totals = loaded.run(device, view, config.detach_tau, |device, loaded| {
-            let Plan { forward, respond, loss, backward, adam } = &loaded.plan;
-            let after = [&loss[..], backward, std::slice::from_ref(adam)];
-            let mut encoder = device.encoder();
-            let Some(lpips) = config.lpips else {
-                encoder.clear_buffer(&loaded.buffers.pixels.d_image.raw, 0, None);
-                let stages = [&forward[..], respond, after[0], after[1], after[2]];
-                return loaded.submit(device, size, &stages, encoder);
-            };
-            let totals = loaded.submit(device, size, &[forward, respond], encoder)?;
-            if !loaded.pairs_fit(&totals) {
-                return Ok(totals);
-            }
-            let term = lpips_loss(&loaded.seen(device, size)?, photograph, lpips);
-            perceptual = term.value;
-            device.write(&loaded.buffers.pixels.d_image, 0, &term.gradient);
-            loaded.submit(device, size, &after, device.encoder())
-        })?;
+        let totals =
+            loaded.run(device, view, config.detach_tau, alpha_channels(photograph), |device, loaded| {
+                let Plan { forward, respond, loss, backward, adam } = &loaded.plan;
+                let after = [&loss[..], backward, std::slice::from_ref(adam)];
+                let mut encoder = device.encoder();
+                let Some(lpips) = config.lpips else {
+                    encoder.clear_buffer(&loaded.buffers.pixels.d_image.raw, 0, None);
+                    let stages = [&forward[..], respond, after[0], after[1], after[2]];
+                    return loaded.submit(device, size, &stages, encoder);
+                };
+                let totals = loaded.submit(device, size, &[forward, respond], encoder)?;
+                if !loaded.pairs_fit(&totals) {
+                    return Ok(totals);
+                }
+                let term = lpips_loss(&loaded.seen(device, size)?, photograph, lpips);
+                perceptual = term.value;
+                device.write(&loaded.buffers.pixels.d_image, 0, &term.gradient);
+                loaded.submit(device, size, &after, device.encoder())
+            })?;
         let channels = (3 * photograph.pixels.len()).max(1) as f64;
         let [absolute, similarity] =
             [totals.absolute, totals.similarity].map(|sum| f64::from(sum) / channels);
@@ -283,18 +284,21 @@ impl Loaded {
         totals.pairs <= self.buffers.pairs.capacity && totals.pairs != u32::MAX
     }
 
-    /// Runs `attempt`, again with larger buffers until all pairs fit.
+    /// Runs `attempt`, again with larger buffers until all pairs fit. Alpha counts in its loss, if it has one, as
+    /// `alpha_channels` do.
     fn run(
         &mut self,
         device: &Device,
         view: &FrameView,
         detach_tau: bool,
+        alpha_channels: f64,
         mut attempt: impl FnMut(&Device, &Loaded) -> Result<Totals, DeviceError>,
     ) -> Result<Totals, DeviceError> {
         loop {
             let capacity = self.buffers.pairs.capacity;
             let count = self.buffers.gaussians.count;
-            let uniforms = transfer::step_uniforms(view, self.shape.near, count, capacity, detach_tau);
+            let uniforms =
+                transfer::step_uniforms(view, self.shape.near, count, capacity, detach_tau, alpha_channels);
             device.write(&self.buffers.fixed.uniforms, 0, &[uniforms]);
             device.write(&self.buffers.fixed.totals, 0, &[Totals { gaussians: count, ..Totals::default() }]);
             let totals = attempt(device, self)?;
@@ -345,7 +349,7 @@ fn pixels(size: [u32; 2]) -> u64 {
 #[cfg(test)]
 mod tests {
     use crate::fit::backend::cpu;
-    use crate::fit::loss::{ALPHA_CHANNELS, LAMBDA};
+    use crate::fit::loss::LAMBDA;
     use crate::fit::optimizer::{BETA1, BETA2, EPSILON};
     use crate::fit::parameters::NORM_MIN;
 
@@ -353,7 +357,6 @@ mod tests {
     fn shaders_have_the_constants_of_the_cpu() {
         assert_eq!(shaders::fit::ADAM, [BETA1, BETA2, EPSILON].map(|x| x as f32));
         assert_eq!(shaders::fit::LAMBDA, LAMBDA as f32);
-        assert_eq!(shaders::fit::ALPHA_CHANNELS, ALPHA_CHANNELS as f32);
         let raster = [shaders::ALPHA_MIN, shaders::ALPHA_MAX, shaders::fit::TRANSMITTANCE_MIN];
         assert_eq!(raster, [codec::ALPHA_MIN, cpu::ALPHA_MAX, cpu::TRANSMITTANCE_MIN].map(|x| x as f32));
         assert_eq!(shaders::fit::LENGTH_MIN, NORM_MIN as f32);

@@ -104,13 +104,14 @@ pub(super) fn rows_of(
     Ok(all)
 }
 
-/// The uniforms of a step; `near` is that of the parameters.
+/// The uniforms of a step; `near` is that of the parameters, `alpha_channels` the weight of alpha in the loss.
 pub(super) fn step_uniforms(
     view: &FrameView,
     near: f64,
     gaussians: u32,
     pair_capacity: u32,
     detach_tau: bool,
+    alpha_channels: f64,
 ) -> StepUniforms {
     let camera = view.camera;
     let m = &camera.camera_from_world;
@@ -131,6 +132,8 @@ pub(super) fn step_uniforms(
         pair_capacity,
         detach_tau: detach_tau.into(),
         near: near as f32,
+        alpha_channels: alpha_channels as f32,
+        _pad0: [0; 3],
     }
 }
 
