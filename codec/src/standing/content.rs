@@ -142,15 +142,15 @@ impl Ball {
             .collect();
         heights.sort_by(f64::total_cmp);
         let above = heights.partition_point(|height| *height < 0.0);
-        let low = reach(heights[..above].iter().rev());
-        let high = reach(heights[above..].iter());
+        let low = end_of(heights[..above].iter().rev());
+        let high = end_of(heights[above..].iter());
         [low, high]
             .map(|height| std::array::from_fn(|axis| self.center[axis] + height * self.radius * up[axis]))
     }
 }
 
 /// The last of `heights`, from 0 on, before a gap.
-fn reach<'a>(heights: impl Iterator<Item = &'a f64>) -> f64 {
+fn end_of<'a>(heights: impl Iterator<Item = &'a f64>) -> f64 {
     let mut end = 0.0;
     for height in heights {
         if (height - end).abs() > GAP_MAX {

@@ -6,8 +6,10 @@
 use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_PI_4, FRAC_PI_6};
 
+use super::discs::{Disc, Discs};
+use super::glance::{SIZE, glance};
 use super::{
-    AROUND_FOV_Y, CLEAR_CONTENT_MIN, DISTANCES, SIZE, Surroundings, level_directions, moved, rotate,
+    AROUND_FOV_Y, CLEAR_CONTENT_MIN, DISTANCES, FOV_Y, Surroundings, level_directions, moved, rotate,
 };
 use crate::Viewpoint;
 use crate::camera::{cross, norm, normalize, sub};
@@ -40,19 +42,12 @@ const BINS: f64 = 4.0;
 /// Places in a room, as shares of the way from its centre to what is behind, in the order in which they are tried.
 const BACK: [f64; 3] = [0.6, 0.3, 0.0];
 
-/// A view, with what it shows of the content.
-struct View {
-    viewpoint: Viewpoint,
-    /// Share of the content that shows; 0 in the haze of something right before the eye.
-    shown: f64,
-    /// Area of the content's silhouette, times the share of all rows that are seen; the same unit in all views.
+/// A direction from which people may look at the content.
+struct Side {
+    /// The view that the content fills.
+    framing: Viewpoint,
+    /// Area of the silhouette of the content alone, times the number of its rows that are seen.
     area: f64,
-}
-
-impl View {
-    fn is_clear(&self) -> bool {
-        self.shown >= CLEAR_CONTENT_MIN
-    }
 }
 
 impl Surroundings {
@@ -62,36 +57,68 @@ impl Surroundings {
     }
 
     fn view_of_content(&self) -> Viewpoint {
+        let [level, raised] = self.sides();
+        for distance in DISTANCES {
+            let clear = |sides: &[Side]| -> Vec<(f64, Viewpoint)> {
+                let views = sides.iter().map(|side| (side.area, self.view(&side.framing, distance)));
+                let clear = views.filter(|(_, (_, shown))| *shown >= CLEAR_CONTENT_MIN);
+                clear.map(|(area, (viewpoint, _))| (area, viewpoint)).collect()
+            };
+            let most = |views: &[(f64, Viewpoint)]| views.iter().map(|(area, _)| *area).fold(0.0, f64::max);
+            let [of_level, of_raised] = [clear(&level), clear(&raised)];
+            let is_flat = !of_level.is_empty() && most(&of_level) < LEVEL_AREA_MIN * most(&of_raised);
+            let views = if is_flat { of_raised } else { of_level };
+            let least = AREA_MIN * most(&views);
+            if let Some((_, viewpoint)) = views.into_iter().find(|(area, _)| *area >= least) {
+                return viewpoint;
+            }
+        }
+        let views = DISTANCES
+            .iter()
+            .flat_map(|&distance| level.iter().map(move |side| self.view(&side.framing, distance)));
+        let front = (level[0].framing.clone(), 0.0);
+        // The first of equals.
+        views.fold(front, |best, view| if view.1 > best.1 { view } else { best }).0
+    }
+
+    /// The sides of the content, level and from above, each from the front on.
+    fn sides(&self) -> [[Side; 8]; 2] {
         let bounds = self.framed_bounds().map(|corner| corner.map(|x| x as f32));
         let front = Viewpoint::framing(bounds, self.up.map(|x| x as f32));
         let [target, position] = [front.target, front.position].map(|point| point.map(f64::from));
         let forward = sub(target, position);
         let right = normalize(cross(forward, self.up)).unwrap_or([1.0, 0.0, 0.0]);
-        let mut best: Option<View> = None;
-        for distance in DISTANCES {
-            let views = [0.0, ELEVATION].map(|elevation| {
-                let lowered = rotate(forward, right, -elevation);
-                let turned = |turn: f64| rotate(lowered, self.up, turn * FRAC_PI_4);
-                let framing = |turn| Viewpoint::framing_along(turned(turn), bounds, self.up);
-                TURNS.map(|turn| self.view(framing(turn), distance))
-            });
-            let most = |views: &[View]| {
-                views.iter().filter(|view| view.is_clear()).map(|view| view.area).fold(0.0, f64::max)
-            };
-            let [of_level, of_raised] = [most(&views[0]), most(&views[1])];
-            let is_flat = of_level > 0.0 && of_level < LEVEL_AREA_MIN * of_raised;
-            let [level, raised] = views;
-            let (views, most) = if is_flat { (raised, of_raised) } else { (level, of_level) };
-            for view in views {
-                if view.is_clear() && view.area >= AREA_MIN * most {
-                    return view.viewpoint;
-                }
-                if best.as_ref().map_or(0.0, |best| best.shown) < view.shown {
-                    best = Some(view);
-                }
-            }
-        }
-        best.map_or(front, |view| view.viewpoint)
+        let alone = self.content_discs();
+        [0.0, ELEVATION].map(|elevation| {
+            let lowered = rotate(forward, right, -elevation);
+            TURNS.map(|turn| {
+                let forward = rotate(lowered, self.up, turn * FRAC_PI_4);
+                let framing = Viewpoint::framing_along(forward, bounds, self.up);
+                Side { framing, area: self.area(&alone, forward) }
+            })
+        })
+    }
+
+    /// The discs in the box of the content.
+    fn content_discs(&self) -> Discs {
+        let [low, high] = self.content.bounds;
+        let is_within = |disc: &&Disc| {
+            let range = |axis: usize| low[axis]..=high[axis];
+            disc.row < self.discs.field_rows && (0..3).all(|axis| range(axis).contains(&disc.center[axis]))
+        };
+        let content = |disc: &Disc| Disc { is_content: true, ..*disc };
+        let instants = self.discs.instants.iter();
+        let instants = instants.map(|discs| discs.iter().filter(is_within).map(content).collect()).collect();
+        Discs { instants, ..self.discs }
+    }
+
+    /// The area of the silhouette of `discs`, in units of a picture of the content, times the number of rows that are seen.
+    fn area(&self, discs: &Discs, forward: [f64; 3]) -> f64 {
+        let (center, radius) = self.center_and_radius();
+        let arm = normalize(forward).map_or([0.0; 3], |forward| forward.map(|x| -x));
+        let position = moved(center, arm, radius / libm::sin(0.5 * FOV_Y));
+        let glance = glance(discs, &self.camera(position, center, FOV_Y), 0.0, 0.0);
+        glance.filled * glance.seen.iter().filter(|seen| **seen).count() as f64
     }
 
     /// The box of the content; a cube of its radius around a point.
@@ -105,18 +132,17 @@ impl Surroundings {
         }
     }
 
-    /// What `framing` shows from `distance` times as far away.
-    fn view(&self, framing: Viewpoint, distance: f64) -> View {
+    /// The view of `framing` from `distance` times as far away, and the share of the content that shows there; 0 in the haze of
+    /// something right before the eye.
+    fn view(&self, framing: &Viewpoint, distance: f64) -> (Viewpoint, f64) {
         let [target, position] = [framing.target, framing.position].map(|point| point.map(f64::from));
         let arm = sub(position, target);
-        let viewpoint = Viewpoint { position: moved(target, arm, distance).map(|x| x as f32), ..framing };
+        let position = moved(target, arm, distance).map(|x| x as f32);
+        let viewpoint = Viewpoint { position, ..framing.clone() };
         let camera = viewpoint.camera(self.up.map(|x| x as f32), SIZE.0, SIZE.1);
-        let distance = distance * norm(arm);
-        let glance = self.look(camera, distance).glance;
+        let glance = self.look(camera, distance * norm(arm)).glance;
         let shown = if glance.blocked <= HAZE_MAX { glance.content } else { 0.0 };
-        let rows = &glance.seen[..self.discs.field_rows];
-        let seen = rows.iter().filter(|seen| **seen).count() as f64 / rows.len().max(1) as f64;
-        View { viewpoint, shown, area: seen * glance.filled * distance.powi(2) }
+        (viewpoint, shown)
     }
 
     /// The view along a furnished room; `None` where the content is no such room.
@@ -152,11 +178,9 @@ impl Surroundings {
     /// Whether much is within what surrounds the centre of the content.
     fn is_furnished(&self) -> bool {
         let (center, _) = self.center_and_radius();
-        let [low, high] = self.content.bounds;
-        let is_within = |point: [f64; 3]| (0..3).all(|axis| (low[axis]..=high[axis]).contains(&point[axis]));
-        let discs = self.discs.instants.iter().flatten().filter(|disc| disc.row < self.discs.field_rows);
+        let discs = self.content_discs();
         let arms: Vec<[f64; 3]> =
-            discs.filter(|disc| is_within(disc.center)).map(|disc| sub(disc.center, center)).collect();
+            discs.instants.iter().flatten().map(|disc| sub(disc.center, center)).collect();
         let mut last = BTreeMap::new();
         for arm in &arms {
             let most: &mut f64 = last.entry(bin(*arm)).or_default();

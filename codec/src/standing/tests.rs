@@ -453,7 +453,7 @@ fn nobody_opens_in_the_haze_of_a_wall() {
 }
 
 /// A rectangle around the origin, `sides` along the axes, one of them 0.
-fn rectangle(sides: [f64; 3]) -> Vec<Row> {
+fn flat(sides: [f64; 3]) -> Vec<Row> {
     let mut random = numbers(8);
     (0..COUNT).map(|_| (sides.map(|side| side * (random() - 0.5)), 0.02)).collect()
 }
@@ -461,7 +461,7 @@ fn rectangle(sides: [f64; 3]) -> Vec<Row> {
 #[test]
 fn flat_content_is_seen_from_its_broad_side() {
     for (sides, broad) in [([2.0, 1.5, 0.0], 2), ([0.0, 1.5, 2.0], 0), ([2.0, 0.0, 2.0], 1)] {
-        let position = surroundings(&rectangle(sides)).opening().position.map(|x| f64::from(x).abs());
+        let position = surroundings(&flat(sides)).opening().position.map(|x| f64::from(x).abs());
         let share = position[broad] / norm(position);
         // From above, people see it at an angle.
         let least = if broad == 1 { 0.45 } else { 0.99 };
