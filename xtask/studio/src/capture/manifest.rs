@@ -98,8 +98,9 @@ impl ManifestSound {
 pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
     let path = folder.join(FILE);
     let bad_manifest = |problem: String| bad_layout(&path, problem);
+    let text = read_text(&path)?;
     let manifest: Manifest =
-        serde_json::from_str(&read_text(&path)?).map_err(|error| bad_layout(&path, error))?;
+        serde_json::from_str(&text).map_err(|error| bad_layout(&path, with_camera(&text, &error)))?;
     manifest.check().map_err(bad_manifest)?;
     let fps = manifest.fps.unwrap_or(f64::from(DEFAULT_FPS));
     let mut videos = Vec::new();
@@ -154,6 +155,21 @@ pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
         sound: manifest.sound.map(|sound| sound.in_folder(folder)),
         ..builder.build(even_times_s(frames, fps), manifest.fps)
     })
+}
+
+/// What is wrong in a manifest, and with which of its cameras, if it is with one.
+fn with_camera(text: &str, error: &serde_json::Error) -> String {
+    #[derive(Deserialize)]
+    struct Unread {
+        cameras: Vec<serde_json::Value>,
+    }
+    let unread: Option<Unread> = serde_json::from_str(text).ok();
+    let cameras = unread.map_or(Vec::new(), |unread| unread.cameras);
+    let is_wrong = |camera: &&serde_json::Value| ManifestCamera::deserialize(*camera).is_err();
+    match cameras.iter().find(is_wrong).and_then(|camera| camera["id"].as_str()) {
+        Some(id) => format!("camera {id}: {error}"),
+        None => error.to_string(),
+    }
 }
 
 /// The plate of a camera, a file in `folder`; the manifest is at `path`.

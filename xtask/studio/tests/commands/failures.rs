@@ -28,6 +28,12 @@ const FAILURES: &[Failure] = &[
         "xtask/CAPTURE.md describes them",
     ),
     ("fit manifest", DATA, "manifest/capture.json: missing field", "xtask/CAPTURE.md describes the layout"),
+    (
+        "fit unread",
+        DATA,
+        "unread/capture.json: camera 07: missing field `w2c` at line",
+        "describes the layout",
+    ),
     ("fit stage -o field.aarc", USAGE, "cannot write field.aarc", "ends in .ply; name it so"),
     (
         "fit stage -o folder --from field.ply",
@@ -352,11 +358,13 @@ fn workshop() -> TempDir {
     let mut version = clip;
     version[4] = 99;
     write("version.aarc", &version);
-    ["bare", "two", "keys", "moving", "manifest", "net", "up", "scale"]
+    ["bare", "two", "keys", "moving", "manifest", "unread", "net", "up", "scale"]
         .iter()
         .for_each(|name| fs::create_dir(path(name)).unwrap());
     write("bare/readme.txt", b"no field here");
     write("manifest/capture.json", b"{}");
+    let unread = r#"{"cameras": [{"id": "07", "w": 2, "h": 2, "K": [[1, 0, 1], [0, 1, 1], [0, 0, 1]]}]}"#;
+    write("unread/capture.json", unread.as_bytes());
     write("two/a.ply", &dynamic);
     write("two/b.ply", &dynamic);
     write("keys/field.ply", &dynamic);
