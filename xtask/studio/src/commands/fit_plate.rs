@@ -90,6 +90,7 @@ pub(super) fn fit_plate(
         // The checkpoint has its rows and the cameras.
         return Ok(Some(FittedPlate { field: import(&path)?.field, learned: plan.learned }));
     }
+    fit::name_covered(views, &capture_files.capture.cameras);
     let bar = counting(plan.plate_steps(), "steps");
     bar.println(format!("plate: {}", path.display()));
     let fitted = fit::fit_plate(plan, capture_files, runtime, out, &mut |progress| show(&bar, progress))?;

@@ -41,6 +41,7 @@ pub use plate::fit_plate;
 pub use refinement::{Refinement, RefinementReport};
 pub use slide::{Assembled, Segments, SlidField, SlidePlan, SlideProgress, WorkFolder, slide, slide_cost};
 pub use start::FittedPlate;
+pub use strangers::name_covered;
 pub(crate) use training_views::evenly;
 use training_views::mean_psnr;
 pub use training_views::{TrainingViews, train_frames};
