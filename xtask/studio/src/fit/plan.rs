@@ -208,6 +208,12 @@ impl FitPlan {
         self.learns_disagreement && self.plate == PlatePlan::Fitted
     }
 
+    /// Whether what is learned of the colours of cameras starts from gains that are measured in whole photographs.
+    pub(super) fn measures_gains(&self) -> bool {
+        let is_learned = self.learned.gains || self.learned.colors;
+        self.asks_for_gains() || (is_learned && self.plate == PlatePlan::Fitted)
+    }
+
     /// What a fit of whole photographs does, in a line, and how long that takes on so many cores.
     pub fn describe_whole(&self, capture_files: &CaptureFiles, cores: usize) -> String {
         let size = |factor: u32| {

@@ -106,11 +106,11 @@ pub(super) fn start(
 /// Root mean square of the gains of cameras from which on they are learned. Cameras of a dome differ by 0.10.
 const DISAGREEMENT_MIN: f64 = 0.02;
 
-/// The cameras: as the plan says, and, where it asks whether they disagree about colours and they do, with gains that are
-/// learned from those that are measured here. Says so in a line.
+/// The cameras: as the plan says. Where it learns their colours, or does so if they disagree, and they disagree, from gains
+/// that are measured here. Says so in a line.
 fn rig(plan: &FitPlan, parameters: &Parameters<f32>, views: &TrainingViews) -> Rig {
     // In front of a background, half of a subject's surface is hidden, and would pass for another colour.
-    if !(plan.asks_for_gains() && views.are_whole() && views.responses.iter().all(Response::is_neutral)) {
+    if !(plan.measures_gains() && views.are_whole() && views.responses.iter().all(Response::is_neutral)) {
         return views.rig(plan.learned);
     }
     let train: Vec<&TrainingView> = views.train.iter().map(|(_, view)| view).collect();
@@ -121,10 +121,12 @@ fn rig(plan: &FitPlan, parameters: &Parameters<f32>, views: &TrainingViews) -> R
         eprintln!("note: cameras agree about colours within {percent:.1} %");
         return views.rig(plan.learned);
     }
+    let what = if plan.learned.colors { "a transform of colours" } else { "gain, offset" };
     eprintln!(
-        "note: cameras show the same in colours that differ by {percent:.1} %: gain, offset and vignette of each are learned"
+        "note: cameras show the same in colours that differ by {percent:.1} %: {what} and vignette of each are learned"
     );
-    views.rig_from(Learned { gains: true, ..plan.learned }, &gains.responses(views.responses.len()))
+    let learned = Learned { gains: !plan.learned.colors, ..plan.learned };
+    views.rig_from(learned, &gains.responses(views.responses.len()))
 }
 
 /// Adds the rows of a plate to `parameters`, always on and behind all others, with the columns of these. Returns the past of

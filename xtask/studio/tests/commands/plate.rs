@@ -14,6 +14,10 @@ const FIT: &str = "--steps 300 --gaussians 600 --sh-degree 0";
 
 /// A capture of videos without masks, with plates, and the masks of the figure beside.
 fn studio() -> TempDir {
+    studio_of(Perturbations { noise: 1.0, ..Perturbations::NONE })
+}
+
+fn studio_of(perturbations: Perturbations) -> TempDir {
     let folder = tempdir().unwrap();
     let settings = RigSettings {
         cameras: 6,
@@ -24,7 +28,7 @@ fn studio() -> TempDir {
         crf: 12,
         shadow: false,
         masks: true,
-        perturbations: Perturbations { noise: 1.0, ..Perturbations::NONE },
+        perturbations,
     };
     write(&folder.path().join("rig"), &Rig::new(&settings).unwrap(), || {}).unwrap();
     run(folder.path(), "ingest rig -o studio --offsets none --plates rig/plates --mattes off").success();
@@ -139,6 +143,35 @@ fn parts_and_takes_of_a_capture_have_its_mattes() {
     assert!(before_black > 22.0, "{before_black}");
     let error = run(folder, &format!("fit studio -o take2 --plate on {FIT}")).error(2);
     assert!(error.contains("--plate on: a field folder has no plate"), "{error}");
+}
+
+/// Few steps learn next to nothing.
+#[test]
+fn colours_that_are_learned_start_from_measured_gains() {
+    if !has_ffmpeg() {
+        return;
+    }
+    let folder = studio_of(Perturbations { noise: 1.0, exposure: 0.4, ..Perturbations::NONE });
+    let folder = folder.path();
+    let greens = |learn: &str| {
+        let stderr =
+            run(folder, &format!("fit studio -o a.ply --steps 4 --gaussians 600{learn}")).success().stderr;
+        let cameras: Value =
+            serde_json::from_slice(&fs::read(folder.join("a.cameras.json")).unwrap()).unwrap();
+        let greens = cameras["cameras"].as_array().unwrap().iter();
+        let greens: Vec<f64> =
+            greens.map(|camera| camera["response"]["color"][1][1].as_f64().unwrap()).collect();
+        (stderr, greens)
+    };
+    let (_, by_default) = greens(" --learn gains");
+    let spread = |greens: &[f64]| {
+        greens.iter().copied().fold(f64::MIN, f64::max) / greens.iter().copied().fold(f64::MAX, f64::min)
+    };
+    assert!(spread(&by_default) > 1.3, "{by_default:?}");
+    // A rig's capture asks for colours and offsets.
+    let (stderr, colors) = greens("");
+    assert!(stderr.contains("a transform of colours and vignette of each are learned"), "{stderr}");
+    assert!(by_default.iter().zip(&colors).all(|(a, b)| (a - b).abs() < 0.02), "{by_default:?} {colors:?}");
 }
 
 /// Pictures of even frames are dark, and those of odd ones bright.
