@@ -23,7 +23,7 @@ use clap::{ArgGroup, ValueEnum};
 use program::{Fault, output};
 use refine::capture::Holdout;
 use refine::code::JOINT_ROUNDS;
-use refine::fit::{Backend, FRAGMENT_WEIGHT};
+use refine::fit::Backend;
 use refine::prune::Ranking;
 use serde_json::{Value, json};
 
@@ -88,10 +88,10 @@ pub struct Args {
     #[arg(long, value_name = "N", conflicts_with_all = ["recolor", "prefix_quality"],
           value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
     refine: Option<u64>,
-    /// Weight of the area that Gaussians cover in the loss of the refinement, 0 to 1: a headset pays for it
-    #[arg(long, value_name = "W", requires = "refine", default_value_t = FRAGMENT_WEIGHT,
-          value_parser = fragment_weight)]
-    fragment_weight: f64,
+    /// Weight of the area that Gaussians cover in the loss of the refinement, 0 to 1: a headset pays for it. By default as `fit`
+    /// has it: 0.001, or 0.0015 for whole photographs
+    #[arg(long, value_name = "W", requires = "refine", value_parser = fragment_weight)]
+    fragment_weight: Option<f64>,
     /// Folder of that capture; SCENE itself by default
     #[arg(long, value_name = "DIR", requires = "refine", conflicts_with = "list")]
     capture: Option<PathBuf>,
@@ -373,11 +373,10 @@ fn write_package(args: &Args) -> anyhow::Result<WrittenPackage> {
         (Some(captured), Some(_)) => Some(captured.photographs(&scene, args)?),
         _ => None,
     };
-    let refinement = views.as_ref().zip(args.refine).map(|(views, steps)| Refinement {
-        views,
-        plate: scene.plate.as_ref().map(|plate| &plate.field).filter(|_| views.are_whole()),
-        steps,
-        fragment_weight: args.fragment_weight,
+    let refinement = views.as_ref().zip(args.refine).map(|(views, steps)| {
+        let plate = scene.plate.as_ref().map(|plate| &plate.field).filter(|_| views.are_whole());
+        let by_default = || fit::default_fragment_weight(plate.is_some());
+        Refinement { views, plate, steps, fragment_weight: args.fragment_weight.unwrap_or_else(by_default) }
     });
     let mut package = package_with(&scene, &settings, refinement.as_ref(), &mut *backend, &progress)?;
     if let Some(miss) = package.report.miss.as_ref().filter(|miss| args.strict && miss.is_below) {

@@ -36,7 +36,7 @@ use crate::scene::{DEFAULT_DURATION_S, DEFAULT_METRES_PER_UNIT, DEFAULT_UP, plat
 pub use cameras::learned_cameras;
 use checkpoint::{Checkpoint, Tally};
 use log::LogEntry;
-pub use plan::{Coarse, DepthScale, FitPlan, FitStart, PlatePlan, crc, file_crc};
+pub use plan::{Coarse, DepthScale, FitPlan, FitStart, PlatePlan, crc, default_fragment_weight, file_crc};
 pub use plate::fit_plate;
 pub use refinement::{Refinement, RefinementReport};
 pub use slide::{Assembled, Segments, SlidField, SlidePlan, SlideProgress, WorkFolder, slide, slide_cost};

@@ -152,7 +152,7 @@ impl FitPlan {
             steps: WHOLE_STEPS,
             gaussians,
             floor: gaussians,
-            fragment_weight: WHOLE_FRAGMENT_WEIGHT,
+            fragment_weight: default_fragment_weight(true),
             sh_degree: 0,
             ..plan
         })
@@ -170,7 +170,7 @@ impl FitPlan {
             gaussians,
             floor: gaussians,
             rule: DensityRule::Floor,
-            fragment_weight: FRAGMENT_WEIGHT,
+            fragment_weight: default_fragment_weight(false),
             filter: PixelFilter::Mip,
             near: near(capture_files),
             sh_degree: SH_DEGREE,
@@ -300,8 +300,11 @@ const PLATE_STEPS: u64 = 4000;
 const WHOLE_GAUSSIANS: usize = 60_000;
 const WHOLE_GAUSSIANS_A_FRAME: usize = 2000;
 
-/// Default weight of the fragment term for whole photographs: a room covers every pixel of a player many times over.
-const WHOLE_FRAGMENT_WEIGHT: f64 = 1.5 * FRAGMENT_WEIGHT;
+/// Default weight of the fragment term of fits and refinements. A room, in whole photographs, covers every pixel of a player
+/// many times over.
+pub fn default_fragment_weight(is_whole: bool) -> f64 {
+    if is_whole { 1.5 * FRAGMENT_WEIGHT } else { FRAGMENT_WEIGHT }
+}
 
 /// A number of Gaussians for photographs of 512x375 pixels, in proportion to those of the capture if these are fewer.
 fn of_pixels(gaussians: usize, capture_files: &CaptureFiles) -> usize {
