@@ -41,7 +41,8 @@ const BRIGHTEST: f64 = 0.01;
 /// Steps from which on the plate of a right camera is explained.
 const STEPS_MIN: u64 = 2000;
 
-/// Names the strangers among `cameras` in a line each, and those without light in one, from the fit to the plates that are `views`.
+/// Names the strangers among `cameras` in a line each, and those without light in one, from the fit to the plates that are
+/// `views`.
 ///
 /// # Errors
 /// A [`DeviceError`].
