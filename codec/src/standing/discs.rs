@@ -65,13 +65,13 @@ impl Discs {
         };
         let is_dynamic = parts.iter().any(|(field, _)| !field.is_empty() && field.temporal.is_some());
         let count = if is_dynamic { INSTANTS } else { 1 };
+        let background = || plate.into_iter().flat_map(|plate| discs_at(plate, Some(0.0), most, field_rows));
         let at = |instant: usize| {
-            let background = plate.into_iter().flat_map(|plate| discs_at(plate, Some(0.0), most, field_rows));
-            of_parts(Some((instant as f64 + 0.5) / count as f64)).chain(background).collect()
+            of_parts(Some((instant as f64 + 0.5) / count as f64)).chain(background()).collect()
         };
         let mut instants: Vec<Vec<Disc>> = (0..count).map(at).collect();
         if instants.iter().flatten().all(|disc| disc.row >= field_rows) {
-            instants = vec![of_parts(None).collect()];
+            instants = vec![of_parts(None).chain(background()).collect()];
         }
         let near = parts.iter().map(|(field, _)| f64::from(field.near)).fold(0.0, f64::max);
         Discs { instants, field_rows, rows, near }

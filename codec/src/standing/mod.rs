@@ -36,12 +36,29 @@ const AROUND_FOV_Y: f64 = 75.0 * std::f64::consts::PI / 180.0;
 /// Rings of stand points: elevation in degrees, number of points.
 const RINGS: [(f64, u32); 2] = [(10.0, 5), (45.0, 3)];
 
-/// Number of stand points in the centre of content that surrounds it, as a room does.
+/// Number of directions in which one looks around within content that surrounds the place, as a room does.
 const INSIDE: u32 = 4;
 
-/// Content surrounds its centre where it is seen from there at this distance on average, in units of half the diagonal
+/// Places within content, as shares of half of its box along its level axes, in the order in which they are tried: in the
+/// centre of a room somebody may stand, or a table.
+const PLACES: [[f64; 2]; 9] = [
+    [0.0, 0.0],
+    [0.5, 0.5],
+    [-0.5, -0.5],
+    [0.5, -0.5],
+    [-0.5, 0.5],
+    [0.5, 0.0],
+    [-0.5, 0.0],
+    [0.0, 0.5],
+    [0.0, -0.5],
+];
+
+/// Most places within content from which it is judged.
+const PLACES_MAX: usize = 3;
+
+/// Content surrounds a place where it is seen from there at this distance on average, in units of half the diagonal
 /// of its box: walls are near it, the inside of a body's surface is at a fifth; ...
-const INSIDE_DEPTH_MIN: f64 = 0.35;
+const INSIDE_DEPTH_MIN: f64 = 0.3;
 
 /// ... and where it fills at least this share of the view.
 const INSIDE_FILLED_MIN: f64 = 0.5;
@@ -74,7 +91,7 @@ const FURTHER_MAX: usize = 12;
 /// Places to look from, each with its camera.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StandPoints {
-    /// Around the content, and in its centre where that is a room; 8 to 12 cameras that look at it.
+    /// Around the content, or within it where that is a furnished room, or both where it may be one; 4 to 12 cameras.
     pub content: Vec<Camera>,
     /// Further places and directions that show the rest: walls, sky, the far side of a room. At most 12, none for an
     /// object alone.
@@ -228,7 +245,17 @@ impl Surroundings {
         // A gap in a wall is no place to look through.
         let is_clear = |look: &Look| look.is_free() && look.glance.content >= CLEAR_CONTENT_MIN;
         further.extend(far.map(|(direction, distance)| self.stand(direction, distance)).filter(is_clear));
-        content.extend(self.inside(turn));
+        let mut inside = self.inside(turn);
+        match inside.first() {
+            // Nobody looks at a furnished room from outside of its walls.
+            Some((place, _)) if self.furniture(*place).is_some() => {
+                content.clear();
+                further = inside.iter().flat_map(|(place, _)| self.looks_up_and_down(*place, turn)).collect();
+            }
+            // It may as well be a hollow body.
+            _ => inside.truncate(1),
+        }
+        content.extend(inside.into_iter().flat_map(|(_, looks)| looks));
         let around = self.cover(&content, further);
         let cameras = |looks: Vec<Look>| {
             looks.into_iter().map(|look| look.camera.resized(size.0, size.1)).collect::<Vec<Camera>>()
@@ -295,21 +322,51 @@ impl Surroundings {
         self.look(self.camera(position, moved(position, arm, 1.0), AROUND_FOV_Y), norm(arm))
     }
 
-    /// Looks around in the centre of the content, if it surrounds its centre at some distance, perhaps open to one side.
-    fn inside(&self, turn: f64) -> Vec<Look> {
+    /// Free places within the content, if it surrounds them at some distance, perhaps open to one side, with the looks around
+    /// there.
+    fn inside(&self, turn: f64) -> Vec<([f64; 3], Vec<Look>)> {
         let (center, radius) = self.center_and_radius();
-        // A body that fades before the eye is no room.
-        let look = |direction| {
-            let camera = self.camera(center, moved(center, direction, radius), AROUND_FOV_Y);
-            Look { glance: glance(&self.discs, &camera, NEAR * radius, 0.0), camera }
+        let axes: Vec<[f64; 3]> = level_directions(self.up, 4, 0.0).take(2).collect();
+        let extent = |axis: [f64; 3]| {
+            let [low, high] = self.content.bounds;
+            0.5 * (0..3).map(|i| (axis[i] * (high[i] - low[i])).abs()).sum::<f64>()
         };
-        let looks: Vec<Look> = level_directions(self.up, INSIDE, turn).map(look).collect();
-        let sees_walls = |look: &&Look| {
-            let Glance { filled, content_depth, .. } = look.glance;
-            look.is_free() && filled >= INSIDE_FILLED_MIN && content_depth >= INSIDE_DEPTH_MIN * radius
+        let place = |shares: &[f64; 2]| {
+            (0..2).fold(center, |place, i| moved(place, axes[i], shares[i] * extent(axes[i])))
         };
-        let walls = looks.iter().filter(sees_walls).count();
-        if walls + 1 >= INSIDE as usize { looks } else { Vec::new() }
+        let alone = self.content_discs();
+        let sees_walls = |camera: &Camera| {
+            // A body that fades before the eye is no room.
+            let glance = glance(&alone, camera, NEAR * radius, 0.0);
+            let is_far = glance.content_depth >= INSIDE_DEPTH_MIN * radius;
+            glance.blocked <= BLOCKED_MAX && glance.filled >= INSIDE_FILLED_MIN && is_far
+        };
+        let around = |place: [f64; 3]| {
+            let directions = level_directions(self.up, INSIDE, turn);
+            let cameras: Vec<Camera> = directions
+                .map(|direction| self.camera(place, moved(place, direction, radius), AROUND_FOV_Y))
+                .collect();
+            let mut open = 0;
+            let is_open = |camera: &Camera| {
+                open += usize::from(!sees_walls(camera));
+                open > 1
+            };
+            if cameras.iter().any(is_open) {
+                return None;
+            }
+            Some((place, cameras.into_iter().map(|camera| self.look(camera, radius)).collect()))
+        };
+        PLACES.iter().map(place).filter_map(around).take(PLACES_MAX).collect()
+    }
+
+    /// Looks at the ceiling and the floor around `place`.
+    fn looks_up_and_down(&self, place: [f64; 3], turn: f64) -> Vec<Look> {
+        let (_, radius) = self.center_and_radius();
+        let tilted = |direction: [f64; 3]| [1.0, -1.0].map(|tilt| moved(direction, self.up, tilt));
+        level_directions(self.up, INSIDE, turn)
+            .flat_map(tilted)
+            .map(|arm| self.look(self.camera(place, moved(place, arm, radius), AROUND_FOV_Y), radius))
+            .collect()
     }
 
     fn camera(&self, position: [f64; 3], target: [f64; 3], fov_y: f64) -> Camera {

@@ -9,7 +9,7 @@ use std::f64::consts::{FRAC_PI_4, FRAC_PI_6};
 use super::discs::{Disc, Discs};
 use super::glance::{SIZE, glance};
 use super::{
-    AROUND_FOV_Y, CLEAR_CONTENT_MIN, DISTANCES, FOV_Y, Surroundings, level_directions, moved, rotate,
+    AROUND_FOV_Y, CLEAR_CONTENT_MIN, DISTANCES, FOV_Y, Look, Surroundings, level_directions, moved, rotate,
 };
 use crate::Viewpoint;
 use crate::camera::{cross, norm, normalize, sub};
@@ -31,15 +31,15 @@ const AREA_MIN: f64 = 0.9;
 const LEVEL_AREA_MIN: f64 = 0.5;
 
 /// A room is furnished where at least this share of its rows, ...
-const FURNITURE_MIN: f64 = 0.1;
+const FURNITURE_MIN: f64 = 0.06;
 
-/// ... seen from its centre, is nearer than this share of the distance to the last row in about that direction.
+/// ... seen from a place in it, is nearer than this share of the distance to the last row in about that direction.
 const FURNITURE_DEPTH_MAX: f64 = 0.6;
 
 /// About one direction: bins along each side of a cube.
 const BINS: f64 = 4.0;
 
-/// Places in a room, as shares of the way from its centre to what is behind, in the order in which they are tried.
+/// Steps back, as shares of the way to what is behind, in the order in which they are tried.
 const BACK: [f64; 3] = [0.6, 0.3, 0.0];
 
 /// A direction from which people may look at the content.
@@ -66,7 +66,7 @@ impl Surroundings {
             };
             let most = |views: &[(f64, Viewpoint)]| views.iter().map(|(area, _)| *area).fold(0.0, f64::max);
             let [of_level, of_raised] = [clear(&level), clear(&raised)];
-            let is_flat = !of_level.is_empty() && most(&of_level) < LEVEL_AREA_MIN * most(&of_raised);
+            let is_flat = most(&of_level) < LEVEL_AREA_MIN * most(&of_raised);
             let views = if is_flat { of_raised } else { of_level };
             let least = AREA_MIN * most(&views);
             if let Some((_, viewpoint)) = views.into_iter().find(|(area, _)| *area >= least) {
@@ -100,7 +100,7 @@ impl Surroundings {
     }
 
     /// The discs in the box of the content.
-    fn content_discs(&self) -> Discs {
+    pub(super) fn content_discs(&self) -> Discs {
         let [low, high] = self.content.bounds;
         let is_within = |disc: &&Disc| {
             let range = |axis: usize| low[axis]..=high[axis];
@@ -121,15 +121,14 @@ impl Surroundings {
         glance.filled * glance.seen.iter().filter(|seen| **seen).count() as f64
     }
 
-    /// The box of the content; a cube of its radius around a point.
+    /// The box of the content with the size of its rows.
     fn framed_bounds(&self) -> [[f64; 3]; 2] {
-        let bounds = self.content.bounds;
-        let radius = self.content.radius();
-        match 0.5 * norm(sub(bounds[1], bounds[0])) < radius {
-            true => [-radius, radius]
-                .map(|offset| std::array::from_fn(|axis| 0.5 * (bounds[0][axis] + bounds[1][axis]) + offset)),
-            false => bounds,
-        }
+        let mut radii: Vec<f64> =
+            self.content_discs().instants.iter().flatten().map(|disc| disc.radius).collect();
+        radii.sort_by(f64::total_cmp);
+        let margin = radii.get(radii.len() / 2).copied().unwrap_or(0.0);
+        let [low, high] = self.content.bounds;
+        [low.map(|x| x - margin), high.map(|x| x + margin)]
     }
 
     /// The view of `framing` from `distance` times as far away, and the share of the content that shows there; 0 in the haze of
@@ -140,54 +139,62 @@ impl Surroundings {
         let position = moved(target, arm, distance).map(|x| x as f32);
         let viewpoint = Viewpoint { position, ..framing.clone() };
         let camera = viewpoint.camera(self.up.map(|x| x as f32), SIZE.0, SIZE.1);
-        let glance = self.look(camera, distance * norm(arm)).glance;
-        let shown = if glance.blocked <= HAZE_MAX { glance.content } else { 0.0 };
+        let look = self.look(camera, distance * norm(arm));
+        let shown = if self.is_clear(&look) { look.glance.content } else { 0.0 };
         (viewpoint, shown)
     }
 
-    /// The view along a furnished room; `None` where the content is no such room.
+    /// The view of a furnished room from within; `None` where the content is no such room.
     fn view_within(&self) -> Option<Viewpoint> {
-        if self.inside(0.0).is_empty() || !self.is_furnished() {
-            return None;
-        }
-        let (center, radius) = self.center_and_radius();
+        let places = self.inside(0.0);
+        let furniture = self.furniture(places.first()?.0)?;
+        let (_, radius) = self.center_and_radius();
         let look = |position: [f64; 3], direction| {
             self.look(self.camera(position, moved(position, direction, radius), AROUND_FOV_Y), radius)
         };
-        let mut best: Option<(f64, Viewpoint)> = None;
-        for direction in level_directions(self.up, TURNS.len() as u32, 0.0) {
-            let behind = look(center, direction.map(|x| -x)).glance.depth;
-            for back in BACK {
-                let position = moved(center, direction, -back * behind);
-                let glance = look(position, direction).glance;
-                if glance.blocked > HAZE_MAX {
+        let mut best: Option<(usize, Viewpoint)> = None;
+        for (place, _) in places {
+            for direction in level_directions(self.up, TURNS.len() as u32, 0.0) {
+                let behind = look(place, direction.map(|x| -x)).glance.depth;
+                let back = |back: &f64| moved(place, direction, -back * behind);
+                let looks = BACK.iter().map(back).map(|position| look(position, direction));
+                let Some(Look { camera, glance }) = looks.into_iter().find(|look| self.is_clear(look)) else {
                     continue;
-                }
-                if best.as_ref().map_or(0.0, |(depth, _)| *depth) < glance.depth {
+                };
+                let shown = furniture.iter().filter(|row| glance.seen[**row]).count();
+                if best.as_ref().is_none_or(|(most, _)| shown > *most) {
+                    let position = camera.position();
                     let [position, target] = [position, moved(position, direction, 0.5 * glance.depth)]
                         .map(|point| point.map(|x| x as f32));
                     let fov_y = AROUND_FOV_Y as f32;
-                    best = Some((glance.depth, Viewpoint { name: "front".into(), position, target, fov_y }));
+                    best = Some((shown, Viewpoint { name: "front".into(), position, target, fov_y }));
                 }
-                break;
             }
         }
         best.map(|(_, viewpoint)| viewpoint)
     }
 
-    /// Whether much is within what surrounds the centre of the content.
-    fn is_furnished(&self) -> bool {
-        let (center, _) = self.center_and_radius();
+    /// Whether the eye is in no haze, and in nothing.
+    fn is_clear(&self, look: &Look) -> bool {
+        let eye = look.camera.position();
+        let is_around = |disc: &Disc| disc.opacity >= HAZE_MAX && norm(sub(disc.center, eye)) < disc.radius;
+        look.glance.blocked <= HAZE_MAX && !self.discs.instants.iter().flatten().any(is_around)
+    }
+
+    /// The rows that are within what surrounds `place`, if there are many.
+    pub(super) fn furniture(&self, place: [f64; 3]) -> Option<Vec<usize>> {
         let discs = self.content_discs();
-        let arms: Vec<[f64; 3]> =
-            discs.instants.iter().flatten().map(|disc| sub(disc.center, center)).collect();
+        let discs: Vec<(usize, [f64; 3])> =
+            discs.instants.iter().flatten().map(|disc| (disc.row, sub(disc.center, place))).collect();
         let mut last = BTreeMap::new();
-        for arm in &arms {
+        for (_, arm) in &discs {
             let most: &mut f64 = last.entry(bin(*arm)).or_default();
             *most = most.max(norm(*arm));
         }
-        let is_before = |arm: &&[f64; 3]| norm(**arm) < FURNITURE_DEPTH_MAX * last[&bin(**arm)];
-        arms.iter().filter(is_before).count() as f64 >= FURNITURE_MIN * arms.len() as f64
+        let is_before = |arm: &[f64; 3]| norm(*arm) < FURNITURE_DEPTH_MAX * last[&bin(*arm)];
+        let before: Vec<usize> =
+            discs.iter().filter(|(_, arm)| is_before(arm)).map(|(row, _)| *row).collect();
+        (before.len() as f64 >= FURNITURE_MIN * discs.len() as f64).then_some(before)
     }
 }
 

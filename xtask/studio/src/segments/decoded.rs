@@ -137,8 +137,12 @@ impl DecodedTake {
         seconds: Option<&[f64]>,
     ) -> anyhow::Result<DecodedTake> {
         let (duration_s, mut gaussians) = (folder.duration_s, 0);
-        let first = folder.scene(0)?;
-        let info = ClipInfo { duration_s: duration_s as f32, ..first.info.clone() };
+        let viewpoints = folder.viewpoints()?;
+        let info = ClipInfo {
+            duration_s: duration_s as f32,
+            viewpoints: viewpoints.clone(),
+            ..folder.scene(0)?.info
+        };
         let mut segments = Vec::new();
         for index in 0..folder.len() {
             let span = folder.span(index);
@@ -152,7 +156,6 @@ impl DecodedTake {
             check_size(&path.display().to_string(), gaussians)?;
             segments.push(DecodedSegment { span, content });
         }
-        let viewpoints = info.viewpoints.clone();
         Ok(DecodedTake { info, duration_s, viewpoints, segments })
     }
 

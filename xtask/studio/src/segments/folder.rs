@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use codec::SEGMENTS_MAX;
+use codec::{SEGMENTS_MAX, Surroundings, Viewpoint};
 use program::Fault;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -127,6 +127,28 @@ impl FieldFolder {
         let entry = &self.entries[index];
         let plate = entry.plate.as_ref().map(|name| self.folder.join(name));
         Scene::of_segment(&self.file(index), plate.as_deref(), entry.duration_s as f32, self.fps)
+    }
+
+    /// The viewpoints that the first segment states, or else the opening by the segments that are shown first. Never empty.
+    ///
+    /// # Errors
+    /// Those of [`FieldFolder::scene`].
+    pub(super) fn viewpoints(&self) -> anyhow::Result<Vec<Viewpoint>> {
+        let first = self.scene(0)?;
+        if !first.assumed.contains(&"viewpoints") {
+            return Ok(first.info.viewpoints);
+        }
+        let spans: Vec<Span> = (0..self.len()).map(|index| self.span(index)).collect();
+        let start_s = spans.iter().map(|span| span.start_s.max(0.0)).fold(self.duration_s, f64::min);
+        let shown: Vec<usize> =
+            (0..spans.len()).filter(|&index| spans[index].holds(self.duration_s, start_s)).collect();
+        let end_s = shown.iter().map(|&index| spans[index].end_s()).fold(self.duration_s, f64::min);
+        let scenes = shown.iter().map(|&index| self.scene(index)).collect::<anyhow::Result<Vec<Scene>>>()?;
+        let range = |span: &Span| [start_s, end_s].map(|second| (second - span.start_s) / span.duration_s);
+        let fields = scenes.iter().map(|scene| &scene.subject.field);
+        let parts: Vec<_> = fields.zip(shown.iter().map(|&index| range(&spans[index]))).collect();
+        let plate = scenes.iter().find_map(|scene| scene.plate.as_ref()).map(|plate| &plate.field);
+        Ok(vec![Surroundings::of_parts(&parts, plate, first.info.up).opening()])
     }
 
     /// The text of a `field.json`.

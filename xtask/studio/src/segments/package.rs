@@ -5,12 +5,12 @@
 //! ```
 //!
 //! Memory holds one segment and does not grow with the length of the take; for the opening view of a take without viewpoints,
-//! those that are shown at its start. The fields are read twice, for the survey and for their packages.
+//! those that are shown first. The fields are read twice, for the survey and for their packages.
 
 use std::path::Path;
 use std::time::Duration;
 
-use codec::{ClipInfo, Surroundings, Viewpoint};
+use codec::ClipInfo;
 use indicatif::HumanDuration;
 use program::{Fault, counted};
 use refine::fit::Backend;
@@ -119,8 +119,7 @@ pub fn package_take(
 fn survey(sources: &SegmentSources) -> anyhow::Result<Survey> {
     let mut agreement = Agreement::default();
     let spans: Vec<Span> = (0..sources.len()).map(|i| sources.span(i)).collect();
-    let (mut gaussians, mut info, mut near) = (Vec::new(), None::<ClipInfo>, 0.0f32);
-    let mut viewpoints = None;
+    let (mut gaussians, mut info, mut near) = (Vec::new(), None, 0.0f32);
     let mut last_plate: Option<usize> = None;
     for i in 0..sources.len() {
         let scene = sources.scene(i)?;
@@ -141,30 +140,11 @@ fn survey(sources: &SegmentSources) -> anyhow::Result<Survey> {
         agreement.add(&scene.name, &scene.info, &scene.subject.field, plate)?;
         near = near.max(scene.subject.field.near).max(plate.map_or(0.0, |plate| plate.near));
         gaussians.push(visible(&scene.subject).0.len());
-        if !scene.assumed.contains(&"viewpoints") {
-            viewpoints.get_or_insert(scene.info.viewpoints.clone());
-        }
         info.get_or_insert(scene.info);
     }
-    let mut info = info.expect("there is a segment");
-    info.viewpoints = match viewpoints {
-        Some(viewpoints) => viewpoints,
-        None => vec![opening(sources, &spans, info.up)?],
-    };
+    let mut info: ClipInfo = info.expect("there is a segment");
+    info.viewpoints = sources.viewpoints()?;
     Ok(Survey { spans, gaussians, info, near })
-}
-
-/// The view in which people see a take first, by the segments that are shown at its start.
-fn opening(sources: &SegmentSources, spans: &[Span], up: [f32; 3]) -> anyhow::Result<Viewpoint> {
-    let at_start: Vec<usize> =
-        (0..spans.len()).filter(|&i| spans[i].holds(sources.duration_s, 0.0)).collect();
-    let until_s = at_start.iter().map(|&i| spans[i].end_s()).fold(sources.duration_s, f64::min);
-    let scenes = at_start.iter().map(|&i| sources.scene(i)).collect::<anyhow::Result<Vec<Scene>>>()?;
-    let range = |&i: &usize| [0.0, until_s].map(|t_s| (t_s - spans[i].start_s) / spans[i].duration_s);
-    let parts: Vec<_> =
-        scenes.iter().map(|scene| &scene.subject.field).zip(at_start.iter().map(range)).collect();
-    let plate = scenes.iter().find_map(|scene| scene.plate.as_ref());
-    Ok(Surroundings::of_parts(&parts, plate.map(|plate| &plate.field), up).opening())
 }
 
 /// The scene with a near distance.

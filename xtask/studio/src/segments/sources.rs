@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use codec::{ClipInfo, Field, SplitSegment, split};
+use codec::{ClipInfo, Field, SplitSegment, Viewpoint, split};
 use program::{Fault, counted};
 
 use super::folder::FieldFolder;
@@ -72,6 +72,17 @@ impl SegmentSources {
         let name = scene.name.clone();
         let segments = Segments::Split { whole: Box::new(scene), parts };
         Ok(SegmentSources { name, duration_s, whole: Some(counts), segments })
+    }
+
+    /// The viewpoints of the take. Never empty.
+    ///
+    /// # Errors
+    /// Those of [`FieldFolder::viewpoints`].
+    pub(super) fn viewpoints(&self) -> anyhow::Result<Vec<Viewpoint>> {
+        match &self.segments {
+            Segments::Folder(folder) => folder.viewpoints(),
+            Segments::Split { whole, .. } => Ok(whole.info.viewpoints.clone()),
+        }
     }
 
     /// Number of segments, at least 1.
