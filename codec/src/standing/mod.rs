@@ -36,22 +36,12 @@ const AROUND_FOV_Y: f64 = 75.0 * std::f64::consts::PI / 180.0;
 /// Rings of stand points: elevation in degrees, number of points.
 const RINGS: [(f64, u32); 2] = [(10.0, 5), (45.0, 3)];
 
-/// Number of directions in which one looks around within content that surrounds the place, as a room does.
-const INSIDE: u32 = 4;
+/// Places within content beside its middle, where somebody may stand, or a table: eighths of a turn around the middle, in the
+/// order in which they are tried, ...
+const PLACES: [f64; 8] = [0.0, 3.0, 6.0, 1.0, 4.0, 7.0, 2.0, 5.0];
 
-/// Places within content, as shares of half of its box along its level axes, in the order in which they are tried: in the
-/// centre of a room somebody may stand, or a table.
-const PLACES: [[f64; 2]; 9] = [
-    [0.0, 0.0],
-    [0.5, 0.5],
-    [-0.5, -0.5],
-    [0.5, -0.5],
-    [-0.5, 0.5],
-    [0.5, 0.0],
-    [-0.5, 0.0],
-    [0.0, 0.5],
-    [0.0, -0.5],
-];
+/// ... at this share of the way to the sides of its box.
+const PLACE_SHARE: f64 = 0.5;
 
 /// Most places within content from which it is judged.
 const PLACES_MAX: usize = 3;
@@ -331,8 +321,19 @@ impl Surroundings {
             let [low, high] = self.content.bounds;
             0.5 * (0..3).map(|i| (axis[i] * (high[i] - low[i])).abs()).sum::<f64>()
         };
-        let place = |shares: &[f64; 2]| {
-            (0..2).fold(center, |place, i| moved(place, axes[i], shares[i] * extent(axes[i])))
+        let beside = |eighths: f64| {
+            let (sin, cos) = libm::sincos(std::f64::consts::FRAC_PI_4 * (eighths + turn));
+            let place = moved(center, axes[0], PLACE_SHARE * cos * extent(axes[0]));
+            moved(place, axes[1], PLACE_SHARE * sin * extent(axes[1]))
+        };
+        let quarter = std::f64::consts::FRAC_PI_2;
+        // The first look from beside the middle is at the middle.
+        let directions = |place: [f64; 3]| -> [[f64; 3]; 4] {
+            let (front, first) = match normalize(sub(center, place)) {
+                Some(front) => (front, 0.0),
+                None => (axes[0], turn),
+            };
+            std::array::from_fn(|i| rotate(front, self.up, quarter * (i as f64 + first)))
         };
         let alone = self.content_discs();
         let sees_walls = |camera: &Camera| {
@@ -342,10 +343,8 @@ impl Surroundings {
             glance.blocked <= BLOCKED_MAX && glance.filled >= INSIDE_FILLED_MIN && is_far
         };
         let around = |place: [f64; 3]| {
-            let directions = level_directions(self.up, INSIDE, turn);
-            let cameras: Vec<Camera> = directions
-                .map(|direction| self.camera(place, moved(place, direction, radius), AROUND_FOV_Y))
-                .collect();
+            let camera = |direction| self.camera(place, moved(place, direction, radius), AROUND_FOV_Y);
+            let cameras = directions(place).map(camera);
             let mut open = 0;
             let is_open = |camera: &Camera| {
                 open += usize::from(!sees_walls(camera));
@@ -356,14 +355,14 @@ impl Surroundings {
             }
             Some((place, cameras.into_iter().map(|camera| self.look(camera, radius)).collect()))
         };
-        PLACES.iter().map(place).filter_map(around).take(PLACES_MAX).collect()
+        std::iter::once(center).chain(PLACES.map(beside)).filter_map(around).take(PLACES_MAX).collect()
     }
 
     /// Looks at the ceiling and the floor around `place`.
     fn looks_up_and_down(&self, place: [f64; 3], turn: f64) -> Vec<Look> {
         let (_, radius) = self.center_and_radius();
         let tilted = |direction: [f64; 3]| [1.0, -1.0].map(|tilt| moved(direction, self.up, tilt));
-        level_directions(self.up, INSIDE, turn)
+        level_directions(self.up, 4, turn)
             .flat_map(tilted)
             .map(|arm| self.look(self.camera(place, moved(place, arm, radius), AROUND_FOV_Y), radius))
             .collect()
