@@ -98,9 +98,7 @@ impl ManifestSound {
 pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
     let path = folder.join(FILE);
     let bad_manifest = |problem: String| bad_layout(&path, problem);
-    let text = read_text(&path)?;
-    let manifest: Manifest =
-        serde_json::from_str(&text).map_err(|error| bad_layout(&path, with_camera(&text, &error)))?;
+    let manifest = parse(&read_text(&path)?).map_err(bad_manifest)?;
     manifest.check().map_err(bad_manifest)?;
     let fps = manifest.fps.unwrap_or(f64::from(DEFAULT_FPS));
     let mut videos = Vec::new();
@@ -155,6 +153,10 @@ pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
         sound: manifest.sound.map(|sound| sound.in_folder(folder)),
         ..builder.build(even_times_s(frames, fps), manifest.fps)
     })
+}
+
+fn parse(text: &str) -> Result<Manifest, String> {
+    serde_json::from_str(text).map_err(|error| with_camera(text, &error))
 }
 
 /// What is wrong in a manifest, and with which of its cameras, if it is with one.
