@@ -10,7 +10,7 @@ use glam::UVec2;
 use program::generate::Generated;
 use program::{Lens, Standpoint};
 
-use crate::clips::{Servers, SourceOptions};
+use crate::clips::SourceOptions;
 use crate::gpu::{ChannelDepth, Cutoff, Level, RenderSettings, SortOrder};
 
 /// The text of `--version`: versions of the program and of the packages that it plays.
@@ -188,11 +188,6 @@ pub struct Args {
     #[arg(long, value_name = "FILE.json", requires = "windowless")]
     pub stats: Option<PathBuf>,
 
-    /// Let playlists and redirects of servers with public addresses lead to private, link-local and loopback
-    /// addresses, such as those of a home network.
-    #[arg(long)]
-    pub private_network: bool,
-
     /// Print the man page, or completions for a shell, and exit.
     #[cfg(not(target_os = "android"))]
     #[arg(long, value_enum, value_name = "WHAT", exclusive = true)]
@@ -200,10 +195,9 @@ pub struct Args {
 }
 
 impl Args {
-    /// Where clips may come from; downloads are cached in `cache_dir`.
+    /// Options of sources; downloads are cached in `cache_dir`.
     pub(crate) fn source(&self, cache_dir: Option<PathBuf>) -> SourceOptions {
-        let servers = if self.private_network { Servers::All } else { Servers::Guarded };
-        SourceOptions { cache_dir, servers, ..SourceOptions::default() }
+        SourceOptions { cache_dir, ..SourceOptions::default() }
     }
 
     /// Where the wearer of the headset stands; `None` for no choice.

@@ -12,7 +12,7 @@ use aarc_tests::scene::{Motion, Recipe, packaged};
 use aarc_tests::server::{Answer, Request, Server};
 use client::clips::playlist::{self, Playlist};
 use client::clips::{ClipVersion, LoadEvent};
-use client::clips::{Progress, Servers, SourceOptions};
+use client::clips::{Progress, SourceOptions};
 use client::net::{Cache, Download, Options, RetryPolicy};
 use codec::{Clip, Limits, contents, decode};
 use program::Fault;
@@ -610,27 +610,6 @@ fn a_web_page_does_not_replace_a_cached_clip() {
     }
 }
 
-/// What a playlist on the internet names does not come from this machine.
-#[test]
-fn private_networks_are_refused_before_anything_is_sent() {
-    let file = package(25);
-    let server = server_of(&file);
-    let url = server.url("clip.aarc");
-    let local = url.replace("127.0.0.1", "localhost");
-    for url in [&url, &local] {
-        let start = Instant::now();
-        let events = collect(Download::new(url, Options { servers: Servers::Public, ..options() }));
-        let Some(Fault::Network(why)) = &events.fault else { panic!("{events:?}") };
-        assert!(why.contains("a private address: --private-network"), "{why}");
-        assert!(start.elapsed() < Duration::from_secs(2) && events.progress.is_empty(), "{events:?}");
-    }
-    assert!(server.requests().is_empty());
-    for servers in [Servers::Guarded, Servers::All] {
-        let events = collect(Download::new(&url, Options { servers, ..options() }));
-        assert_eq!(events.clip(), &decoded(&file));
-    }
-}
-
 #[test]
 fn a_damaged_entry_is_fetched_again() {
     let folder = tempfile::tempdir().unwrap();
@@ -747,14 +726,14 @@ fn entries_of_a_playlist_are_relative_to_its_last_url() {
     let options = SourceOptions { cache_dir: Some(folder.path().into()), ..SourceOptions::default() };
     let open = || playlist::open(&url, &options, &mut |_| ControlFlow::Continue(())).unwrap().unwrap();
     for what in ["fetched", "current", "alone"] {
-        assert_eq!(open(), Playlist { clips: clips.to_vec(), from_public: false }, "{what}");
+        assert_eq!(open(), Playlist { clips: clips.to_vec() }, "{what}");
         if what == "current" {
             assert_eq!(server.sent().len(), 1);
             server.forget();
         }
     }
     drop(server);
-    assert_eq!(open(), Playlist { clips: clips.to_vec(), from_public: false }, "without the server");
+    assert_eq!(open(), Playlist { clips: clips.to_vec() }, "without the server");
 }
 
 /// While nothing arrives, and the connection could be silent for long.

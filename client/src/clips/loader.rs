@@ -128,7 +128,7 @@ impl<T: ClipTarget> Loading<'_, T> {
                 let source = &self.options.source;
                 let opened = playlist::open(&name, source, &mut |event| self.pass_on(event))?;
                 let Some(opened) = opened else { return Ok(ControlFlow::Break(())) };
-                let queue = Queue::new(opened.clips, opened.from_public);
+                let queue = Queue::new(opened.clips);
                 let entries = queue.all();
                 if (self.report)(LoadEvent::Playlist(queue)).is_break() {
                     return Ok(ControlFlow::Break(()));
@@ -152,7 +152,7 @@ impl<T: ClipTarget> Loading<'_, T> {
     fn first_of(&mut self, entries: &[Entry]) -> Flow {
         for (i, entry) in entries.iter().enumerate() {
             let mut is_first = true;
-            let arrival = source::open_entry(entry, &self.options.source);
+            let arrival = source::open(entry.name.as_deref(), &self.options.source);
             match arrival.and_then(|arrival| self.versions(entry, arrival, &mut is_first)) {
                 Err(fault) if is_first && i + 1 < entries.len() => {
                     if (self.report)(LoadEvent::Skipped(fault)).is_break() {
@@ -306,7 +306,7 @@ mod tests {
 
     fn entries(folder: &Path, names: &[&str]) -> Vec<Entry> {
         let clips = names.iter().map(|name| folder.join(name).to_str().unwrap().to_owned()).collect();
-        Queue::new(clips, false).all()
+        Queue::new(clips).all()
     }
 
     #[test]

@@ -60,10 +60,8 @@ pub use progress::Progress;
 pub use queue::{Entry, Queue};
 #[cfg(not(target_os = "android"))]
 pub use source::cache_dir;
-#[cfg(feature = "window")]
-pub(crate) use source::open_entry;
 pub use source::{Arrival, open};
-pub use source_options::{Servers, SourceOptions};
+pub use source_options::SourceOptions;
 pub(crate) use state::Change;
 #[cfg(any(feature = "window", feature = "xr"))]
 pub(crate) use state::Transition;

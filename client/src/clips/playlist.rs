@@ -26,8 +26,6 @@ const VERSION: u32 = 1;
 pub struct Playlist {
     /// Paths and URLs, at least one.
     pub clips: Vec<String>,
-    /// Whether it comes from a server with a public address, which may name no private ones.
-    pub from_public: bool,
 }
 
 /// A playlist of any version.
@@ -74,7 +72,7 @@ pub fn open(
     }
     let clips = read(Path::new(name), BYTES_MAX).and_then(|bytes| parse(name, &bytes));
     let clips = clips.map_err(|reason| Fault::Data(format!("{name}: {reason}")))?;
-    Ok(Some(Playlist { clips, from_public: false }))
+    Ok(Some(Playlist { clips }))
 }
 
 /// Opens a playlist as [`open`] does, without a way to stop.
@@ -115,7 +113,7 @@ fn fetch(
     // Where redirects led: entries are relative to that.
     let clips = parse(&document.url, &document.bytes)
         .map_err(|reason| Fault::Data(format!("{}: {reason}", redacted(url))))?;
-    Ok(Some(Playlist { clips, from_public: !document.is_local }))
+    Ok(Some(Playlist { clips }))
 }
 
 #[cfg(not(feature = "net"))]

@@ -9,14 +9,12 @@ pub struct Entry {
     pub(crate) number: usize,
     /// Its path or URL; `None` for the demo.
     pub(crate) name: Option<String>,
-    /// Whether a playlist from a public address names it.
-    pub(crate) from_public: bool,
 }
 
 impl Entry {
     /// A clip without a playlist.
     pub(crate) fn single(name: Option<String>) -> Entry {
-        Entry { number: 0, name, from_public: false }
+        Entry { number: 0, name }
     }
 }
 
@@ -24,15 +22,13 @@ impl Entry {
 #[derive(Clone, Debug)]
 pub struct Queue {
     clips: Arc<[String]>,
-    from_public: bool,
     position: usize,
 }
 
 impl Queue {
-    /// A queue at its first clip. `clips` are paths and URLs, at least one, which a playlist from a public
-    /// address names if `from_public`.
-    pub(crate) fn new(clips: Vec<String>, from_public: bool) -> Queue {
-        Queue { clips: clips.into(), from_public, position: 0 }
+    /// A queue at its first clip. `clips` are paths and URLs, at least one.
+    pub(crate) fn new(clips: Vec<String>) -> Queue {
+        Queue { clips: clips.into(), position: 0 }
     }
 
     /// Number of clips.
@@ -76,7 +72,7 @@ impl Queue {
     }
 
     fn entry(&self, number: usize) -> Entry {
-        Entry { number, name: Some(self.clips[number].clone()), from_public: self.from_public }
+        Entry { number, name: Some(self.clips[number].clone()) }
     }
 }
 
@@ -90,7 +86,7 @@ mod tests {
 
     #[test]
     fn a_looping_queue_starts_over_after_its_last_clip() {
-        let mut queue = Queue::new(["a", "b", "c"].map(String::from).to_vec(), false);
+        let mut queue = Queue::new(["a", "b", "c"].map(String::from).to_vec());
         assert_eq!((numbers(&queue.all()), numbers(&queue.candidates(true))), (vec![0, 1, 2], vec![1, 2]));
         queue.go_to(2);
         assert_eq!(numbers(&queue.candidates(true)), [0, 1]);

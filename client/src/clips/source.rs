@@ -12,7 +12,6 @@ use super::event::{ClipVersion, LoadEvent};
 #[cfg(feature = "import")]
 use super::field;
 use super::file::{decode, load_version, truncation};
-use super::queue::Entry;
 use super::source_options::SourceOptions;
 use super::url::{UNKNOWN_SCHEME, is_url, redacted, scheme};
 #[cfg(feature = "net")]
@@ -131,14 +130,6 @@ fn open_take(path: &Path, limits: &Limits) -> Result<Option<OpenTake>, Fault> {
     if path.is_file() { OpenTake::open(path, limits) } else { Ok(None) }
 }
 
-/// Opens a clip of a playlist, or one that was named alone, as [`open`] does.
-///
-/// # Errors
-/// As for [`open`].
-pub(crate) fn open_entry(entry: &Entry, options: &SourceOptions) -> Result<Arrival, Fault> {
-    open(entry.name.as_deref(), &options.for_entry(entry.from_public))
-}
-
 /// The folder in which this user's downloads are cached; `None` if the system has no place for them.
 #[cfg(not(target_os = "android"))]
 pub fn cache_dir() -> Option<std::path::PathBuf> {
@@ -157,7 +148,7 @@ fn download(url: &str, options: &SourceOptions) -> Result<Arrival, Fault> {
 #[cfg(feature = "net")]
 pub(super) fn net_options(options: &SourceOptions) -> net::Options {
     let cache = options.cache_dir.as_ref().map(|folder| net::Cache::new(folder, net::CACHE_BYTES));
-    net::Options { cache, servers: options.servers, limits: options.limits, ..net::Options::default() }
+    net::Options { cache, limits: options.limits, ..net::Options::default() }
 }
 
 #[cfg(not(feature = "net"))]

@@ -484,7 +484,7 @@ mod tests {
     type State = QueueState<&'static str>;
 
     fn clip(number: usize, is_first: bool, clip: &'static str) -> LoadEvent<Version<&'static str>> {
-        let entry = Entry { number, name: Some(number.to_string()), from_public: false };
+        let entry = Entry { number, name: Some(number.to_string()) };
         LoadEvent::Clip(Version { entry, is_first, clip })
     }
 
@@ -493,7 +493,7 @@ mod tests {
     }
 
     fn queue(count: usize) -> Queue {
-        Queue::new((0..count).map(|number| number.to_string()).collect(), false)
+        Queue::new((0..count).map(|number| number.to_string()).collect())
     }
 
     /// A change in short.

@@ -17,8 +17,6 @@ pub(crate) struct Document {
     pub(crate) bytes: Vec<u8>,
     /// Its URL, where redirects led, without secrets.
     pub(crate) url: String,
-    /// Whether the server is known to have no address of the internet.
-    pub(crate) is_local: bool,
     /// Why the cached version is used, if the server was not reached.
     pub(crate) note: Option<String>,
 }
@@ -41,14 +39,13 @@ pub(crate) fn document(
     let retry = if cached.is_some() { options.retry.for_revalidation() } else { options.retry };
     let etag = cached.as_ref().map(|file| file.etag.clone()).filter(|etag| !etag.is_empty());
     let limits = Limits { max_bytes, ..options.limits };
-    let fetch_options =
-        FetchOptions { url: url.into(), retry, servers: options.servers, max_bytes, cached: etag };
+    let fetch_options = FetchOptions { url: url.into(), retry, max_bytes, cached: etag };
     let fetch = Fetch::start(fetch_options, PartialFile::document(limits))?;
-    let (outcome, bytes, base, is_local) = loop {
+    let (outcome, bytes, base) = loop {
         let mut state = fetch.wait(REPORT_INTERVAL, |state| state.outcome.is_some());
         if let Some(outcome) = state.outcome.take() {
             let base = redacted(state.url.as_deref().unwrap_or(url));
-            break (outcome, state.file.take(), base, state.is_local);
+            break (outcome, state.file.take(), base);
         }
         let progress = state.progress.clone();
         drop(state);
@@ -62,14 +59,12 @@ pub(crate) fn document(
             if is_valid(&file.bytes) {
                 options.store(url, &file);
             }
-            Ok(Some(Document { bytes: file.bytes, url: file.base, is_local, note: None }))
+            Ok(Some(Document { bytes: file.bytes, url: file.base, note: None }))
         }
-        (Outcome::Unchanged, Some(file)) => {
-            Ok(Some(Document { bytes: file.bytes, url: base, is_local, note: None }))
-        }
+        (Outcome::Unchanged, Some(file)) => Ok(Some(Document { bytes: file.bytes, url: base, note: None })),
         (Outcome::Failed { fault, is_transient: true }, Some(file)) => {
             let note = Some(cached_version_note(url, &fault));
-            Ok(Some(Document { bytes: file.bytes, url: file.base, is_local, note }))
+            Ok(Some(Document { bytes: file.bytes, url: file.base, note }))
         }
         (Outcome::Failed { fault, .. }, _) => Err(fault.about(&redacted(url))),
         (Outcome::Unchanged, None) | (Outcome::Take, _) => {
@@ -119,7 +114,7 @@ mod tests {
             let fetched = fetched.unwrap().unwrap();
             assert_eq!(fetched.bytes, expected.as_bytes(), "{body}");
             assert_eq!(fetched.note.is_some(), expected != body, "{:?}", fetched.note);
-            assert!(fetched.is_local && fetched.url == url, "{fetched:?}");
+            assert_eq!(fetched.url, url);
             assert_eq!(cache.get(&url).unwrap().bytes, cached.as_bytes());
         }
     }

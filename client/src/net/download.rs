@@ -12,7 +12,7 @@ use super::fetch::{Fetch, FetchOptions, Outcome, State, undecodable};
 use super::partial_file::PartialFile;
 use super::remote_file::RemoteFile;
 use super::retry::RetryPolicy;
-use crate::clips::{ClipVersion, LoadEvent, Servers, decode, decode_layers, redacted};
+use crate::clips::{ClipVersion, LoadEvent, decode, decode_layers, redacted};
 use crate::takes::{OpenTake, TakeSource};
 
 /// Time between two reports of progress: short, and still long enough to read the numbers.
@@ -25,8 +25,6 @@ pub struct Options {
     pub cache: Option<Cache>,
     /// Timeouts and retries.
     pub retry: RetryPolicy,
-    /// The servers to download from.
-    pub servers: Servers,
     /// Limits on the clip.
     pub limits: Limits,
 }
@@ -118,9 +116,9 @@ impl Download {
         self.has_cached = clip.is_some();
         let retry = if self.has_cached { self.options.retry.for_revalidation() } else { self.options.retry };
         let etag = etag.filter(|etag| !etag.is_empty());
-        let Options { servers, limits, .. } = self.options;
+        let limits = self.options.limits;
         let options =
-            FetchOptions { url: self.url.clone(), retry, servers, max_bytes: limits.max_bytes, cached: etag };
+            FetchOptions { url: self.url.clone(), retry, max_bytes: limits.max_bytes, cached: etag };
         match Fetch::start(options, PartialFile::package(limits)) {
             Ok(fetch) => self.stage = Stage::Fetching(fetch),
             Err(fault) => return self.fail(fault),
@@ -220,8 +218,8 @@ impl Download {
 
     /// Opens the file as a take.
     fn open_take(&mut self) -> Flow {
-        let Options { cache, retry, servers, limits } = self.options.clone();
-        let take = RemoteFile::new(&self.url, retry, servers, cache)
+        let Options { cache, retry, limits } = self.options.clone();
+        let take = RemoteFile::new(&self.url, retry, cache)
             .and_then(|file| OpenTake::of(TakeSource::Remote(Box::new(file)), &limits));
         match take {
             Ok(Some(take)) => {

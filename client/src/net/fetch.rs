@@ -18,7 +18,7 @@ use super::request_error::RequestError;
 use super::retry::RetryPolicy;
 use super::transfer::{Action, Transfer};
 use super::watch::Watch;
-use crate::clips::{Progress, Servers, advice};
+use crate::clips::{Progress, advice};
 
 /// Bytes per read: dozens of reads a second on a fast network.
 const BUFFER_BYTES: usize = 64 << 10;
@@ -44,8 +44,6 @@ pub(super) struct State {
     pub(super) outcome: Option<Outcome>,
     /// The URL of the file, where redirects led, once the server has responded.
     pub(super) url: Option<String>,
-    /// Whether the latest server is known to have no address of the internet.
-    pub(super) is_local: bool,
     meter: Meter,
     /// What the thread panicked with: a defect, which goes on in the caller's thread.
     panic: Option<Box<dyn Any + Send>>,
@@ -59,7 +57,6 @@ impl State {
             progress: Progress::default(),
             outcome: None,
             url: None,
-            is_local: false,
             meter: Meter::default(),
             panic: None,
         }
@@ -103,8 +100,6 @@ pub(super) struct Fetch(Arc<Shared>);
 pub(super) struct FetchOptions {
     pub(super) url: String,
     pub(super) retry: RetryPolicy,
-    /// The servers to fetch from.
-    pub(super) servers: Servers,
     /// Limit on the file.
     pub(super) max_bytes: usize,
     /// The version in the cache, with which nothing is fetched.
@@ -118,9 +113,9 @@ impl Fetch {
     /// [`Fault::Device`] if the system refuses a thread.
     pub(super) fn start(options: FetchOptions, file: PartialFile) -> Result<Fetch, Fault> {
         Fetch::run(&options.retry.clone(), file, move |shared| {
-            let FetchOptions { url, retry, servers, max_bytes, cached } = options;
+            let FetchOptions { url, retry, max_bytes, cached } = options;
             let transfer = Transfer::new(retry, max_bytes as u64, cached);
-            match Server::new(&url, retry, servers, &shared.watch) {
+            match Server::new(&url, retry, &shared.watch) {
                 Ok(server) => {
                     Exchange { server, transfer, shared, has_responded: false, too_large: None }.run()
                 }
@@ -275,17 +270,11 @@ impl Exchange<'_> {
     fn request(&mut self) -> AfterRequest {
         let request = self.transfer.next_request();
         let response = self.server.get(&request);
-        let mut state = self.shared.lock();
-        state.is_local = self.server.is_local();
         let Response { head, body, url } = match response {
             Ok(response) => response,
-            Err(error) => {
-                drop(state);
-                return self.on_error(error);
-            }
+            Err(error) => return self.on_error(error),
         };
-        state.url = Some(url);
-        drop(state);
+        self.shared.lock().url = Some(url);
         self.has_responded = true;
         match self.transfer.on_response(&request, &head) {
             Action::Read { skip } => self.read(body, skip),
@@ -386,7 +375,7 @@ impl Exchange<'_> {
             RequestError::UnknownHost(why) => {
                 Action::GiveUp(format!("{why}: check the URL and the network")).into()
             }
-            RequestError::Untrusted(why) | RequestError::Private(why) => Action::GiveUp(why).into(),
+            RequestError::Untrusted(why) => Action::GiveUp(why).into(),
             RequestError::Permanent(why) => Action::Refused(why).into(),
         }
     }
@@ -412,7 +401,7 @@ mod tests {
         let retry = RetryPolicy::default();
         let shared = Shared::new(&retry, PartialFile::package(Limits::default()));
         for has_responded in [false, true] {
-            let server = Server::new("http://host/", retry, Servers::All, &shared.watch).unwrap();
+            let server = Server::new("http://host/", retry, &shared.watch).unwrap();
             let transfer = Transfer::new(retry, 1000, None);
             let mut exchange = Exchange { server, transfer, shared: &shared, has_responded, too_large: None };
             match exchange.on_error(RequestError::UnknownHost("unknown".into())) {

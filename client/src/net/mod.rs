@@ -9,7 +9,7 @@
 //! ```
 //!
 //! A `watch` ends a cancelled fetch, and a request whose bytes come too slowly; `wire` asks it below HTTP and
-//! TLS. `addresses` keeps what a server on the internet leads to off private networks.
+//! TLS.
 //!
 //! A take is no download: `remote_file` reads parts of it as playing needs them.
 //!
@@ -17,7 +17,6 @@
 //! memory: a longer file is not fetched, and while the rest arrives, at most the bytes being decoded exist
 //! twice.
 
-mod addresses;
 mod cache;
 mod document;
 mod download;

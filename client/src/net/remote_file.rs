@@ -23,7 +23,7 @@ use super::request_error::RequestError;
 use super::retry::RetryPolicy;
 use super::transfer::{Action, Transfer};
 use super::watch::Watch;
-use crate::clips::{Servers, redacted};
+use crate::clips::redacted;
 use crate::takes::Traffic;
 
 /// Bytes per read.
@@ -82,15 +82,9 @@ impl RemoteFile {
     ///
     /// # Errors
     /// [`Fault::Network`] if the certificates to trust cannot be read.
-    pub(super) fn new(
-        url: &str,
-        retry: RetryPolicy,
-        servers: Servers,
-        cache: Option<Cache>,
-    ) -> Result<RemoteFile, Fault> {
+    pub(super) fn new(url: &str, retry: RetryPolicy, cache: Option<Cache>) -> Result<RemoteFile, Fault> {
         let watch = Arc::new(Watch::new(&retry));
-        let server =
-            Server::new(url, retry, servers, &watch).map_err(|error| Fault::Network(error.text()))?;
+        let server = Server::new(url, retry, &watch).map_err(|error| Fault::Network(error.text()))?;
         let folder = cache.as_ref().map(|cache| cache.folder().to_owned());
         let (state, pause) = (Mutex::default(), (Mutex::default(), Condvar::new()));
         let [is_whole, is_replaced] = [(); 2].map(|()| AtomicBool::new(false));

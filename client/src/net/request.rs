@@ -1,8 +1,8 @@
 //! [`Server`]: requests over HTTP and HTTPS, with errors as sentences.
 //!
-//! Only this file, `wire` and `addresses` name the HTTP library. It trusts Mozilla's certificates, which are
-//! built in and thus the same on every system, or those in `SSL_CERT_FILE`, as OpenSSL does. Redirects are
-//! followed here, and their bodies are not read: they may be endless.
+//! Only this file and `wire` name the HTTP library. It trusts Mozilla's certificates, which are built in and thus the
+//! same on every system, or those in `SSL_CERT_FILE`, as OpenSSL does. Redirects are followed here, and their bodies
+//! are not read: they may be endless.
 
 use std::io::{ErrorKind, Read};
 use std::sync::Arc;
@@ -15,14 +15,13 @@ use ureq::unversioned::resolver::DefaultResolver;
 use ureq::unversioned::transport::{ConnectProxyConnector, Connector, TcpConnector};
 use ureq::{Agent, Body, Error, Timeout};
 
-use super::addresses::{AddressGuard, Addresses, Network};
 use super::head::Head;
 use super::request_error::RequestError;
 use super::retry::RetryPolicy;
 use super::transfer::FileRequest;
 use super::watch::Watch;
 use super::wire::{HANDSHAKE_RESET, Secure, Wire};
-use crate::clips::{Servers, has_user_info, is_secure, is_url, resolve};
+use crate::clips::{has_user_info, is_secure, is_url, resolve};
 
 /// Limit on redirects.
 const REDIRECTS_MAX: u32 = 5;
@@ -32,7 +31,6 @@ pub(super) struct Server {
     agent: Agent,
     url: String,
     watch: Arc<Watch>,
-    addresses: Arc<Addresses>,
 }
 
 /// A response that is no redirect.
@@ -44,25 +42,11 @@ pub(super) struct Response {
 }
 
 impl Server {
-    /// The server of the file at `url`, if it is one of `servers`. Requests end when `watch` says so.
+    /// The server of the file at `url`. Requests end when `watch` says so.
     ///
     /// # Errors
     /// If the certificates to trust cannot be read.
-    pub(super) fn new(
-        url: &str,
-        retry: RetryPolicy,
-        servers: Servers,
-        watch: &Arc<Watch>,
-    ) -> Result<Server, RequestError> {
-        Server::within(Addresses::new(servers), url, retry, watch)
-    }
-
-    fn within(
-        addresses: Arc<Addresses>,
-        url: &str,
-        retry: RetryPolicy,
-        watch: &Arc<Watch>,
-    ) -> Result<Server, RequestError> {
+    pub(super) fn new(url: &str, retry: RetryPolicy, watch: &Arc<Watch>) -> Result<Server, RequestError> {
         let config = Agent::config_builder()
             .http_status_as_error(false)
             .max_redirects(0)
@@ -80,9 +64,8 @@ impl Server {
                 .chain(TcpConnector::default())
                 .chain(Wire(watch.clone()))
                 .chain(Secure::default());
-        let resolver = AddressGuard { addresses: addresses.clone(), resolver: DefaultResolver::default() };
-        let agent = Agent::with_parts(config, connector, resolver);
-        Ok(Server { agent, url: url.into(), watch: watch.clone(), addresses })
+        let agent = Agent::with_parts(config, connector, DefaultResolver::default());
+        Ok(Server { agent, url: url.into(), watch: watch.clone() })
     }
 
     /// Sends a request, follows redirects, and returns the response.
@@ -91,7 +74,6 @@ impl Server {
     /// If there is no response.
     pub(super) fn get(&self, file: &FileRequest) -> Result<Response, RequestError> {
         self.watch.begin(Instant::now());
-        self.addresses.begin();
         let mut url = self.url.clone();
         for _ in 0..=REDIRECTS_MAX {
             let (head, body) = self.send(&url, file).map_err(|error| self.request_error(error))?;
@@ -105,10 +87,6 @@ impl Server {
 
     fn send(&self, url: &str, file: &FileRequest) -> Result<(Head, ResponseBody), Error> {
         let uri: Uri = url.parse().map_err(|_| Error::BadUri(String::new()))?;
-        let proxy = self.agent.config().proxy().filter(|proxy| !proxy.is_no_proxy(&uri));
-        if proxy.is_some() && !self.addresses.admit_unresolved(uri.host().unwrap_or_default()) {
-            return Err(Error::HostNotFound);
-        }
         let mut request = self.agent.get(uri);
         if let Some(range) = file.range() {
             request = request.header(header::RANGE, range);
@@ -133,18 +111,8 @@ impl Server {
         body.0.as_reader().read(buffer).map_err(|error| self.request_error(Error::from(error)))
     }
 
-    /// Whether the latest server is known to have no address of the internet.
-    pub(super) fn is_local(&self) -> bool {
-        self.addresses.latest() == Network::Local
-    }
-
     /// An error of the HTTP library as a sentence.
     fn request_error(&self, error: Error) -> RequestError {
-        if self.addresses.was_refused() {
-            return RequestError::Private(
-                "a server on the internet leads to a private address: --private-network allows that".into(),
-            );
-        }
         if self.watch.is_late(Instant::now()) {
             let rate = self.watch.least_bytes_per_s();
             return RequestError::Transient(format!("the server sends fewer than {rate} bytes a second"));
@@ -246,43 +214,7 @@ fn request_error(error: Error) -> RequestError {
 
 #[cfg(test)]
 mod tests {
-    use std::io::Write;
-    use std::net::{IpAddr, Ipv4Addr, TcpListener};
-    use std::time::Duration;
-
     use super::*;
-
-    /// 127.0.0.1 stands for an address of the internet. Its server redirects to that of 127.0.0.2.
-    #[test]
-    fn a_redirect_from_a_public_address_leads_to_no_private_one() {
-        let listen = |address: [u8; 4]| TcpListener::bind((Ipv4Addr::from(address), 0)).unwrap();
-        let (public, private) = (listen([127, 0, 0, 1]), listen([127, 0, 0, 2]));
-        private.set_nonblocking(true).unwrap();
-        let location = format!("http://{}/a", private.local_addr().unwrap());
-        let url = format!("http://{}/", public.local_addr().unwrap());
-        std::thread::spawn(move || {
-            for stream in public.incoming() {
-                let mut stream = stream.unwrap();
-                let _ = stream.read(&mut [0; 4096]);
-                let _ = write!(stream, "HTTP/1.1 302 x\r\nLocation: {location}\r\nContent-Length: 0\r\n\r\n");
-            }
-        });
-        let get = |servers| {
-            let addresses = Addresses::with(servers, |address| address == IpAddr::V4(Ipv4Addr::LOCALHOST));
-            let retry =
-                RetryPolicy { response_timeout: Duration::from_millis(500), ..RetryPolicy::default() };
-            let server = Server::within(addresses, &url, retry, &Arc::new(Watch::new(&retry))).unwrap();
-            (server.get(&FileRequest::default()).map(drop), server.is_local())
-        };
-        let (refused, is_local) = get(Servers::Guarded);
-        assert!(matches!(refused, Err(RequestError::Private(_))) && is_local, "{refused:?}");
-        assert!(private.accept().is_err(), "it is not connected to");
-        let (followed, _) = get(Servers::All);
-        assert!(
-            matches!(followed, Err(RequestError::Transient(_))) && private.accept().is_ok(),
-            "{followed:?}"
-        );
-    }
 
     #[test]
     fn redirects_lead_to_no_other_scheme_and_no_user() {

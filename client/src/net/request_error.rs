@@ -9,8 +9,6 @@ pub(super) enum RequestError {
     UnknownHost(String),
     /// The peer has no certificate that is trusted on this network at the time of this clock.
     Untrusted(String),
-    /// A server on the internet leads to a private address.
-    Private(String),
     /// A retry will not succeed.
     Permanent(String),
 }
@@ -21,7 +19,6 @@ impl RequestError {
         let (RequestError::Transient(text)
         | RequestError::UnknownHost(text)
         | RequestError::Untrusted(text)
-        | RequestError::Private(text)
         | RequestError::Permanent(text)) = self;
         text
     }

@@ -77,7 +77,7 @@ fn first_clip(args: &Args, reporter: &mut Reporter) -> Result<First, Fault> {
     let layers = args.layer.map_or(1, |layers| layers as usize);
     let source = args.source(cache_dir());
     let wait = |entry: Entry, queue, reporter: &mut Reporter| -> Result<First, Fault> {
-        let mut rest = clips::open_entry(&entry, &source)?;
+        let mut rest = clips::open(entry.name.as_deref(), &source)?;
         let mut note = None;
         let clip = rest.wait(Some(layers), |event| {
             reporter.print(event);
@@ -91,7 +91,7 @@ fn first_clip(args: &Args, reporter: &mut Reporter) -> Result<First, Fault> {
         return wait(Entry::single(args.clip.clone()), None, reporter);
     };
     let playlist = playlist::wait(list, &source, |event| reporter.print(event))?;
-    let queue = Queue::new(playlist.clips, playlist.from_public);
+    let queue = Queue::new(playlist.clips);
     let mut last = None;
     for entry in queue.all() {
         if let Some(fault) = last.take() {

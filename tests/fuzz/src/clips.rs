@@ -7,10 +7,5 @@ mod advice;
 #[allow(unreachable_pub, reason = "a module of the player")]
 mod progress;
 
-#[path = "../../../client/src/clips/source_options.rs"]
-#[allow(dead_code, unreachable_pub, reason = "a module of the player, which uses the rest")]
-mod source_options;
-
 pub(crate) use advice::advice;
 pub use progress::Progress;
-pub(crate) use source_options::Servers;

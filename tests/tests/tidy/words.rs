@@ -45,7 +45,7 @@ pub(crate) const TERMS: &[Term] = &[
     term("hurries", "skip_requested", EVERYWHERE, &[]),
     term("kept", "cached", LOADING, &[]),
     // Of the network.
-    term("address", "url", LOADING, &["client/src/net/addresses.rs", "client/src/net/request.rs"]),
+    term("address", "url", LOADING, &["client/src/net/request.rs"]),
     term("shown", "redacted", &["client/src/clips/", "client/src/net/"], &[]),
     term("footage", "Capture", EVERYWHERE, &[]),
     term("cut", "FrameSelection", &["xtask/studio/src/capture/", "xtask/studio/src/fit/"], &[]),

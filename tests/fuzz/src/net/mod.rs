@@ -32,7 +32,6 @@ use std::time::Duration;
 
 use codec::Limits;
 
-use crate::clips::Servers;
 use fetch::{Fetch, FetchOptions, Outcome};
 use partial_file::PartialFile;
 use request::{Script, versions};
@@ -69,7 +68,6 @@ pub fn check_dialogue(bytes: &[u8]) {
     let options = FetchOptions {
         url: String::new(),
         retry: RETRY,
-        servers: Servers::Guarded,
         max_bytes: limits.max_bytes,
         cached: known.clone(),
     };

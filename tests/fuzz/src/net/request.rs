@@ -12,7 +12,6 @@ use super::request_error::RequestError;
 use super::retry::RetryPolicy;
 use super::transfer::FileRequest;
 use super::watch::Watch;
-use crate::clips::Servers;
 use crate::seeds;
 
 /// Headers, and values of `retry-after`; none is a positive wait, which the downloader would wait.
@@ -127,12 +126,7 @@ pub(super) struct Server {
 }
 
 impl Server {
-    pub(super) fn new(
-        _url: &str,
-        _retry: RetryPolicy,
-        _servers: Servers,
-        _watch: &Watch,
-    ) -> Result<Server, RequestError> {
+    pub(super) fn new(_url: &str, _retry: RetryPolicy, _watch: &Watch) -> Result<Server, RequestError> {
         let script = STAGED.lock().expect("no panic while locked").clone();
         Ok(Server { state: Mutex::new((script, 0)) })
     }
@@ -172,10 +166,6 @@ impl Server {
 
     pub(super) fn read(&self, body: &mut ResponseBody, buffer: &mut [u8]) -> Result<usize, RequestError> {
         body.read(buffer)
-    }
-
-    pub(super) fn is_local(&self) -> bool {
-        false
     }
 }
 
