@@ -13,7 +13,7 @@ use program::Fault;
 use xtask::workspace;
 
 /// The host tool's commands, and what each does.
-const STUDIO: [(&str, &str); 14] = [
+const STUDIO: [(&str, &str); 13] = [
     ("package", "Make a package from a fitted field, or from a capture"),
     ("join", "Join fields and clips, one after another, into the folder of a take"),
     ("trim", "Cut a part out of a take, without coding it anew"),
@@ -27,7 +27,6 @@ const STUDIO: [(&str, &str); 14] = [
     ("report", "Write a page: error against run time, and only what a scene needs"),
     ("export", "Write a clip or field in another format"),
     ("synth", "Make procedural scenes and captures"),
-    ("serve", "Serve a folder over HTTP"),
 ];
 
 /// The end of the help.

@@ -85,7 +85,6 @@ pub enum Command {
     Report(commands::report::Args),
     Export(commands::export::Args),
     Synth(commands::synth::Args),
-    Serve(commands::serve::Args),
 }
 
 impl Command {
@@ -104,7 +103,6 @@ impl Command {
             Command::Report(args) => commands::report::run(args),
             Command::Export(args) => commands::export::run(args),
             Command::Synth(args) => commands::synth::run(args),
-            Command::Serve(args) => commands::serve::run(args),
         }
     }
 }
@@ -148,8 +146,9 @@ mod tests {
     fn a_document_is_generated_without_a_command() {
         let parse = |line: &str| Cli::try_parse_from(line.split(' '));
         assert!(parse("aarc-studio --generate man").is_ok());
-        assert!(parse("aarc-studio serve clips").is_ok());
-        for line in ["aarc-studio", "aarc-studio --generate", "aarc-studio --generate man serve clips"] {
+        assert!(parse("aarc-studio inspect clip.aarc").is_ok());
+        for line in ["aarc-studio", "aarc-studio --generate", "aarc-studio --generate man inspect clip.aarc"]
+        {
             assert!(parse(line).is_err(), "{line}");
         }
     }

@@ -18,7 +18,6 @@ pub(crate) mod package;
 pub(crate) mod poster;
 pub(crate) mod render;
 pub(crate) mod report;
-pub(crate) mod serve;
 pub(crate) mod synth;
 pub(crate) mod takes;
 pub(crate) mod trim;

@@ -317,7 +317,6 @@ const FAILURES: &[Failure] = &[
     ("synth rig -o other --exposure 2", USAGE, "exposure 2", "use 0 to 0.9"),
     ("synth limbs -o /proc/limbs.ply", USAGE, "cannot write /proc/limbs.ply", "name another place"),
     ("synth clip -o no/clip.ply", USAGE, "cannot write no/clip.ply", "make it first"),
-    ("serve nope", DATA, "nope: not a folder", "name one"),
     // The command line.
     ("", USAGE, "no command was given", "--help lists what can be given"),
     ("pakcage field.ply", USAGE, "unrecognized subcommand 'pakcage'", "'package'"),
