@@ -6,7 +6,6 @@ use std::path::{Path, PathBuf};
 
 mod modules;
 mod tokens;
-mod words;
 
 use tokens::Kind;
 
@@ -142,17 +141,6 @@ fn files_use_each_other_one_way() {
     assert_none("files use each other one way", &offences);
 }
 
-#[test]
-fn names_in_code_are_the_words_of_the_field() {
-    let mut offences = Vec::new();
-    for (path, text) in files(&["rs"]).iter().filter(|(path, _)| !path.starts_with(TIDY)) {
-        let found = words::avoided(path, &tokens::tokens(text));
-        let list = found.iter().map(|(line, name, term)| format!("{path}:{line}: {name}: {}", term.prefer));
-        offences.extend(list);
-    }
-    assert_none("names in code are the words of the field", &offences);
-}
-
 /// Type names with one definition. `Part`, `Scene`, `Settings` and `View` have several.
 const SINGULAR: [&str; 7] = ["Fault", "Part", "Scene", "Settings", "Shot", "Step", "View"];
 
@@ -282,6 +270,4 @@ fn the_rules_catch_what_they_forbid() {
     let texts: Vec<&str> = tokens::tokens(source).iter().map(|token| token.text).collect();
     assert_eq!(texts[..5], ["let", "r", "=", "b\"\\\"\"", ";"]);
     assert_eq!(texts[texts.len() - 7..], ["x", ".", "0", ".", ".", "1.5", "}"]);
-    assert_eq!(["BTreeMap", "sh_degree", "MAX_PX"].map(words::snake), ["b_tree_map", "sh_degree", "max_px"]);
-    assert_eq!(words::avoided("a.rs", &tokens::tokens("struct Knobs; // knob\nlet a = \"knob\";")).len(), 1);
 }
