@@ -33,8 +33,7 @@ Exit codes:
   completely or not at all. Shells report 130 after Ctrl-C.
 
 Environment:
-  XDG_CACHE_HOME        folder of aarc/clips, the cache of downloads, 512 MiB at most,
-                        and aarc/thumbnails, pictures of clips, 1000 at most
+  XDG_CACHE_HOME        folder of aarc/clips, the cache of downloads, 512 MiB at most
                         [default: ~/.cache; macOS: ~/Library/Caches; Windows: %LOCALAPPDATA%]
   XDG_STATE_HOME        folder of aarc/placements.json, the places of clips in the room,
                         aarc/sound.json, the volume, and aarc/recent.json, the clips

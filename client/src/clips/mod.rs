@@ -51,7 +51,7 @@ pub(crate) use file::{decode, decode_layers};
 #[cfg(any(feature = "window", feature = "xr"))]
 pub(crate) use folder::Direction;
 pub use folder::Neighbours;
-#[cfg(any(feature = "window", all(feature = "xr", any(target_os = "android", test))))]
+#[cfg(all(feature = "xr", any(target_os = "android", test)))]
 pub(crate) use folder::clips_in;
 #[cfg(not(target_os = "android"))]
 pub(crate) use loader::too_few_layers;

@@ -259,7 +259,6 @@ fn clips_menu(ui: &mut Ui, choices: &Choices, opening: &mut Vec<Opening>, comman
     begin_menu(ui, 220.0);
     for (name, key, command, is_enabled) in [
         ("Open a file", "O", Command::OpenFile, true),
-        ("Choose from pictures", "G", Command::ToggleGallery, true),
         ("Previous", "Page Up", Command::PreviousClip, choices.has_previous),
         ("Next", "Page Down", Command::NextClip, choices.has_next),
     ] {
@@ -269,8 +268,7 @@ fn clips_menu(ui: &mut Ui, choices: &Choices, opening: &mut Vec<Opening>, comman
     }
     ui.separator();
     let poster = ui.add_enabled(choices.is_package, egui::Button::new("Use this frame as the poster"));
-    let poster =
-        poster.on_hover_text("File managers and lists of clips show it. Changes the file of the clip.");
+    let poster = poster.on_hover_text("File managers show it. Changes the file of the clip.");
     let poster =
         poster.on_disabled_hover_text("Only a clip in a file of this machine has a poster to change.");
     if poster.clicked() {
@@ -281,7 +279,7 @@ fn clips_menu(ui: &mut Ui, choices: &Choices, opening: &mut Vec<Opening>, comman
     }
     ui.separator();
     ui.label(RichText::new("Opened last").color(style::QUIET));
-    scrolled(ui, 265.0, |ui| {
+    scrolled(ui, 233.0, |ui| {
         for ListedClip { name, title } in choices.recent.iter() {
             if ui.button(title).on_hover_text(redacted(name)).clicked() {
                 opening.push(Opening::Clip(name.clone()));

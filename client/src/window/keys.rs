@@ -22,7 +22,6 @@ pub(crate) enum Command {
     Recentre,
     Screenshot,
     OpenFile,
-    ToggleGallery,
     PreviousClip,
     NextClip,
     /// What the window shows becomes the poster of the clip.
@@ -74,9 +73,8 @@ pub(crate) const PLAYING: [Binding; 10] = [
 ];
 
 /// Keys that control the window.
-pub(crate) const WINDOW: [Binding; 11] = [
+pub(crate) const WINDOW: [Binding; 10] = [
     once(&[Key::O], Command::OpenFile, "O", "Open a file"),
-    once(&[Key::G], Command::ToggleGallery, "G", "Clips to choose from"),
     once(&[Key::PageUp], Command::PreviousClip, "Page Up", "Previous clip"),
     once(&[Key::PageDown], Command::NextClip, "Page Down", "Next clip"),
     once(&[Key::R], Command::Recentre, "R", "Back to the viewpoint"),

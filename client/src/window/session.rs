@@ -21,7 +21,7 @@ use winit::window::{Fullscreen, Theme, Window};
 use super::bar::Choices;
 use super::frame_times::FrameTimes;
 use super::icon;
-use super::library::{Gallery, Library, Opening};
+use super::library::{Library, Opening};
 use super::overlay::Message;
 use super::picker::{self, Picked};
 use super::poster::PosterChange;
@@ -269,9 +269,7 @@ impl Session {
         viewer.message = start.note.map(|note| Message::note(screen.input.egui_ctx(), note));
         let options = LoadOptions { source: start.source, min_layers: 1, is_complete: false };
         let mut clips = ClipController::new(options, true, waker(&proxy))?;
-        let mut library = Library::open(waker(&proxy)).map_err(|error| {
-            Fault::Device(format!("cannot start a thread: {error}: close other programs"))
-        })?;
+        let mut library = Library::open();
         if let Some(name) = &start.named {
             library.remember(name);
         }
@@ -446,7 +444,6 @@ impl Session {
             Transition::Refine => self.viewer.update_clip(viewed),
         }
         self.window.set_title(&playing.title);
-        self.library.mark(&mut self.viewer.gallery, self.clips.current_name());
         self.viewer.buffered.clear();
         self.playing = playing;
         self.drawn = None;
@@ -487,7 +484,7 @@ impl Session {
 
         self.update_take(now);
         let ctx = self.screen.input.egui_ctx().clone();
-        self.library.update(&ctx, &mut self.viewer.gallery);
+        self.library.update();
         self.viewer.choices = self.choices();
         let looping = self.viewer.player.is_looping();
         self.viewer.player.set_has_next(self.clips.is_followed(looping));
@@ -541,10 +538,6 @@ impl Session {
         }
         if requests.set_poster {
             self.set_poster();
-        }
-        if requests.show_gallery {
-            self.library.show(&mut self.viewer.gallery, self.clips.current_name());
-            self.window.request_redraw();
         }
         for opening in requests.open {
             self.open_chosen(opening);
@@ -711,8 +704,6 @@ impl Session {
         (self.playing.renderer, self.playing.take) = (None, None);
         self.drawn = None;
         self.last_frame = None;
-        // Its pictures were on the device.
-        self.viewer.gallery = Gallery::default();
         self.clips.set_target(WindowTarget::of(&self.screen, &self.proxy), self.viewer.player.position_s());
         self.set_message(Message::Working("Loading the clip for another graphics device".into()));
         Ok(())

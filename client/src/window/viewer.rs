@@ -9,7 +9,7 @@ use egui::{Context, Id, PointerButton, Rect, Response, Sense, Ui};
 use super::bar::{self, Choices, Controls};
 use super::camera::{CameraControl, ZOOM_PER_NOTCH};
 use super::keys::{self, Command, FlyKeys};
-use super::library::{Gallery, Opening};
+use super::library::Opening;
 use super::overlay::{self, Message};
 use super::viewed_clip::ViewedClip;
 use crate::audio::Volume;
@@ -34,8 +34,6 @@ pub(crate) struct FrameSeconds {
 pub(crate) struct Requests {
     pub(crate) screenshot: bool,
     pub(crate) toggle_full_screen: bool,
-    /// List the clips to choose from in the gallery.
-    pub(crate) show_gallery: bool,
     /// Make this frame the poster of the clip.
     pub(crate) set_poster: bool,
     /// What to open, in the order of the wishes: keys pressed between two frames are several.
@@ -47,7 +45,6 @@ pub(crate) struct Viewer {
     pub(crate) player: Player,
     pub(crate) settings: RenderSettings,
     pub(crate) message: Option<Message>,
-    pub(crate) gallery: Gallery,
     pub(crate) choices: Choices,
     /// Parts of a take that play without loading, as seconds (from, to).
     pub(crate) buffered: Vec<(f64, f64)>,
@@ -73,7 +70,6 @@ impl Viewer {
             player: Player::new(clip.duration_s, clip.fps),
             settings,
             message: None,
-            gallery: Gallery::default(),
             choices: Choices::default(),
             buffered: Vec::new(),
             is_scrubbing: false,
@@ -201,14 +197,11 @@ impl Viewer {
         self.camera.fly(self.fly_keys.fly(), elapsed_s);
 
         let bar_height = window.bottom() - picture.bottom();
-        if self.show_statistics && self.show_controls && !self.show_keys && !self.gallery.is_open() {
+        if self.show_statistics && self.show_controls && !self.show_keys {
             overlay::statistics(&ctx, statistics);
         }
         if self.show_keys {
             overlay::keys(&ctx);
-        }
-        if let Some(opening) = self.gallery.show(&ctx, bar_height) {
-            requests.open.push(opening);
         }
         overlay::message(&ctx, bar_height, &mut self.message);
         if ctx.input(|input| !input.raw.hovered_files.is_empty()) {
@@ -281,8 +274,6 @@ impl Viewer {
             Command::Recentre => self.go_to_viewpoint(self.viewpoint),
             Command::Screenshot => requests.screenshot = true,
             Command::OpenFile => requests.open.push(Opening::Picker),
-            Command::ToggleGallery if self.gallery.is_open() => self.gallery.close(),
-            Command::ToggleGallery => requests.show_gallery = true,
             Command::PreviousClip => requests.open.push(Opening::Beside(Direction::Back)),
             Command::NextClip => requests.open.push(Opening::Beside(Direction::Forward)),
             Command::SetPoster => requests.set_poster = true,
@@ -290,7 +281,6 @@ impl Viewer {
             Command::ToggleStatistics => self.show_statistics = !self.show_statistics,
             Command::ToggleInterface => self.show_controls = !self.show_controls,
             Command::ToggleFullScreen => requests.toggle_full_screen = true,
-            Command::Dismiss if self.gallery.is_open() => self.gallery.close(),
             Command::Dismiss if self.show_keys => self.show_keys = false,
             Command::Dismiss => self.message = None,
         }

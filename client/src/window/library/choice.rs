@@ -21,15 +21,8 @@ pub(crate) enum Opening {
 pub(crate) struct ListedClip {
     /// A path or URL.
     pub(crate) name: String,
-    /// Title in menus and under the picture.
+    /// Title in menus.
     pub(crate) title: String,
-}
-
-/// Clips of the gallery under a title.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct Section {
-    pub(super) title: String,
-    pub(super) clips: Vec<ListedClip>,
 }
 
 /// Most characters of a title, and of the folder in it where its file needs the rest. Dots in place of others come on

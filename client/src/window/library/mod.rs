@@ -1,31 +1,17 @@
-//! The clips to choose from in a window: those opened last, those of the folder, and pictures of them.
+//! The clips to choose from in a window: what the viewer may open, and what was opened last.
 //!
 //! ```text
-//! recent.json -> recent ---> sections --> gallery --name--> the clip to open
-//! folder ------------------------^          ^ |
-//!                       aarc --headless --poster | clips in sight
-//!                             thumbnails <----+
+//! recent.json -> recent -> Library -> the menu "Clips" --Opening--> the clip to open
 //! ```
 
 mod choice;
-mod gallery;
 mod recent;
-mod thumbnails;
 
-use std::io;
-use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use egui::Context;
-use program::output::folder_of;
-
-use choice::Section;
 pub(super) use choice::{ListedClip, Opening, listed};
-pub(super) use gallery::Gallery;
-use recent::{RecentClips, absolute_name};
-use thumbnails::Thumbnails;
+use recent::RecentClips;
 
-use crate::clips::{clips_in, is_url};
 use crate::folders;
 
 /// Most clips opened last that menus list.
@@ -36,23 +22,13 @@ pub(super) struct Library {
     recent: RecentClips,
     /// Those of them that are there, as many as menus list.
     listed: Arc<[ListedClip]>,
-    thumbnails: Thumbnails,
 }
 
 impl Library {
-    /// Reads which clips were opened last, and starts the thread that makes thumbnails. It calls `wake` whenever
-    /// [`Library::update`] has something to do.
-    ///
-    /// # Errors
-    /// If the system refuses another thread.
-    pub(super) fn open(wake: impl Fn() + Send + 'static) -> io::Result<Library> {
-        let folder = folders::cache().map(|folder| folder.join("thumbnails"));
+    /// Reads which clips were opened last.
+    pub(super) fn open() -> Library {
         let recent = RecentClips::open(folders::state());
-        Ok(Library {
-            listed: for_menu(&recent),
-            recent,
-            thumbnails: Thumbnails::start(std::env::current_exe()?, folder, wake)?,
-        })
+        Library { listed: for_menu(&recent), recent }
     }
 
     /// Remembers that a clip or a playlist was opened.
@@ -65,40 +41,10 @@ impl Library {
         self.listed.clone()
     }
 
-    /// Opens the gallery. `current` is the clip on display.
-    pub(super) fn show(&self, gallery: &mut Gallery, current: Option<&str>) {
-        let current = current.map(absolute_name);
-        let file = current.as_deref().filter(|name| !is_url(name));
-        let folder = match file {
-            Some(file) => folder_of(Path::new(file)).to_owned(),
-            None => std::env::current_dir().unwrap_or_else(|_| PathBuf::from(".")),
-        };
-        let recent = self.recent.that_are_there();
-        let inside = clips_in(&folder).iter().filter_map(|path| path.to_str().map(String::from)).collect();
-        gallery.open(
-            vec![
-                Section { title: "Opened last".into(), clips: listed(recent) },
-                Section { title: folder.display().to_string(), clips: listed(inside) },
-            ],
-            current,
-        );
-    }
-
-    /// Takes in that another clip is on display.
-    pub(super) fn mark(&self, gallery: &mut Gallery, current: Option<&str>) {
-        gallery.mark(current.map(absolute_name));
-    }
-
-    /// Takes in thumbnails that are ready and clips that were opened, and asks for thumbnails of clips in sight.
-    pub(super) fn update(&mut self, ctx: &Context, gallery: &mut Gallery) {
+    /// Takes in which clips were opened since.
+    pub(super) fn update(&mut self) {
         if self.recent.take_changed() {
             self.listed = for_menu(&self.recent);
-        }
-        while let Some((name, picture)) = self.thumbnails.poll() {
-            gallery.set_picture(ctx, name, picture);
-        }
-        if let Some(wanted) = gallery.take_wanted() {
-            self.thumbnails.request(wanted);
         }
     }
 }

@@ -149,7 +149,7 @@ fn write_all(folder: &Path, opened: &Receiver<String>, list: &List) {
 }
 
 /// A path as it is from any working directory, or a URL.
-pub(super) fn absolute_name(name: &str) -> String {
+fn absolute_name(name: &str) -> String {
     let path = if is_url(name) { None } else { absolute(name).ok() };
     path.and_then(|path| path.to_str().map(String::from)).unwrap_or_else(|| name.into())
 }

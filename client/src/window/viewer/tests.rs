@@ -444,7 +444,6 @@ fn keys_and_the_menu_choose_other_clips() {
         [const { Opening::Beside(Direction::Back) }; 2],
         "in one frame"
     );
-    assert!(bench.press(Key::G).show_gallery);
     bench.viewer.choices = Choices {
         has_previous: true,
         has_next: true,
