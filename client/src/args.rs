@@ -218,7 +218,6 @@ impl Args {
             cutoff: self.cutoff,
             layers: self.layer.map(|layers| layers as usize),
             inset: (self.inset > 0.0).then_some(self.inset),
-            ..RenderSettings::default()
         }
     }
 }
@@ -288,7 +287,7 @@ mod tests {
         assert_eq!(args.target, ChannelDepth::Sixteen);
         let settings = args.settings();
         assert_eq!((settings.sort, settings.cutoff), (SortOrder::Radial, Cutoff::Sqrt5));
-        assert_eq!((settings.layers, settings.min_contribution_px), (Some(2), 0.0));
+        assert_eq!(settings.layers, Some(2));
         let frames = parse("aarc a --headless --out o --frames 2..5 --fps 12.5").unwrap();
         assert_eq!((frames.frames, frames.fps), (Some(2..5), Some(12.5)));
     }

@@ -321,7 +321,6 @@ impl Watched {
                 sort: [SortOrder::Depth, SortOrder::Radial][rng.usize(..2)],
                 cutoff: [Cutoff::Exact, Cutoff::Sqrt8, Cutoff::Sqrt5][rng.usize(..3)],
                 layers: [None, Some(1)][rng.usize(..2)],
-                min_contribution_px: [0.0, 0.5][rng.usize(..2)],
                 inset: [None, Some(0.3), Some(INSET_MAX)][rng.usize(..3)].filter(|_| self.foveated),
             };
             let t = self.player.clip_time();

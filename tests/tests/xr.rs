@@ -426,12 +426,11 @@ fn levels(gpu: &'static Gpu) -> Result<(), String> {
         let exact = exact.get_or_insert_with(|| image.clone());
         let (psnr, share) = (difference(&image, exact).psnr, light(&image) / light(exact));
         println!(
-            "{:5} {}x{} {fragments} fragments, {} sorted, {} culled, {psnr:.1} dB, {:.2} % of the light",
+            "{:5} {}x{} {fragments} fragments, {} sorted, {psnr:.1} dB, {:.2} % of the light",
             level.name(),
             size.x,
             size.y,
             counts.sorted,
-            counts.culled,
             100.0 * share
         );
         if before.is_some_and(|before| fragments as f64 > 0.9 * before as f64) {

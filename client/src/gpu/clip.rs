@@ -5,7 +5,7 @@
 
 use std::sync::Arc;
 
-use codec::{Clip, Field, LayerEnd, PixelFilter};
+use codec::{Clip, Field, LayerEnd};
 use glam::DVec3;
 use program::Fault;
 use shaders::layout::{self, Ranges};
@@ -220,11 +220,6 @@ impl GaussianSet {
         let mut slots = NO_SLOTS;
         slots[0] = Some(Slot { span: Span::WHOLE, segment });
         Ok((GaussianSet { buffers: self.buffers.clone(), slots }, bytes))
-    }
-
-    /// The filter of the Gaussians.
-    pub(super) fn filter(&self) -> PixelFilter {
-        if self.buffers.features.mip { PixelFilter::Mip } else { PixelFilter::Blur }
     }
 
     /// The segments whose span holds the instant `t_s` of a take of `duration_s`, with their slots and their clip times.

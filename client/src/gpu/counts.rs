@@ -5,9 +5,6 @@
 pub struct FrameCounts {
     /// Gaussians whose opacity at the instant is at least 1/255.
     pub alive: u32,
-    /// Alive Gaussians inside the view frustum that contribute less than
-    /// [`RenderSettings::min_contribution_px`](super::RenderSettings::min_contribution_px).
-    pub culled: u32,
     /// Gaussians sorted and handed to the GPU.
     pub sorted: u32,
     /// Time of the stage `alive` in milliseconds.

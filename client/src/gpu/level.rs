@@ -1,8 +1,8 @@
 //! [`Level`]: rendering quality in steps, from exact down to a lower bound.
 //!
 //! A level changes per-frame parameters only; images and pipelines are shared by all levels. The order is that of
-//! error per fragment: first what lies beside the view axis loses resolution, then what is faint is left out, then
-//! everything loses resolution, and only at the end do Gaussians lose their edges.
+//! error per fragment: first what lies beside the view axis loses resolution, then Gaussians lose their faintest
+//! rim, then everything loses resolution, and only at the end do Gaussians lose their edges.
 
 use clap::ValueEnum;
 use glam::UVec2;
@@ -20,13 +20,12 @@ pub enum Level {
     Fine,
     /// An inset of 0.4; support radius limited to `sqrt(8)` standard deviations.
     Good,
-    /// As `Good`, with 0.85 of the image's sides; contributions below a quarter of a pixel are culled.
+    /// As `Good`, with 0.85 of the image's sides.
     Fair,
-    /// An inset of 0.35 and 0.8 of the image's sides; contributions below half a pixel are culled.
+    /// As `Good`, with an inset of 0.35 and 0.8 of the image's sides.
     Light,
-    /// As `Light`, with 0.7 of the image's sides and a support radius of at most `sqrt(5)` standard deviations;
-    /// contributions below a pixel are culled. The least important layers are dropped if that removes at least a
-    /// quarter of the Gaussians and leaves at least half.
+    /// As `Light`, with 0.7 of the image's sides and a support radius of at most `sqrt(5)` standard deviations. The
+    /// least important layers are dropped if that removes at least a quarter of the Gaussians and leaves at least half.
     Least,
 }
 
@@ -37,8 +36,6 @@ struct Share {
     /// See [`RenderSettings::inset`].
     inset: Option<f32>,
     cutoff: Cutoff,
-    /// See [`RenderSettings::min_contribution_px`].
-    min_contribution_px: f32,
     /// Fraction of the Gaussians that the drawn layers must contain.
     gaussians: f64,
 }
@@ -56,15 +53,15 @@ impl Level {
         [Level::Exact, Level::Fine, Level::Good, Level::Fair, Level::Light, Level::Least];
 
     fn share(self) -> Share {
-        let (side, inset, cutoff, min_contribution_px, gaussians) = match self {
-            Level::Exact => (1.0, None, Cutoff::Exact, 0.0, 1.0),
-            Level::Fine => (1.0, Some(Level::INSET_MAX), Cutoff::Exact, 0.0, 1.0),
-            Level::Good => (1.0, Some(0.4), Cutoff::Sqrt8, 0.0, 1.0),
-            Level::Fair => (0.85, Some(0.4), Cutoff::Sqrt8, 0.25, 1.0),
-            Level::Light => (0.8, Some(0.35), Cutoff::Sqrt8, 0.5, 1.0),
-            Level::Least => (0.7, Some(0.35), Cutoff::Sqrt5, 1.0, 0.5),
+        let (side, inset, cutoff, gaussians) = match self {
+            Level::Exact => (1.0, None, Cutoff::Exact, 1.0),
+            Level::Fine => (1.0, Some(Level::INSET_MAX), Cutoff::Exact, 1.0),
+            Level::Good => (1.0, Some(0.4), Cutoff::Sqrt8, 1.0),
+            Level::Fair => (0.85, Some(0.4), Cutoff::Sqrt8, 1.0),
+            Level::Light => (0.8, Some(0.35), Cutoff::Sqrt8, 1.0),
+            Level::Least => (0.7, Some(0.35), Cutoff::Sqrt5, 0.5),
         };
-        Share { side, inset, cutoff, min_contribution_px, gaussians }
+        Share { side, inset, cutoff, gaussians }
     }
 
     /// Name in menus and reports.
@@ -104,7 +101,6 @@ impl Level {
         RenderSettings {
             cutoff,
             layers,
-            min_contribution_px: settings.min_contribution_px.max(share.min_contribution_px),
             inset: settings.inset.into_iter().chain(share.inset).reduce(f32::min),
             ..settings
         }
@@ -146,7 +142,6 @@ mod tests {
             let [above, below] = [0, 1].map(|i| (settings(pair[i]), pair[i].size(full)));
             let changes = [
                 (above.0.cutoff.radius_max(), below.0.cutoff.radius_max()),
-                (-above.0.min_contribution_px, -below.0.min_contribution_px),
                 (above.0.inset.unwrap_or(1.0), below.0.inset.unwrap_or(1.0)),
                 (above.1.x as f32, below.1.x as f32),
                 (above.1.y as f32, below.1.y as f32),
@@ -162,7 +157,7 @@ mod tests {
     #[test]
     fn the_last_level_is_the_bound() {
         let least = settings(Level::Least);
-        assert_eq!((least.cutoff, least.min_contribution_px, least.layers), (Cutoff::Sqrt5, 1.0, Some(3)));
+        assert_eq!((least.cutoff, least.layers), (Cutoff::Sqrt5, Some(3)));
         assert_eq!(
             (least.inset, Level::Least.size(UVec2::new(2064, 2208))),
             (Some(0.35), UVec2::new(1448, 1544))
@@ -187,7 +182,6 @@ mod tests {
         let asked = RenderSettings {
             cutoff: Cutoff::Sqrt5,
             layers: Some(1),
-            min_contribution_px: 3.0,
             inset: Some(0.2),
             ..RenderSettings::default()
         };

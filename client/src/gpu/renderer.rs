@@ -320,14 +320,11 @@ impl Renderer {
         let t_s = t * clip.duration_s;
         for (set, drawn) in clip.sets().zip(&mut self.sets) {
             let start = Instant::now();
-            let mut culler =
-                Culler::new(views, settings, clip.origin, clip.near, set.filter(), &mut self.items);
+            let mut culler = Culler::new(views, settings, clip.origin, clip.near, &mut self.items);
             for (number, segment, t) in set.at(t_s, clip.duration_s) {
                 segment.rows.alive(t, segment.first_entry(number), &mut culler);
             }
-            let seen = culler.seen;
-            counts.alive += seen.alive;
-            counts.culled += seen.culled;
+            counts.alive += culler.alive;
             let alive_end = Instant::now();
             drawn.sort(&mut self.sorter, &mut self.items, settings.inset.is_some());
             counts.alive_ms += (alive_end - start).as_secs_f64() * 1e3;

@@ -11,10 +11,6 @@ pub struct RenderSettings {
     pub cutoff: Cutoff,
     /// Number of layers to draw, most important first; `None` draws all.
     pub layers: Option<usize>,
-    /// Gaussians whose contribution is below this are culled; 0 draws all. The contribution is an upper
-    /// bound of the sum of alpha over all pixels, computed as at the centre of the image, since perspective
-    /// stretches its edges.
-    pub min_contribution_px: f32,
     /// Side of the inset as a fraction of the image's sides, above 0 and below 1: the part around the view axis that
     /// is drawn at full resolution. All of the image is drawn at that fraction of the resolution, too. `None` draws
     /// everything at full resolution.

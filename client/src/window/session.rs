@@ -711,7 +711,7 @@ impl Session {
 
     /// Rows of the statistics in the corner of the window.
     fn statistics(&mut self, size: [u32; 2]) -> Vec<(&'static str, String)> {
-        let FrameCounts { alive, sorted, alive_ms, sort_ms, .. } = self.counts;
+        let FrameCounts { alive, sorted, alive_ms, sort_ms } = self.counts;
         let total = self.playing.gaussians;
         let mut rows = vec![
             ("Gaussians", total.to_string()),

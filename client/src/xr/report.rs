@@ -331,10 +331,8 @@ impl Report {
             height: size.y,
             inset: settings.inset,
             cutoff_sigma: settings.cutoff.radius_max(),
-            min_contribution_px: settings.min_contribution_px,
             layers: settings.layers,
             alive: counts.alive,
-            culled: counts.culled,
             sorted: counts.sorted,
         }
     }
@@ -421,15 +419,9 @@ struct QualityStats {
     /// Largest extent of a Gaussian in standard deviations.
     #[serde(rename = "reach_sigma")]
     cutoff_sigma: f32,
-    /// Contribution in pixels of alpha below which a Gaussian is culled.
-    #[serde(rename = "least_px")]
-    min_contribution_px: f32,
     /// Number of drawn layers; null for all.
     layers: Option<usize>,
     alive: u32,
-    /// Number of Gaussians culled for their contribution.
-    #[serde(rename = "faint")]
-    culled: u32,
     sorted: u32,
 }
 

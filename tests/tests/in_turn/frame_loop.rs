@@ -144,7 +144,6 @@ fn inputs(eyes: usize, frame: u32) -> (Vec<View>, RenderSettings) {
         sort: [SortOrder::Depth, SortOrder::Radial][frame as usize % 2],
         cutoff: [Cutoff::Exact, Cutoff::Sqrt8, Cutoff::Sqrt5][frame as usize % 3],
         layers: [None, Some(1), Some(2)][frame as usize % 3],
-        min_contribution_px: [0.0, 1.0][frame as usize % 2],
         inset: [None, Some(0.5), Some(0.3)][frame as usize % 3],
     };
     (cameras.iter().map(View::from_camera).collect(), settings)

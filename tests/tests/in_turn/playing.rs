@@ -74,7 +74,6 @@ fn parameters_trade(gpu: &'static Gpu) -> Result<(), String> {
     for (name, count) in [
         ("layers", "sorted_keys"),
         ("cutoff", "covered_fragments"),
-        ("contribution cull", "sorted_keys"),
         ("temporal cull", "sorted_keys"),
         ("resolution scale", "covered_fragments"),
         ("SH degree", "gpu_bytes"),

@@ -65,13 +65,8 @@ impl Moment {
         f32::from(self.instant) / INSTANTS as f32
     }
 
-    /// `z0`.
-    pub(in crate::gpu) fn z(&self) -> f32 {
-        f32::from(self.z) / Z_STEPS as f32
-    }
-
     /// `1/s`, per clip.
-    pub(in crate::gpu) fn widths(&self) -> f32 {
+    fn widths(&self) -> f32 {
         self.widths.to_f32() * WIDTH_UNIT
     }
 

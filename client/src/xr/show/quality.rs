@@ -260,8 +260,8 @@ mod tests {
             let mut quality = quality(Level::Exact);
             assert_eq!(headset.show(&mut quality, 5000, constant), 5);
             assert!(quality.level() == Level::Least && quality.is_lowered());
-            let RenderSettings { cutoff, layers, min_contribution_px, .. } = quality.settings();
-            assert_eq!((cutoff, layers, min_contribution_px), (Cutoff::Sqrt5, Some(1), 1.0));
+            let RenderSettings { cutoff, layers, .. } = quality.settings();
+            assert_eq!((cutoff, layers), (Cutoff::Sqrt5, Some(1)));
         }
     }
 

@@ -47,7 +47,6 @@ impl Statistics {
         self.rows.clear();
         self.rows.extend([
             ("alive now", counts.alive.to_string()),
-            ("too faint", counts.culled.to_string()),
             ("drawn", counts.sorted.to_string()),
             ("find, sort", format!("{:.2}, {:.2} ms", counts.alive_ms, counts.sort_ms)),
             ("GPU", gpu),

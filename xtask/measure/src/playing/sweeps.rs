@@ -28,9 +28,6 @@ pub(super) struct Value {
 /// Parts of the image's sides.
 const SIDES: [f32; 5] = [0.85, 0.7, 0.6, 0.5, 0.35];
 
-/// Least contributions in pixels of full alpha.
-const MIN_CONTRIBUTION_PX: [f32; 7] = [0.03, 0.06, 0.125, 0.25, 0.5, 1.0, 2.0];
-
 /// Least opacities at the instant, in 255ths.
 const LEAST_ALIVE: [f64; 5] = [2.0, 4.0, 8.0, 16.0, 32.0];
 
@@ -60,18 +57,6 @@ pub(super) fn sweeps(clip: &Clip, size: UVec2) -> Vec<Sweep> {
             "fields are fitted with it",
             "depth",
             [("radial".into(), RenderSettings { sort: SortOrder::Radial, ..RenderSettings::default() })],
-        ),
-        settings(
-            "contribution cull",
-            "Gaussians that add less than so many pixels of full alpha to an image are left out.",
-            "what a threshold removes depends on the clip, and without one nothing is missing from any clip",
-            "0",
-            MIN_CONTRIBUTION_PX.map(|min_contribution_px| {
-                (
-                    format!("{min_contribution_px} px"),
-                    RenderSettings { min_contribution_px, ..RenderSettings::default() },
-                )
-            }),
         ),
         Sweep {
             name: "temporal cull",

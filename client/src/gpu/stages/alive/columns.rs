@@ -7,7 +7,7 @@ use std::mem::size_of;
 use std::ops::Range;
 
 use codec::{ALPHA_MIN, Field, MOTION_ORDER_MAX};
-use glam::{DVec3, Vec2};
+use glam::DVec3;
 
 use crate::gpu::pack::moment::Moment;
 
@@ -34,32 +34,17 @@ pub(super) struct RowColumns {
     motion: Vec<[Vec<f32>; 3]>,
     /// Distance from the centre, in units of the field, beyond which alpha is below 1/255.
     pub(super) support_radius: Vec<f32>,
-    pub(super) contribution: Vec<ContributionBound>,
 }
 
 /// Most bytes of a row in all columns.
-pub(in crate::gpu) const ROW_BYTES: usize =
-    size_of::<f32>() * (4 + 3 + 3 * MOTION_ORDER_MAX as usize + 1) + size_of::<ContributionBound>();
-
-/// Parameters of the upper bound of a Gaussian's contribution.
-#[derive(Clone, Copy)]
-pub(super) struct ContributionBound {
-    /// Peak opacity.
-    opacity: f32,
-    /// Widths of the window from its centre to the instant of the record.
-    z: f32,
-    /// Widths of the window per clip; 0 for static rows.
-    widths: f32,
-    /// Standard deviations along the two longest axes, the longest first, in units of the field.
-    pub(super) sigmas: Vec2,
-}
+pub(in crate::gpu) const ROW_BYTES: usize = size_of::<f32>() * (4 + 3 + 3 * MOTION_ORDER_MAX as usize + 1);
 
 /// A batch at an instant; entries beyond its rows are unspecified.
 pub(super) struct Batch {
     /// 1 for alive rows, else 0.
     pub(super) alive: [u32; BATCH],
     /// Clip time since the instants of the records.
-    pub(super) since: [f32; BATCH],
+    since: [f32; BATCH],
     /// Centres as the shaders compute them.
     pub(super) places: Places,
 }
@@ -72,7 +57,6 @@ impl Batch {
 impl RowColumns {
     /// Prepares the columns of `rows` of `field`; `origin` is that of the clip, in the world of the field.
     pub(super) fn new(field: &Field, rows: Range<usize>, origin: DVec3) -> RowColumns {
-        let first = rows.start;
         let moment = |row: usize| match &field.temporal {
             Some(temporal) => Moment::of(field, temporal, row),
             None => Moment { position: field.centers[row].map(f64::from), ..Moment::default() },
@@ -87,20 +71,11 @@ impl RowColumns {
             }
         };
         let alive: Vec<[f32; 2]> = rows.clone().map(alive).collect();
-        let contribution = |(row, moment): (usize, &Moment)| {
-            let mut scales = field.log_scales[row];
-            scales.sort_by(f32::total_cmp);
-            ContributionBound {
-                opacity: field.opacities[row],
-                z: moment.z(),
-                widths: moment.widths(),
-                sigmas: Vec2::new(scales[2].exp(), scales[1].exp()),
-            }
-        };
-        let contribution: Vec<ContributionBound> = rows.clone().zip(&moments).map(contribution).collect();
         let support_radius = |row: usize| {
             let radius = (2.0 * (f64::from(field.opacities[row]) / ALPHA_MIN).ln()).max(0.0).sqrt();
-            contribution[row - first].sigmas.x * radius as f32
+            let [x, y, z] = field.log_scales[row];
+            let longest = std::cmp::max_by(x, std::cmp::max_by(y, z, f32::total_cmp), f32::total_cmp);
+            longest.exp() * radius as f32
         };
         let center = |axis: usize| moments.iter().map(|m| (m.position[axis] - origin[axis]) as f32).collect();
         let order = field.temporal.as_ref().map_or(0, |temporal| usize::from(temporal.motion_order));
@@ -114,7 +89,6 @@ impl RowColumns {
             centers: [0, 1, 2].map(center),
             motion: (0..order).map(of_power).collect(),
             support_radius: rows.map(support_radius).collect(),
-            contribution,
         }
     }
 
@@ -146,13 +120,5 @@ impl RowColumns {
                 *place += center;
             }
         }
-    }
-}
-
-impl ContributionBound {
-    /// Opacity at `d` after the instant of the record, in clip time.
-    pub(super) fn opacity_at(&self, d: f32) -> f32 {
-        let z = self.z + d * self.widths;
-        self.opacity * (-0.5 * z * z).exp()
     }
 }

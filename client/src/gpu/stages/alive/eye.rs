@@ -1,9 +1,8 @@
-//! [`Eye`]: frustum culling and contribution bounds for one eye.
+//! [`Eye`]: frustum culling for one eye.
 
-use codec::PixelFilter;
-use glam::{Affine3A, DMat4, DVec3, Vec2, Vec3A};
+use glam::{Affine3A, DMat4, DVec3, Vec2};
 
-use super::columns::{BATCH, ContributionBound, Places};
+use super::columns::{BATCH, Places};
 use crate::view::View;
 
 /// A view prepared for culling: without divisions, in pixels from the principal point.
@@ -72,28 +71,6 @@ impl Eye {
                 & u32::from(down + high >= self.low.y * depth)
                 & u32::from(down - high <= self.high.y * depth);
         }
-    }
-
-    /// Upper bound of a Gaussian's sum of alpha over all pixels at `d` after the instant of its record: as if
-    /// it showed its two longest axes at the centre of the image.
-    pub(super) fn weight_px(
-        &self,
-        place: Vec3A,
-        d: f32,
-        contribution: &ContributionBound,
-        filter: PixelFilter,
-    ) -> f32 {
-        // Compensated opacities keep the integral that they have without filter. The sum over pixel centres
-        // exceeds it for the narrowest footprint, 0.1 px^2 at a pixel's centre: (sum exp(-5 n^2))^2 / (0.2 pi).
-        const MIP_PEAK: f32 = 1.64;
-        let distance = self.view_from_clip.transform_point3a(place).length();
-        let footprint = contribution.sigmas * (self.focal.max_element() / distance);
-        let (added, peak) = match filter {
-            PixelFilter::Blur => (shaders::filter_variance(false), 1.0),
-            PixelFilter::Mip => (0.0, MIP_PEAK),
-        };
-        let variances = footprint * footprint + added;
-        std::f32::consts::TAU * peak * contribution.opacity_at(d) * variances.element_product().sqrt()
     }
 }
 

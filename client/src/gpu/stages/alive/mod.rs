@@ -1,7 +1,7 @@
 //! Stage `alive`: finds the visible Gaussians at an instant and their sort keys.
 //!
 //! The time index gives candidates. A candidate is alive if its temporal opacity is at least 1/255. Alive
-//! Gaussians are culled against the view frusta and by contribution; the others go to the stage `sort`.
+//! Gaussians are culled against the view frusta; the others go to the stage `sort`.
 //! The stage runs for all candidates in every frame, so it precomputes what does not change (the ends of a
 //! window replace its exponential) and processes rows in batches. A [`Culler`] holds what a frame culls by, and collects
 //! the [`Rows`] of one segment after another.
@@ -14,7 +14,7 @@ mod tests;
 use std::ops::Range;
 use std::sync::Arc;
 
-use codec::{LayerEnd, PixelFilter, TimeIndex};
+use codec::{LayerEnd, TimeIndex};
 use glam::{DVec3, Vec3A};
 
 use super::sort::Item;
@@ -45,15 +45,6 @@ pub(in crate::gpu) struct LayerRows {
     ends: Vec<LayerEnd>,
     /// Counts from the first of these dynamic rows.
     time_index: TimeIndex,
-}
-
-/// Counts of the stage.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(in crate::gpu) struct CullCounts {
-    /// Rows that are alive.
-    pub(in crate::gpu) alive: u32,
-    /// Alive rows inside a frustum that were culled by [`RenderSettings::min_contribution_px`].
-    pub(in crate::gpu) culled: u32,
 }
 
 impl Rows {
@@ -153,43 +144,36 @@ impl Eyes {
 
 /// Culls rows of a frame and collects the others.
 pub(in crate::gpu) struct Culler<'a> {
-    /// What the viewer sees, in which contributions are counted.
-    full: Eyes,
-    /// What is drawn of it, in a foveated frame with larger pixels.
+    /// What is drawn, in a foveated frame with larger pixels.
     drawn: Eyes,
     insets: Option<Eyes>,
     depth: DepthKeys,
-    min_contribution_px: f32,
     layers: Option<usize>,
-    filter: PixelFilter,
     items: &'a mut Vec<Item>,
-    pub(in crate::gpu) seen: CullCounts,
+    /// Number of rows that are alive.
+    pub(in crate::gpu) alive: u32,
 }
 
 impl<'a> Culler<'a> {
     /// For a frame of `views` under `settings`. Replaces `items` by the rows to draw and marks those in the inset;
-    /// `origin` is the clip's origin in the world; `near` and `filter` are the clip's near distance and filter.
+    /// `origin` is the clip's origin in the world, `near` its near distance.
     pub(in crate::gpu) fn new(
         views: &FrameViews,
         settings: &RenderSettings,
         origin: DVec3,
         near: f32,
-        filter: PixelFilter,
         items: &'a mut Vec<Item>,
     ) -> Culler<'a> {
         items.clear();
         Culler {
-            full: Eyes::new(views.full().iter(), origin, near),
             drawn: Eyes::new(views.drawn().iter(), origin, near),
             insets: views
                 .divisions()
                 .map(|divisions| Eyes::new(divisions.iter().map(|division| &division.inset), origin, near)),
             depth: DepthKeys::new(views.full(), origin, settings.sort),
-            min_contribution_px: settings.min_contribution_px,
             layers: settings.layers,
-            filter,
             items,
-            seen: CullCounts::default(),
+            alive: 0,
         }
     }
 
@@ -205,20 +189,9 @@ impl<'a> Culler<'a> {
                 self.insets.as_ref().map_or([0; BATCH], |insets| insets.see(&batch.places, support_radius));
             let depths = self.depth.of(&batch.places);
             for (i, row) in rows.enumerate() {
-                self.seen.alive += batch.alive[i];
+                self.alive += batch.alive[i];
                 if batch.alive[i] & visible[i] == 0 {
                     continue;
-                }
-                if self.min_contribution_px > 0.0 {
-                    let place = Vec3A::from_array(batch.places.map(|axis| axis[i]));
-                    let (d, contribution) = (batch.since[i], &columns.contribution[row]);
-                    let is_negligible = |eye: &Eye| {
-                        eye.weight_px(place, d, contribution, self.filter) < self.min_contribution_px
-                    };
-                    if self.full.iter().all(is_negligible) {
-                        self.seen.culled += 1;
-                        continue;
-                    }
                 }
                 let item = Item::new(depths[i], first + row as u32);
                 self.items.push(if in_inset[i] == 0 { item } else { item.in_inset() });

@@ -25,7 +25,7 @@ pub(crate) use take::layers_parameter;
 pub use take::{LayerInstant, TakeFindings, TakeInstant, TakeSetup};
 
 /// Parameters that other players have, with the reason why this one lacks them.
-const NO_PARAMETERS: [(&str, &str); 6] = [
+const NO_PARAMETERS: [(&str, &str); 5] = [
     (
         "16-bit sort keys",
         "Depths are sorted by all bits, in passes over the digits in which they differ; the column <i>sort</i> is \
@@ -36,10 +36,6 @@ const NO_PARAMETERS: [(&str, &str); 6] = [
         "projection in the vertex stage or by compute",
         "The vertex stage is the one path, and runs on every device. The column <i>vertices</i> counts its invocations; \
          a compute stage would project a quarter as often.",
-    ),
-    (
-        "foveated contribution cull",
-        "The threshold is the same all over the image: the player has no eye tracking.",
     ),
     (
         "record precision",
