@@ -214,6 +214,27 @@ impl Surroundings {
     /// `turn` rotates the places around the content, in units of the angle between neighbours. What was chosen from the
     /// places of one turn is judged from the places of another.
     pub fn stand_points(&self, turn: f64, size: (u32, u32)) -> StandPoints {
+        let mut inside = self.inside(turn);
+        let is_furnished = inside.first().is_some_and(|(place, _)| self.furniture(*place).is_some());
+        let (mut content, further) = if is_furnished {
+            // Nobody looks at a furnished room from outside of its walls.
+            let further = inside.iter().flat_map(|(place, _)| self.looks_up_and_down(*place, turn)).collect();
+            (Vec::new(), further)
+        } else {
+            // It may as well be a hollow body.
+            inside.truncate(1);
+            self.looks_from_around(turn)
+        };
+        content.extend(inside.into_iter().flat_map(|(_, looks)| looks));
+        let around = self.cover(&content, further);
+        let cameras = |looks: Vec<Look>| {
+            looks.into_iter().map(|look| look.camera.resized(size.0, size.1)).collect::<Vec<Camera>>()
+        };
+        StandPoints { content: cameras(content), around: cameras(around) }
+    }
+
+    /// Looks at the content from around it, and further ones that may show what else there is.
+    fn looks_from_around(&self, turn: f64) -> (Vec<Look>, Vec<Look>) {
         let directions = ring_directions(self.up, turn);
         let (mut content, mut further) = (Vec::new(), Vec::new());
         for &direction in &directions {
@@ -235,22 +256,7 @@ impl Surroundings {
         // A gap in a wall is no place to look through.
         let is_clear = |look: &Look| look.is_free() && look.glance.content >= CLEAR_CONTENT_MIN;
         further.extend(far.map(|(direction, distance)| self.stand(direction, distance)).filter(is_clear));
-        let mut inside = self.inside(turn);
-        match inside.first() {
-            // Nobody looks at a furnished room from outside of its walls.
-            Some((place, _)) if self.furniture(*place).is_some() => {
-                content.clear();
-                further = inside.iter().flat_map(|(place, _)| self.looks_up_and_down(*place, turn)).collect();
-            }
-            // It may as well be a hollow body.
-            _ => inside.truncate(1),
-        }
-        content.extend(inside.into_iter().flat_map(|(_, looks)| looks));
-        let around = self.cover(&content, further);
-        let cameras = |looks: Vec<Look>| {
-            looks.into_iter().map(|look| look.camera.resized(size.0, size.1)).collect::<Vec<Camera>>()
-        };
-        StandPoints { content: cameras(content), around: cameras(around) }
+        (content, further)
     }
 
     /// Marks the discs in the balls.

@@ -83,12 +83,12 @@ impl Surroundings {
 
     /// The sides of the content, level and from above, each from the front on.
     fn sides(&self) -> [[Side; 8]; 2] {
-        let bounds = self.framed_bounds().map(|corner| corner.map(|x| x as f32));
+        let alone = self.content_discs();
+        let bounds = self.framed_bounds(&alone).map(|corner| corner.map(|x| x as f32));
         let front = Viewpoint::framing(bounds, self.up.map(|x| x as f32));
         let [target, position] = [front.target, front.position].map(|point| point.map(f64::from));
         let forward = sub(target, position);
         let right = normalize(cross(forward, self.up)).unwrap_or([1.0, 0.0, 0.0]);
-        let alone = self.content_discs();
         [0.0, ELEVATION].map(|elevation| {
             let lowered = rotate(forward, right, -elevation);
             TURNS.map(|turn| {
@@ -121,10 +121,9 @@ impl Surroundings {
         glance.filled * glance.seen.iter().filter(|seen| **seen).count() as f64
     }
 
-    /// The box of the content with the size of its rows.
-    fn framed_bounds(&self) -> [[f64; 3]; 2] {
-        let mut radii: Vec<f64> =
-            self.content_discs().instants.iter().flatten().map(|disc| disc.radius).collect();
+    /// The box of the content with the size of its discs.
+    fn framed_bounds(&self, discs: &Discs) -> [[f64; 3]; 2] {
+        let mut radii: Vec<f64> = discs.instants.iter().flatten().map(|disc| disc.radius).collect();
         radii.sort_by(f64::total_cmp);
         let margin = radii.get(radii.len() / 2).copied().unwrap_or(0.0);
         let [low, high] = self.content.bounds;

@@ -283,7 +283,7 @@ mod tests {
     fn what_is_right_before_a_camera_does_not_explain_its_plate() {
         let (views, field) = views_and_field();
         let explained = explained_by_others(&fit(&field, &views), &views, &mut Cpu::default()).unwrap();
-        println!("{explained:?}");
+
         assert!(explained[..3].iter().all(|explained| explained.unwrap() > 0.95), "{explained:?}");
         assert_eq!(strangers(&explained), [3]);
     }

@@ -137,12 +137,9 @@ impl DecodedTake {
         seconds: Option<&[f64]>,
     ) -> anyhow::Result<DecodedTake> {
         let (duration_s, mut gaussians) = (folder.duration_s, 0);
-        let viewpoints = folder.viewpoints()?;
-        let info = ClipInfo {
-            duration_s: duration_s as f32,
-            viewpoints: viewpoints.clone(),
-            ..folder.scene(0)?.info
-        };
+        let first = folder.scene(0)?;
+        let viewpoints = folder.viewpoints(&first)?;
+        let info = ClipInfo { duration_s: duration_s as f32, viewpoints: viewpoints.clone(), ..first.info };
         let mut segments = Vec::new();
         for index in 0..folder.len() {
             let span = folder.span(index);

@@ -129,24 +129,26 @@ impl FieldFolder {
         Scene::of_segment(&self.file(index), plate.as_deref(), entry.duration_s as f32, self.fps)
     }
 
-    /// The viewpoints that the first segment states, or else the opening by the segments that are shown first. Never empty.
+    /// The viewpoints that the first segment, `first`, states, or else the opening by the segments that are shown when it
+    /// begins. Never empty.
     ///
     /// # Errors
     /// Those of [`FieldFolder::scene`].
-    pub(super) fn viewpoints(&self) -> anyhow::Result<Vec<Viewpoint>> {
-        let first = self.scene(0)?;
+    pub(super) fn viewpoints(&self, first: &Scene) -> anyhow::Result<Vec<Viewpoint>> {
         if !first.assumed.contains(&"viewpoints") {
-            return Ok(first.info.viewpoints);
+            return Ok(first.info.viewpoints.clone());
         }
         let spans: Vec<Span> = (0..self.len()).map(|index| self.span(index)).collect();
-        let start_s = spans.iter().map(|span| span.start_s.max(0.0)).fold(self.duration_s, f64::min);
-        let shown: Vec<usize> =
-            (0..spans.len()).filter(|&index| spans[index].holds(self.duration_s, start_s)).collect();
-        let end_s = shown.iter().map(|&index| spans[index].end_s()).fold(self.duration_s, f64::min);
-        let scenes = shown.iter().map(|&index| self.scene(index)).collect::<anyhow::Result<Vec<Scene>>>()?;
+        let start_s = spans[0].start_s.max(0.0);
+        let others: Vec<usize> =
+            (1..spans.len()).filter(|&index| spans[index].holds(self.duration_s, start_s)).collect();
+        let read = others.iter().map(|&index| self.scene(index)).collect::<anyhow::Result<Vec<Scene>>>()?;
+        let scenes: Vec<&Scene> = std::iter::once(first).chain(&read).collect();
+        let shown: Vec<Span> = [0].iter().chain(&others).map(|&index| spans[index]).collect();
+        let end_s = shown.iter().map(Span::end_s).fold(self.duration_s, f64::min);
         let range = |span: &Span| [start_s, end_s].map(|second| (second - span.start_s) / span.duration_s);
-        let fields = scenes.iter().map(|scene| &scene.subject.field);
-        let parts: Vec<_> = fields.zip(shown.iter().map(|&index| range(&spans[index]))).collect();
+        let parts: Vec<_> =
+            scenes.iter().map(|scene| &scene.subject.field).zip(shown.iter().map(range)).collect();
         let plate = scenes.iter().find_map(|scene| scene.plate.as_ref()).map(|plate| &plate.field);
         Ok(vec![Surroundings::of_parts(&parts, plate, first.info.up).opening()])
     }

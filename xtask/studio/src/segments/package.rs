@@ -140,11 +140,11 @@ fn survey(sources: &SegmentSources) -> anyhow::Result<Survey> {
         agreement.add(&scene.name, &scene.info, &scene.subject.field, plate)?;
         near = near.max(scene.subject.field.near).max(plate.map_or(0.0, |plate| plate.near));
         gaussians.push(visible(&scene.subject).0.len());
-        info.get_or_insert(scene.info);
+        if info.is_none() {
+            info = Some(ClipInfo { viewpoints: sources.viewpoints(&scene)?, ..scene.info });
+        }
     }
-    let mut info: ClipInfo = info.expect("there is a segment");
-    info.viewpoints = sources.viewpoints()?;
-    Ok(Survey { spans, gaussians, info, near })
+    Ok(Survey { spans, gaussians, info: info.expect("there is a segment"), near })
 }
 
 /// The scene with a near distance.

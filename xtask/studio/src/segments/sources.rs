@@ -74,13 +74,13 @@ impl SegmentSources {
         Ok(SegmentSources { name, duration_s, whole: Some(counts), segments })
     }
 
-    /// The viewpoints of the take. Never empty.
+    /// The viewpoints of the take, of which `first` is the first segment. Never empty.
     ///
     /// # Errors
     /// Those of [`FieldFolder::viewpoints`].
-    pub(super) fn viewpoints(&self) -> anyhow::Result<Vec<Viewpoint>> {
+    pub(super) fn viewpoints(&self, first: &Scene) -> anyhow::Result<Vec<Viewpoint>> {
         match &self.segments {
-            Segments::Folder(folder) => folder.viewpoints(),
+            Segments::Folder(folder) => folder.viewpoints(first),
             Segments::Split { whole, .. } => Ok(whole.info.viewpoints.clone()),
         }
     }
