@@ -3,6 +3,7 @@
 //! A disc has the opacity of its Gaussian and as much opacity times area as the Gaussian has from its broad side. Of
 //! many rows a regular selection stands for all, each disc for several rows.
 
+use super::glance::SIZE;
 use crate::{ALPHA_MIN, Field};
 
 /// Instants at which a dynamic field is looked at: the centres of so many equal intervals.
@@ -10,6 +11,15 @@ const INSTANTS: usize = 4;
 
 /// A field, and the range of its clip time in which it is looked at.
 pub(super) type Part<'a> = (&'a Field, [f64; 2]);
+
+/// A disc is wide from this area on, in pixels of a picture that the content fills.
+const WIDE_AREA: f64 = 16.0;
+
+/// Area of the wide discs of an instant, in the same unit, from which on fewer stand for them: the time that a picture takes.
+const WIDE_AREA_SUM_MAX: f64 = 400_000.0;
+
+/// Least opacity of a disc that stands for several wide ones.
+const WIDE_OPACITY_MIN: f64 = 0.2;
 
 /// Largest absolute logarithm of a scale: numbers of any field stay finite.
 const LOG_SCALE_MAX: f64 = 80.0;
@@ -75,6 +85,34 @@ impl Discs {
         }
         let near = parts.iter().map(|(field, _)| f64::from(field.near)).fold(0.0, f64::max);
         Discs { instants, field_rows, rows, near }
+    }
+
+    /// Lets one stand for several wide, translucent discs where many would take long to draw: it has their sum of opacities. The
+    /// side of a pixel is `pixel`, in source units.
+    pub(super) fn thin_out(&mut self, pixel: f64) {
+        let area = |disc: &Disc| std::f64::consts::PI * (disc.radius / pixel).powi(2);
+        let is_wide = |disc: &Disc| area(disc) >= WIDE_AREA;
+        let picture = f64::from(SIZE.0 * SIZE.1);
+        for discs in &mut self.instants {
+            let sum: f64 =
+                discs.iter().filter(|disc| is_wide(disc)).map(|disc| area(disc).min(picture)).sum();
+            if sum <= WIDE_AREA_SUM_MAX {
+                continue;
+            }
+            let mut opacity = 0.0;
+            discs.retain_mut(|disc| {
+                if !is_wide(disc) {
+                    return true;
+                }
+                opacity += disc.opacity;
+                let is_left = opacity >= WIDE_OPACITY_MIN;
+                if is_left {
+                    disc.opacity = f64::min(opacity, 1.0);
+                    opacity = 0.0;
+                }
+                is_left
+            });
+        }
     }
 }
 

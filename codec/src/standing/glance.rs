@@ -38,9 +38,7 @@ pub(super) fn glance(discs: &Discs, camera: &Camera, near: f64, fade: f64) -> Gl
     for instant in &discs.instants {
         let mut picture = Picture::default();
         for projected in project(instant, camera, fade) {
-            if picture.shows(projected.disc) && projected.add_to(&mut picture, near) {
-                seen[projected.disc.row] = true;
-            }
+            seen[projected.disc.row] |= projected.add_to(&mut picture, near);
         }
         let Sums { weight, depth, content, content_depth, blocked: here } = picture.sums;
         blocked = blocked.max(here / PIXELS as f64);
@@ -79,15 +77,17 @@ struct Picture {
     transmittance: [f64; PIXELS],
     /// Transmittance of the content alone.
     without_content: [f64; PIXELS],
-    /// Number of pixels of each transmittance that are not opaque. Without any, large discs need not be drawn.
-    open: [usize; 2],
+    /// The pixels of each line that are not opaque, and those that are not by the content alone: bit x for pixel x. All others
+    /// need not be drawn.
+    open: [[u64; SIZE.1 as usize]; 2],
     sums: Sums,
 }
 
 impl Default for Picture {
     fn default() -> Picture {
         let clear = [1.0; PIXELS];
-        Picture { transmittance: clear, without_content: clear, open: [PIXELS; 2], sums: Sums::default() }
+        let open = [[u64::MAX >> (u64::BITS - SIZE.0); SIZE.1 as usize]; 2];
+        Picture { transmittance: clear, without_content: clear, open, sums: Sums::default() }
     }
 }
 
@@ -129,24 +129,35 @@ impl Projected<'_> {
         // A disc of less than a pixel covers a part of the pixel that it is in.
         let area = std::f64::consts::PI * self.radius * self.radius;
         if area <= 1.0 {
-            return self.add_to_pixel(picture, nearest, self.alpha * area, near);
+            let [x, y] = nearest;
+            let is_open = self.open(picture, y) >> x & 1 == 1;
+            return is_open && self.add_to_pixel(picture, nearest, self.alpha * area, near);
         }
-        let range = |axis: usize| {
-            let low = (self.at[axis] - self.radius - 0.5).max(0.0).ceil() as usize;
-            let high = (self.at[axis] + self.radius - 0.5).min(f64::from(size[axis]) - 1.0);
-            low..(high + 1.0).max(0.0) as usize
+        // Pixels whose centres lie between two places on an axis.
+        let range = |axis: usize, center: f64, reach: f64| {
+            let low = (center - reach - 0.5).max(0.0).ceil();
+            let high = (center + reach - 0.5).min(f64::from(size[axis]) - 1.0).floor();
+            low as u32..(high + 1.0).max(0.0) as u32
         };
         let mut is_seen = false;
-        for y in range(1) {
-            let dy = y as f64 + 0.5 - self.at[1];
-            for x in range(0) {
-                let dx = x as f64 + 0.5 - self.at[0];
-                if dx * dx + dy * dy <= self.radius * self.radius {
-                    is_seen |= self.add_to_pixel(picture, [x, y], self.alpha, near);
-                }
+        for y in range(1, self.at[1], self.radius) {
+            let dy = f64::from(y) + 0.5 - self.at[1];
+            let reach = (self.radius * self.radius - dy * dy).max(0.0).sqrt();
+            let columns = range(0, self.at[0], reach);
+            let mut left = self.open(picture, y as usize) & bits(columns);
+            while left != 0 {
+                let x = left.trailing_zeros() as usize;
+                left &= left - 1;
+                is_seen |= self.add_to_pixel(picture, [x, y as usize], self.alpha, near);
             }
         }
         is_seen
+    }
+
+    /// The pixels of a line that the disc changes.
+    fn open(&self, picture: &Picture, line: usize) -> u64 {
+        let of_content = if self.disc.is_content { picture.open[1][line] } else { 0 };
+        picture.open[0][line] | of_content
     }
 
     /// Composites `alpha` of the disc into a pixel; returns whether it is seen there.
@@ -155,7 +166,8 @@ impl Projected<'_> {
         let transmittance = picture.transmittance[pixel];
         let weight = alpha * transmittance;
         picture.transmittance[pixel] -= weight;
-        picture.open[0] -= usize::from(transmittance > OPAQUE && transmittance - weight <= OPAQUE);
+        let closed = |transmittance: f64| !(u64::from(transmittance <= OPAQUE) << x);
+        picture.open[0][y] &= closed(transmittance - weight);
         let sums = &mut picture.sums;
         sums.weight += weight;
         sums.depth += weight * self.depth;
@@ -165,18 +177,16 @@ impl Projected<'_> {
         if self.disc.is_content {
             sums.content += weight;
             sums.content_depth += weight * self.depth;
-            let alone = picture.without_content[pixel];
             picture.without_content[pixel] *= 1.0 - alpha;
-            picture.open[1] -= usize::from(alone > OPAQUE && picture.without_content[pixel] <= OPAQUE);
+            picture.open[1][y] &= closed(picture.without_content[pixel]);
         }
         // The disc's own alpha, not its part of the pixel: a headset's picture shows it larger.
         self.alpha * transmittance >= ALPHA_MIN
     }
 }
 
-impl Picture {
-    /// Whether a disc behind all others changes anything.
-    fn shows(&self, disc: &Disc) -> bool {
-        self.open[0] > 0 || disc.is_content && self.open[1] > 0
-    }
+/// The bits of a range, at most all.
+fn bits(range: std::ops::Range<u32>) -> u64 {
+    let up_to = |end: u32| if end >= u64::BITS { u64::MAX } else { (1 << end) - 1 };
+    up_to(range.end) & !up_to(range.start)
 }

@@ -1,5 +1,6 @@
 //! Places in made-up fields: balls, rooms, skies, walls, and what nobody would expect.
 
+use super::discs::Disc;
 use super::*;
 use crate::Temporal;
 
@@ -346,6 +347,22 @@ fn rows_that_nothing_shows_are_counted() {
     assert_eq!(unseen_rows(&field, None, ring), of_sphere + within_and_below);
     assert_eq!(unseen_rows(&field, None, &[]), COUNT + within_and_below);
     assert_eq!(unseen_rows(&Field::default(), None, ring), 0);
+}
+
+#[test]
+fn one_disc_stands_for_several_that_are_wide_and_translucent() {
+    let haze: Vec<Row> = ball(ROWS - COUNT, 1.0).into_iter().map(|(center, _)| (center, 0.5)).collect();
+    let mut field = field(&[ball(COUNT, 0.3), haze].concat());
+    field.opacities[COUNT..].fill(0.02);
+    let hazy = Surroundings::of(&field, None, UP);
+    let (narrow, wide): (Vec<&Disc>, Vec<&Disc>) =
+        hazy.discs.instants[0].iter().partition(|disc| disc.row < COUNT);
+    assert_eq!(narrow.len(), COUNT);
+    assert!(wide.len() < (ROWS - COUNT) / 8, "{}", wide.len());
+    let opacity: f64 = wide.iter().map(|disc| disc.opacity).sum();
+    assert!((opacity / (0.02 * (ROWS - COUNT) as f64) - 1.0).abs() < 0.01, "{opacity}");
+    field.opacities[COUNT..].fill(0.9);
+    assert_eq!(Surroundings::of(&field, None, UP).discs.instants[0].len(), ROWS, "opaque ones stay");
 }
 
 #[test]
