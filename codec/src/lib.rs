@@ -175,7 +175,7 @@ pub use section::{Region, Section, SectionKind};
 #[cfg(feature = "encode")]
 pub use sound::with_sound;
 pub use sound::{SOUND_RATE_HZ, Sound, SoundInfo};
-pub use standing::{StandPoints, Surroundings, unseen_rows};
+pub use standing::{StandPoints, Surroundings, SurroundingsBuilder, unseen_rows};
 pub use take::{Package, Resident, SPAN_TOLERANCE_S, Segment, SegmentLayer, Take, package, span_holds};
 #[cfg(feature = "encode")]
 pub use take::{SegmentGrid, SegmentPackage, SplitSegment, encode_take_head, retime, split, take_order};

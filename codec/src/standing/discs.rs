@@ -9,9 +9,6 @@ use crate::{ALPHA_MIN, Field};
 /// Instants at which a dynamic field is looked at: the centres of so many equal intervals.
 const INSTANTS: usize = 4;
 
-/// A field, and the range of its clip time in which it is looked at.
-pub(super) type Part<'a> = (&'a Field, [f64; 2]);
-
 /// A disc is wide from this area on, in pixels of a picture that the content fills.
 const WIDE_AREA: f64 = 16.0;
 
@@ -52,41 +49,81 @@ pub(super) struct Discs {
     pub(super) near: f64,
 }
 
-impl Discs {
-    /// The discs of at most `most` rows of `parts` together, which are shown at once, and of as many of their static
-    /// background. Rows that live at no instant have none; if no row has any, all rows are opaque discs where their opacity
-    /// peaks.
-    pub(super) fn of(parts: &[Part<'_>], plate: Option<&Field>, most: usize) -> Discs {
-        let all: usize = parts.iter().map(|(field, _)| field.len()).sum();
-        let selected = |field: &Field| match all <= most {
-            true => field.len(),
-            false => (field.len() as f64 * most as f64 / all as f64) as usize,
-        };
-        let field_rows = parts.iter().map(|(field, _)| selected(field)).sum();
-        let rows = field_rows + plate.map_or(0, |plate| plate.len().min(most));
-        // At a share of the range of each part, or where the opacity peaks.
-        let of_parts = |share: Option<f64>| {
-            let mut first = 0;
-            parts.iter().flat_map(move |&(field, [from, to])| {
-                let (count, before) = (selected(field), first);
-                first += count;
-                discs_at(field, share.map(|share| from + share * (to - from)), count, before)
-            })
-        };
-        let is_dynamic = parts.iter().any(|(field, _)| !field.is_empty() && field.temporal.is_some());
-        let count = if is_dynamic { INSTANTS } else { 1 };
-        let background = || plate.into_iter().flat_map(|plate| discs_at(plate, Some(0.0), most, field_rows));
-        let at = |instant: usize| {
-            of_parts(Some((instant as f64 + 0.5) / count as f64)).chain(background()).collect()
-        };
-        let mut instants: Vec<Vec<Disc>> = (0..count).map(at).collect();
-        if instants.iter().flatten().all(|disc| disc.row >= field_rows) {
-            instants = vec![of_parts(None).chain(background()).collect()];
+/// Makes [`Discs`] of fields that need not be in memory at once.
+#[derive(Clone, Debug)]
+pub(super) struct DiscsBuilder {
+    /// Rows of all fields.
+    all: usize,
+    /// Most rows to select.
+    most: usize,
+    instants: [Vec<Disc>; INSTANTS],
+    /// All rows where their opacity peaks, until an instant has a disc.
+    peaks: Vec<Disc>,
+    is_dynamic: bool,
+    plate: Option<Vec<Disc>>,
+    /// Selected rows up to now.
+    field_rows: usize,
+    near: f64,
+}
+
+impl DiscsBuilder {
+    /// Selects at most `most` rows of fields that have `all` rows together, and as many of their static background.
+    pub(super) fn new(all: usize, most: usize) -> DiscsBuilder {
+        DiscsBuilder {
+            all,
+            most,
+            instants: Default::default(),
+            peaks: Vec::new(),
+            is_dynamic: false,
+            plate: None,
+            field_rows: 0,
+            near: 0.0,
         }
-        let near = parts.iter().map(|(field, _)| f64::from(field.near)).fold(0.0, f64::max);
-        Discs { instants, field_rows, rows, near }
     }
 
+    /// Adds a field that is looked at in a range of its clip time.
+    pub(super) fn add(&mut self, field: &Field, [from, to]: [f64; 2]) {
+        let count = match self.all <= self.most {
+            true => field.len(),
+            false => (field.len() as f64 * self.most as f64 / self.all as f64) as usize,
+        };
+        let first = self.field_rows;
+        for (instant, discs) in self.instants.iter_mut().enumerate() {
+            let share = (instant as f64 + 0.5) / INSTANTS as f64;
+            discs.extend(discs_at(field, Some(from + share * (to - from)), count, first));
+        }
+        if self.instants.iter().all(Vec::is_empty) {
+            self.peaks.extend(discs_at(field, None, count, first));
+        }
+        self.is_dynamic |= !field.is_empty() && field.temporal.is_some();
+        self.field_rows += count;
+        self.near = self.near.max(f64::from(field.near));
+    }
+
+    /// Adds the static background; the first one counts.
+    pub(super) fn add_plate(&mut self, plate: &Field) {
+        let most = self.most;
+        self.plate.get_or_insert_with(|| discs_at(plate, Some(0.0), most, 0).collect());
+    }
+
+    /// The discs. Rows that live at no instant have none; if no row has any, all rows are opaque discs where their opacity
+    /// peaks.
+    pub(super) fn build(self) -> Discs {
+        let DiscsBuilder { instants, peaks, is_dynamic, plate, field_rows, near, .. } = self;
+        let mut instants = if instants.iter().all(Vec::is_empty) { vec![peaks] } else { instants.to_vec() };
+        if !is_dynamic {
+            instants.truncate(1);
+        }
+        let plate = plate.unwrap_or_default();
+        let rows = field_rows + plate.iter().map(|disc| disc.row + 1).max().unwrap_or(0);
+        for discs in &mut instants {
+            discs.extend(plate.iter().map(|disc| Disc { row: field_rows + disc.row, ..*disc }));
+        }
+        Discs { instants, field_rows, rows, near }
+    }
+}
+
+impl Discs {
     /// Lets one stand for several wide, translucent discs where many would take long to draw: it has their sum of opacities. The
     /// side of a pixel is `pixel`, in source units.
     pub(super) fn thin_out(&mut self, pixel: f64) {

@@ -21,7 +21,7 @@ mod tests;
 use crate::camera::{cross, dot, norm, normalize, sub};
 use crate::{Camera, Clip, Field, Viewpoint};
 use content::{Ball, Content, EXTENT, bounds_along};
-use discs::{Discs, Part};
+use discs::{Discs, DiscsBuilder};
 use glance::{Glance, SIZE, glance};
 
 /// Rows of a field that are looked at, at most.
@@ -100,6 +100,32 @@ pub struct Surroundings {
     up: [f64; 3],
 }
 
+/// Makes the [`Surroundings`] of fields that need not be in memory at once, such as the segments of a take.
+#[derive(Clone, Debug)]
+pub struct SurroundingsBuilder(DiscsBuilder);
+
+impl SurroundingsBuilder {
+    /// For fields that have `rows` rows together.
+    pub fn new(rows: usize) -> SurroundingsBuilder {
+        SurroundingsBuilder(DiscsBuilder::new(rows, ROWS))
+    }
+
+    /// Adds a field that is looked at in a range of its clip time.
+    pub fn add(&mut self, field: &Field, range: [f64; 2]) {
+        self.0.add(field, range);
+    }
+
+    /// Adds the static background; the first one counts.
+    pub fn add_plate(&mut self, plate: &Field) {
+        self.0.add_plate(plate);
+    }
+
+    /// The surroundings that all of them make; `up` points up in their axes.
+    pub fn build(self, up: [f32; 3]) -> Surroundings {
+        Surroundings::of_discs(self.0.build(), up)
+    }
+}
+
 /// A camera, and what it sees.
 struct Look {
     camera: Camera,
@@ -126,12 +152,15 @@ impl Surroundings {
 
     /// The surroundings that fields make which are shown at once, each in a range of its clip time.
     pub fn of_parts(parts: &[(&Field, [f64; 2])], plate: Option<&Field>, up: [f32; 3]) -> Surroundings {
-        Surroundings::of_discs(Discs::of(parts, plate, ROWS), up)
+        let mut builder = SurroundingsBuilder::new(parts.iter().map(|(field, _)| field.len()).sum());
+        parts.iter().for_each(|(field, range)| builder.add(field, *range));
+        plate.into_iter().for_each(|plate| builder.add_plate(plate));
+        builder.build(up)
     }
 
     /// The surroundings that `clips` make which are shown at once, each in a range of its clip time.
     pub(crate) fn of_clips(clips: &[(&Clip, [f64; 2])], up: [f32; 3]) -> Surroundings {
-        let parts: Vec<Part> = clips
+        let parts: Vec<(&Field, [f64; 2])> = clips
             .iter()
             .flat_map(|&(clip, range)| [(&clip.static_field, range), (&clip.dynamic_field, range)])
             .collect();
@@ -147,7 +176,7 @@ impl Surroundings {
         let radius = if half_diagonal > 0.0 { half_diagonal } else { 1.0 };
         let center = std::array::from_fn(|axis| 0.5 * (low[axis] + high[axis]));
         let content = Content { balls: vec![Ball { center, radius, score: 0.0 }], ends: Vec::new(), bounds };
-        Surroundings { content, is_alone: true, discs: Discs::of(&[], None, 0), up: unit_up(up) }
+        Surroundings { content, is_alone: true, discs: DiscsBuilder::new(0, 0).build(), up: unit_up(up) }
     }
 
     fn of_discs(discs: Discs, up: [f32; 3]) -> Surroundings {
@@ -402,10 +431,13 @@ impl Clip {
     }
 }
 
-/// Number of rows of `field`, among those that live at one of four instants, that no camera of `cameras` shows in pictures of
-/// 48x36 pixels. The rims of some of them show in larger ones.
-pub fn unseen_rows(field: &Field, plate: Option<&Field>, cameras: &[Camera]) -> usize {
-    let discs = Discs::of(&[(field, [0.0, 1.0])], plate, usize::MAX);
+/// Rows of `field`, among those that live at one of four instants, that no camera of `cameras` shows in pictures of 48x36
+/// pixels, ascending. The rims of some of them show in larger ones.
+pub fn unseen_rows(field: &Field, plate: Option<&Field>, cameras: &[Camera]) -> Vec<usize> {
+    let mut builder = DiscsBuilder::new(field.len(), usize::MAX);
+    builder.add(field, [0.0, 1.0]);
+    plate.into_iter().for_each(|plate| builder.add_plate(plate));
+    let discs = builder.build();
     let mut is_hidden = vec![false; discs.rows];
     let of_field = discs.instants.iter().flatten().filter(|disc| disc.row < discs.field_rows);
     of_field.for_each(|disc| is_hidden[disc.row] = true);
@@ -413,7 +445,7 @@ pub fn unseen_rows(field: &Field, plate: Option<&Field>, cameras: &[Camera]) -> 
         let seen = glance(&discs, &camera.resized(SIZE.0, SIZE.1), 0.0, discs.near).seen;
         is_hidden.iter_mut().zip(seen).for_each(|(hidden, seen)| *hidden &= !seen);
     }
-    is_hidden.into_iter().filter(|hidden| *hidden).count()
+    (0..field.len()).filter(|row| is_hidden[*row]).collect()
 }
 
 /// A unit vector along `up`, or along y where that has no direction.

@@ -3,7 +3,7 @@
 use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 use ::import::{
     FieldPath, ImportedScene, NoField, Overrides, POINT_CLOUDS, SceneFiles, import_plate, is_field_file,
@@ -40,7 +40,7 @@ pub struct Scene {
     pub assumed: Vec<&'static str>,
     /// Whether it is a segment of a take, whose head has the viewpoints.
     pub is_segment: bool,
-    surroundings: OnceLock<Surroundings>,
+    surroundings: OnceLock<Arc<Surroundings>>,
 }
 
 impl Scene {
@@ -137,12 +137,18 @@ impl Scene {
         Scene::of(name.to_owned(), ImportedScene { subject, plate: None, info, assumed: Vec::new() })
     }
 
-    /// Where its content is and where people stand, in the field as it is when this is called for the first time.
-    pub(crate) fn surroundings(&self) -> &Surroundings {
+    /// Where its content is and where people stand, in the field as it is when this is called for the first time; of a segment,
+    /// in its take.
+    pub(crate) fn surroundings(&self) -> &Arc<Surroundings> {
         self.surroundings.get_or_init(|| {
             let plate = self.plate.as_ref().map(|plate| &plate.field);
-            Surroundings::of(&self.subject.field, plate, self.info.up)
+            Arc::new(Surroundings::of(&self.subject.field, plate, self.info.up))
         })
+    }
+
+    /// The scene among the `surroundings` of its take.
+    pub(crate) fn among(self, surroundings: &Arc<Surroundings>) -> Scene {
+        Scene { surroundings: OnceLock::from(Arc::clone(surroundings)), ..self }
     }
 
     /// The metadata of its package.

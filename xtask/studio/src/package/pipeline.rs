@@ -1,6 +1,6 @@
 //! [`package`]: the stages of packaging, one after another.
 
-use codec::Field;
+use codec::{Field, unseen_rows};
 use program::Fault;
 use refine::code::Miss;
 use refine::fit::{Backend, Cpu};
@@ -10,7 +10,7 @@ use super::encode::{VerifiedPackage, encode, explain};
 use super::lens_fragments::lens_fragments;
 use super::report::{PackageReport, Shortfall, WorstView};
 use super::settings::PackageSettings;
-use super::views::unseen;
+use super::views::stand_points;
 use super::visible::{VisibleScene, visible_scene};
 use crate::fit::{Refinement, RefinementReport};
 use crate::progress::StagedProgress;
@@ -80,7 +80,7 @@ pub fn package_with(
         snapped,
         recolor_gain_db: choice.recolor_gain_db,
         refined,
-        unseen: unseen(scene, &choice.field, plate.as_ref()),
+        unseen: unseen_rows(&choice.field, plate.as_ref(), &stand_points(scene)).len(),
         layers: coded.clip.layers.iter().map(|end| end.total()).collect(),
         lens_fragments,
         duration_s: scene.info.duration_s,
@@ -130,7 +130,8 @@ mod tests {
     use refine::reference::RenderScene;
 
     use super::*;
-    use crate::package::settings::{Coding, QUALITY_DB};
+    use crate::package::settings::{Coding, DropPart, QUALITY_DB};
+    use crate::package::views::judging_views;
 
     /// Rows of the ball, and as many of the room.
     const COUNT: usize = 1500;
@@ -177,5 +178,21 @@ mod tests {
         assert!(psnr_db >= 44.0, "{psnr_db:.1} dB, and {:.1} dB are reported", report.self_psnr_db);
         assert!((report.self_psnr_db - psnr_db).abs() < 1.5, "{psnr_db:.1} {:.1}", report.self_psnr_db);
         assert!(report.unseen < COUNT, "only in the ball: {}", report.unseen);
+    }
+
+    #[test]
+    fn what_nobody_sees_is_dropped_on_request_and_no_picture_changes() {
+        let mut field = ball_in_a_room();
+        field.log_scales[..COUNT].fill([libm::log(0.12) as f32; 3]);
+        let scene = Scene::made("room", field, ClipInfo::default());
+        let settings = PackageSettings { drop: vec![DropPart::Unseen], ..PackageSettings::default() };
+        let VisibleScene { field, subject, .. } = visible_scene(&scene, &settings).unwrap();
+        let dropped = subject.dropped.values().sum::<usize>();
+        assert!((COUNT / 10..COUNT).contains(&dropped), "only in the ball: {dropped}");
+        assert_eq!(field.len() + dropped, 2 * COUNT);
+        let views = judging_views(&scene, &field);
+        let pictures = Pictures::take(&RenderScene::from(&scene.subject.field), views, || ());
+        let psnr_db = pictures.psnr(&RenderScene::from(&field), || ());
+        assert!(psnr_db > 70.0, "{psnr_db}");
     }
 }

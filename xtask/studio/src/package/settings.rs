@@ -35,6 +35,8 @@ pub enum DropPart {
     Sh,
     /// The static background.
     Plate,
+    /// Gaussians that are seen from nowhere people stand.
+    Unseen,
 }
 
 /// Numbers of Gaussians at which layers end; the last layer ends at the last Gaussian.

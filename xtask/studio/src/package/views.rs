@@ -4,7 +4,7 @@
 //! walk around. Judging views differ from steering views, so that no choice is judged by the pictures that led to it. A view
 //! that shows next to nothing, or one Gaussian's inside, does not count.
 
-use codec::{Camera, Field, StandPoints, unseen_rows};
+use codec::{Camera, Field, StandPoints};
 use rayon::prelude::*;
 use refine::prune::{PosedView, instants, is_informative, steps_aside};
 use refine::reference::RenderScene;
@@ -112,15 +112,15 @@ pub(crate) fn reported_views(scene: &Scene, field: &Field, size: (u32, u32)) -> 
     (!states_viewpoints(scene)).then(|| views_of(scene, field, REPORTED_PLACES, size, COMPARED))
 }
 
-/// Number of rows of `field` that no place shows where people stand, whether it judges or steers.
-pub(crate) fn unseen(scene: &Scene, field: &Field, plate: Option<&Field>) -> usize {
+/// The places where people stand, whether they judge or steer, and the viewpoints.
+pub(super) fn stand_points(scene: &Scene) -> Vec<Camera> {
     let info = &scene.info;
     let turned =
         [STEERING_PLACES, JUDGING_PLACES].map(|places| scene.surroundings().stand_points(places.turn, SIZE));
     let mut cameras: Vec<Camera> =
         turned.into_iter().flat_map(|points| [points.content, points.around].concat()).collect();
     cameras.extend(info.viewpoints.iter().map(|viewpoint| viewpoint.camera(info.up, SIZE.0, SIZE.1)));
-    unseen_rows(field, plate, &cameras)
+    cameras
 }
 
 /// At most `count` views of a field that show enough of it, alternately from the source's viewpoints and from

@@ -1,14 +1,19 @@
 //! [`visible_scene`]: the Gaussians of a scene that are visible at some instant, without dropped parts.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
-use codec::{ALPHA_MIN, Field};
+use codec::{ALPHA_MIN, Field, unseen_rows};
 use program::Fault;
+use refine::prune::{contributions_to, instants, posed_views};
 
 use super::report::Counts;
 use super::settings::{DropPart, PackageSettings};
+use super::views::stand_points;
 use crate::import::{Imported, Repairs};
 use crate::scene::Scene;
+
+/// Instants at which Gaussians are looked for from where people stand.
+const UNSEEN_INSTANTS: usize = 4;
 
 /// The visible Gaussians of a scene, without the dropped parts.
 pub(crate) struct VisibleScene {
@@ -30,7 +35,7 @@ pub(crate) fn visible_scene(scene: &Scene, settings: &PackageSettings) -> Result
     let drop = |part| settings.drop.contains(&part);
     let mut parts_removed = BTreeMap::new();
 
-    let (mut field, subject) = visible(&scene.subject);
+    let (mut field, mut subject) = visible(&scene.subject);
     let mut background = scene.plate.as_ref().map(visible);
     if drop(DropPart::Plate)
         && let Some((plate, _)) = background.take()
@@ -43,6 +48,12 @@ pub(crate) fn visible_scene(scene: &Scene, settings: &PackageSettings) -> Result
             let removed = [Some(&mut field), plate].into_iter().flatten().map(|field| remove(part, field));
             parts_removed.insert(if part == DropPart::Sh { "sh" } else { "angular" }, removed.sum());
         }
+    }
+
+    if drop(DropPart::Unseen) {
+        let hidden = hidden(scene, &field);
+        field = field.select(&(0..field.len()).filter(|row| !hidden.contains(row)).collect::<Vec<_>>());
+        subject.drop("seen from nowhere people stand", hidden.len());
     }
 
     if field.is_empty() {
@@ -88,6 +99,14 @@ pub(crate) fn visible(imported: &Imported) -> (Field, Counts) {
     (field.select(&rows), counts)
 }
 
+/// The rows of `field` of which no place shows anything where people stand, not even a rim.
+fn hidden(scene: &Scene, field: &Field) -> BTreeSet<usize> {
+    let unseen = unseen_rows(field, None, &stand_points(scene));
+    let views = posed_views(&stand_points(scene), &instants(field, UNSEEN_INSTANTS));
+    let seen = contributions_to(&views, field, || ());
+    unseen.into_iter().filter(|row| seen[*row].weight_max < ALPHA_MIN).collect()
+}
+
 /// Removes a part of every Gaussian; returns how many had it.
 fn remove(part: DropPart, field: &mut Field) -> usize {
     match part {
@@ -102,6 +121,6 @@ fn remove(part: DropPart, field: &mut Field) -> usize {
             field.sh_degree = 0;
             count
         }
-        DropPart::Plate => 0,
+        DropPart::Plate | DropPart::Unseen => 0,
     }
 }

@@ -1,11 +1,12 @@
 //! [`package_take`]: packages the segments of a take one after another.
 //!
 //! ```text
-//! survey: count, compare -> budgets -> ranking, tried on three segments -> package each, to a scratch file -> take
+//! survey: count, compare -> surroundings -> budgets -> ranking, tried on three segments -> package each, to a scratch file -> take
 //! ```
 //!
 //! Memory holds one segment and does not grow with the length of the take; for the opening view of a take without viewpoints,
-//! those that are shown first. The fields are read twice, for the survey and for their packages.
+//! those that are shown first. The fields are read three times: for the survey, for the places where people stand in the take,
+//! and for their packages.
 
 use std::path::Path;
 use std::time::Duration;
@@ -40,6 +41,8 @@ struct Survey {
     spans: Vec<Span>,
     /// Visible Gaussians of each.
     gaussians: Vec<usize>,
+    /// Gaussians of all.
+    rows: usize,
     /// Metadata of the take.
     info: ClipInfo,
     /// The largest near distance. All segments get it, so that a part of the take looks as it does in the whole.
@@ -63,6 +66,8 @@ pub fn package_take(
 ) -> anyhow::Result<TakeReport> {
     let mut writer = TakeWriter::begin(out)?;
     let survey = survey(sources)?;
+    let surroundings = sources.surroundings(survey.rows, survey.info.up)?;
+    let read = |i: usize| sources.scene(i).map(|scene| scene.among(&surroundings));
     let kept = shares(sources, settings, &survey)?;
     let over_budget = |i: usize| kept.as_ref().is_some_and(|kept| kept[i] < survey.gaussians[i]);
     let probes = match settings.rank {
@@ -77,11 +82,8 @@ pub fn package_take(
     let mut tried = Vec::new();
     for &i in &probes {
         progress.set_message(format!("ranking, segment {i}"));
-        tried.push(try_rankings(
-            &sources.scene(i)?,
-            settings,
-            kept.as_ref().map_or(usize::MAX, |kept| kept[i]),
-        )?);
+        let budget = kept.as_ref().map_or(usize::MAX, |kept| kept[i]);
+        tried.push(try_rankings(&read(i)?, settings, budget)?);
         progress.inc(survey.gaussians[i] as u64);
     }
     let tried = best_ranking(&tried);
@@ -96,7 +98,7 @@ pub fn package_take(
         // Where nothing is left out, no ranking was tried.
         let rank = rank.or(budget.map(|_| Ranking::Mass));
         let of_segment = PackageSettings { budget, rank, ..settings.clone() };
-        let scene = fading(sources.scene(i)?, survey.near);
+        let scene = fading(read(i)?, survey.near);
         let Package { mut bytes, mut report } =
             package_with(&scene, &of_segment, None, backend, &StagedProgress::hidden())?;
         if let Some(sound) = sounds.as_ref().and_then(|sounds| sounds[i].as_ref()) {
@@ -119,7 +121,7 @@ pub fn package_take(
 fn survey(sources: &SegmentSources) -> anyhow::Result<Survey> {
     let mut agreement = Agreement::default();
     let spans: Vec<Span> = (0..sources.len()).map(|i| sources.span(i)).collect();
-    let (mut gaussians, mut info, mut near) = (Vec::new(), None, 0.0f32);
+    let (mut gaussians, mut rows, mut info, mut near) = (Vec::new(), 0, None, 0.0f32);
     let mut last_plate: Option<usize> = None;
     for i in 0..sources.len() {
         let scene = sources.scene(i)?;
@@ -140,11 +142,12 @@ fn survey(sources: &SegmentSources) -> anyhow::Result<Survey> {
         agreement.add(&scene.name, &scene.info, &scene.subject.field, plate)?;
         near = near.max(scene.subject.field.near).max(plate.map_or(0.0, |plate| plate.near));
         gaussians.push(visible(&scene.subject).0.len());
+        rows += scene.subject.field.len();
         if info.is_none() {
             info = Some(ClipInfo { viewpoints: sources.viewpoints(&scene)?, ..scene.info });
         }
     }
-    Ok(Survey { spans, gaussians, info: info.expect("there is a segment"), near })
+    Ok(Survey { spans, gaussians, rows, info: info.expect("there is a segment"), near })
 }
 
 /// The scene with a near distance.

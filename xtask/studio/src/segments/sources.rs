@@ -1,8 +1,9 @@
 //! [`SegmentSources`]: the segments that a take is packaged from, a field folder's or those of a field that is split.
 
 use std::path::Path;
+use std::sync::Arc;
 
-use codec::{ClipInfo, Field, SplitSegment, Viewpoint, split};
+use codec::{ClipInfo, Field, SplitSegment, Surroundings, SurroundingsBuilder, Viewpoint, split};
 use program::{Fault, counted};
 
 use super::folder::FieldFolder;
@@ -82,6 +83,26 @@ impl SegmentSources {
         match &self.segments {
             Segments::Folder(folder) => folder.viewpoints(first),
             Segments::Split { whole, .. } => Ok(whole.info.viewpoints.clone()),
+        }
+    }
+
+    /// Where the content of the take is and where people stand, over all of its time. The fields have `rows` rows together, with
+    /// `up` in their axes. Reads one segment after another.
+    ///
+    /// # Errors
+    /// Those of [`Scene::load`].
+    pub(super) fn surroundings(&self, rows: usize, up: [f32; 3]) -> anyhow::Result<Arc<Surroundings>> {
+        match &self.segments {
+            Segments::Split { whole, .. } => Ok(Arc::clone(whole.surroundings())),
+            Segments::Folder(folder) => {
+                let mut builder = SurroundingsBuilder::new(rows);
+                for index in 0..folder.len() {
+                    let scene = folder.scene(index)?;
+                    builder.add(&scene.subject.field, [0.0, 1.0]);
+                    scene.plate.iter().for_each(|plate| builder.add_plate(&plate.field));
+                }
+                Ok(Arc::new(builder.build(up)))
+            }
         }
     }
 

@@ -142,9 +142,12 @@ fn a_take_costs_no_more_than_its_clips() {
         let end = entry.offset as usize + entry.bytes();
         let own = codec::decode(&bytes[entry.offset as usize..end], &Limits::default()).unwrap();
         let clip = codec::decode(&clip, &Limits::default()).unwrap();
-        assert_eq!((own.merged(), own.plate), (clip.merged(), clip.plate));
+        // People stand elsewhere in the take, so that numbers are rounded otherwise.
+        assert_eq!((own.merged().len(), own.plate.is_some()), (clip.merged().len(), clip.plate.is_some()));
         assert!(own.info.viewpoints.is_empty());
-        assert!(picture(&folder, "take.aarc", entry.start_s + 0.25) == picture(&folder, "alone.aarc", 0.25));
+        let [in_take, alone] = [("take.aarc", entry.start_s + 0.25), ("alone.aarc", 0.25)]
+            .map(|(input, second)| picture(&folder, input, second));
+        assert!(psnr(&in_take, &alone) > 45.0, "segment {i}");
     }
     let ratio = bytes.len() as f64 / alone as f64;
     assert!(ratio <= 1.01, "{ratio}");
@@ -351,49 +354,75 @@ fn a_take_has_the_largest_near_distance_of_its_fields() {
     assert_eq!(shown("c.aarc"), Value::Null);
 }
 
-/// The walls of a room last as long as the take, and who is in it has a segment of their own. No field states a viewpoint.
+/// So many static rows all over a sphere around a place on the x axis.
+fn shell(len: usize, radius: f32, x: f32, log_scale: f32) -> Field {
+    let mut noise = Noise(9);
+    let mut center = || {
+        let arm = [(); 3].map(|()| noise.uniform(-1.0, 1.0));
+        let norm = arm.iter().map(|x| x * x).sum::<f32>().sqrt();
+        [x + radius * arm[0] / norm, radius * arm[1] / norm, radius * arm[2] / norm]
+    };
+    let centers = (0..len).map(|_| center()).collect();
+    let (log_scales, opacities) = (vec![[log_scale; 3]; len], vec![0.9; len]);
+    Field { centers, log_scales, opacities, near: 0.0, ..field(len, 0, None, false) }
+}
+
+/// A take of 2 s in `take`: a room, and from some second on who is in it for a second. No field states a viewpoint.
+fn write_take(folder: &TempDir, room: Option<&Field>, person_s: f64) {
+    let path = folder.path().join("take");
+    fs::create_dir_all(&path).unwrap();
+    let mut segments = Vec::new();
+    let mut segment = |file: &str, field: &Field, start_s: f64, duration_s: f32| {
+        let info = ClipInfo { duration_s, viewpoints: Vec::new(), ..info() };
+        fs::write(path.join(file), field_file(field, &info)).unwrap();
+        let level = u8::from(duration_s > 1.0);
+        segments.push(json!({"file": file, "start_s": start_s, "duration_s": duration_s, "level": level}));
+    };
+    room.iter().for_each(|room| segment("room.ply", room, 0.0, 2.0));
+    segment("person.ply", &shell(400, 0.5, 3.0, -3.0), person_s, 1.0);
+    let manifest = json!({"version": 1, "duration_s": 2, "fps": 25, "segments": segments});
+    fs::write(path.join("field.json"), manifest.to_string()).unwrap();
+}
+
 #[test]
 fn a_take_opens_by_the_segments_that_are_shown_first() {
     let folder = tempdir().unwrap();
-    let path = folder.path().join("take");
-    fs::create_dir(&path).unwrap();
-    let mut noise = Noise(9);
-    let mut shell = |len: usize, radius: f32, x: f32, log_scale: f32| {
-        let mut center = || {
-            let arm = [(); 3].map(|()| noise.uniform(-1.0, 1.0));
-            let norm = arm.iter().map(|x| x * x).sum::<f32>().sqrt();
-            [x + radius * arm[0] / norm, radius * arm[1] / norm, radius * arm[2] / norm]
-        };
-        let centers = (0..len).map(|_| center()).collect();
-        let (log_scales, opacities) = (vec![[log_scale; 3]; len], vec![0.9; len]);
-        Field { centers, log_scales, opacities, near: 0.0, ..field(len, 0, None, false) }
-    };
-    let segment = |name: &str, field: Field, duration_s: f32| {
-        let info = ClipInfo { duration_s, viewpoints: Vec::new(), ..info() };
-        fs::write(path.join(name), field_file(&field, &info)).unwrap();
-    };
-    segment("room.ply", shell(400, 6.0, 0.0, -0.5), 2.0);
-    segment("person.ply", shell(400, 0.5, 3.0, -3.0), 1.0);
-    let manifest = json!({"version": 1, "duration_s": 2, "fps": 25, "segments": [
-        {"file": "room.ply", "start_s": 0, "duration_s": 2, "level": 1},
-        {"file": "person.ply", "start_s": 0, "duration_s": 1, "level": 0},
-    ]});
-    fs::write(path.join("field.json"), manifest.to_string()).unwrap();
-    run(&folder, "package take -o take.aarc --coder fixed").success();
-    let take = take_of(&read(&folder, "take.aarc"));
-    let is_at_person = |take: &Take| {
-        let [x, y, z] = take.info.viewpoints[0].target;
+    let is_at_person = || {
+        run(&folder, "package take -o take.aarc --coder fixed").success();
+        let [x, y, z] = take_of(&read(&folder, "take.aarc")).info.viewpoints[0].target;
         (x - 3.0).abs() < 0.3 && y.abs() < 0.3 && z.abs() < 0.3
     };
-    assert!(is_at_person(&take), "{:?}", take.info.viewpoints);
+    write_take(&folder, Some(&shell(400, 6.0, 0.0, -0.5)), 0.0);
+    assert!(is_at_person());
     // Nothing is shown at the start.
-    let manifest = json!({"version": 1, "duration_s": 2, "fps": 25, "segments": [
-        {"file": "person.ply", "start_s": 1, "duration_s": 1, "level": 0},
-    ]});
-    fs::write(path.join("field.json"), manifest.to_string()).unwrap();
-    run(&folder, "package take -o late.aarc --coder fixed").success();
-    let take = take_of(&read(&folder, "late.aarc"));
-    assert!(is_at_person(&take), "{:?}", take.info.viewpoints);
+    write_take(&folder, None, 1.0);
+    assert!(is_at_person());
+}
+
+/// A room is a segment of its own, and might as well be a hollow body, which people see from outside.
+#[test]
+fn all_segments_of_a_take_are_judged_from_where_people_stand_in_it() {
+    let folder = tempdir().unwrap();
+    let (walls, outside) = (shell(400, 6.0, 0.0, -0.5), shell(400, 7.0, 0.0, -0.5));
+    let room = Field {
+        centers: [walls.centers.clone(), outside.centers].concat(),
+        rotations: [walls.rotations.clone(), outside.rotations].concat(),
+        log_scales: [walls.log_scales.clone(), outside.log_scales].concat(),
+        opacities: [walls.opacities.clone(), outside.opacities].concat(),
+        sh: [walls.sh.clone(), outside.sh].concat(),
+        ..walls
+    };
+    write_take(&folder, Some(&room), 0.0);
+    run(&folder, "package take -o take.aarc --coder fixed --budget 600").success();
+    let bytes = read(&folder, "take.aarc");
+    let take = take_of(&bytes);
+    let of_room = take.segments.iter().find(|segment| segment.duration_s == 2.0).unwrap();
+    let bytes = &bytes[of_room.offset as usize..][..of_room.bytes()];
+    let kept = codec::decode(bytes, &Limits::default()).unwrap().merged();
+    let is_inside = |center: &&[f32; 3]| center.iter().map(|x| x * x).sum::<f32>() < 6.5 * 6.5;
+    let inside = kept.centers.iter().filter(is_inside).count();
+    assert_eq!(kept.len(), 400);
+    assert!(inside > 300, "{inside} of {}", kept.len());
 }
 
 #[test]
