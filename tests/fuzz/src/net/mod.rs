@@ -65,12 +65,8 @@ pub fn check_dialogue(bytes: &[u8]) {
     let longest = versions().iter().map(Vec::len).max().unwrap_or(0);
     let limits = Limits { max_bytes: longest + 1000, ..Limits::default() };
     script.stage();
-    let options = FetchOptions {
-        url: String::new(),
-        retry: RETRY,
-        max_bytes: limits.max_bytes,
-        cached: known.clone(),
-    };
+    let options =
+        FetchOptions { url: String::new(), retry: RETRY, max_bytes: limits.max_bytes, cached: known.clone() };
     let fetch = Fetch::start(options, PartialFile::package(limits)).expect("a thread can be started");
     let mut state = fetch.wait(TIMEOUT, |state| state.outcome.is_some());
     let received = state.file.take();
