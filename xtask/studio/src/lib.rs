@@ -18,6 +18,7 @@ pub mod lpips_weights;
 pub mod machine;
 mod messages;
 pub mod package;
+mod page;
 pub mod playlist;
 pub mod progress;
 pub mod report;

@@ -12,10 +12,10 @@ mod take;
 use crate::input::is_take;
 use crate::progress::StagedProgress;
 use crate::report::rd::{self, RdSettings};
-use crate::report::{ReportFile, ReportSubject};
+use crate::report::{ReportPart, ReportSubject, report_page};
 use ::program::{Fault, output};
 use anyhow::bail;
-use serde_json::{Map, Value};
+use serde_json::Value;
 use std::fs;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
@@ -26,6 +26,10 @@ use super::capture::PartSelection;
 use super::fit::FitOptions;
 use super::package::budget;
 use super::render::size;
+
+/// The files of a report.
+const PAGE: &str = "report.html";
+const NUMBERS: &str = "report.json";
 
 /// Maximum number of pixels of a measured picture: about 60 pictures of 32 bytes per pixel are in memory at
 /// once, a gigabyte.
@@ -87,17 +91,6 @@ pub struct Args {
     options: FitOptions,
 }
 
-/// What the report is made of.
-#[derive(Default)]
-struct Report {
-    files: Vec<ReportFile>,
-    /// For the terminal.
-    text: String,
-    json: Map<String, Value>,
-    /// Cases of the stability suite that fail, and their number.
-    failed: Option<(usize, usize)>,
-}
-
 /// What a page is of.
 #[cfg_attr(not(feature = "measure"), expect(dead_code, reason = "nothing is measured"))]
 enum PageSubject<'a> {
@@ -115,45 +108,53 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         let how = "this build does not measure: run `cargo run --release --package studio --features measure -- report`";
         return Err(Fault::Usage(how.into()).into());
     }
-    let mut report = Report::default();
+    let mut parts = Vec::new();
+    // Cases of the stability suite that fail, and their number.
+    #[cfg_attr(not(feature = "measure"), expect(unused_mut, reason = "nothing is measured"))]
+    let mut failed: Option<(usize, usize)> = None;
     #[cfg(feature = "measure")]
     match page_of {
-        Some(PageSubject::Clip(path)) => report.add_page(path, args)?,
+        Some(PageSubject::Clip(path)) => parts.push(args.page_part(path)?),
         Some(PageSubject::Take { path, reference }) => {
-            report.add_take(&take::TakeRequest {
+            let request = take::TakeRequest {
                 path,
                 reference,
                 size: args.size,
                 capture: args.capture.as_deref(),
                 part: &args.part,
-            })?;
+            };
+            parts.push(take::measure(&request)?.part()?);
         }
         None => {}
     }
     if args.fit {
-        report.add_ablation(args)?;
+        parts.push(args.ablation_part()?);
     } else if page_of.is_none() {
         let subjects =
             args.fields.iter().map(|path| ReportSubject::load(path)).collect::<anyhow::Result<Vec<_>>>()?;
         if args.rd {
             let settings = args.rd_settings(&subjects)?;
-            report.add_rd(&subjects, &settings)?;
+            parts.push(rd_part(&subjects, &settings)?);
         }
         #[cfg(feature = "measure")]
         if args.stability {
-            report.add_stability(&subjects)?;
+            let measured = stability::run(&subjects)?;
+            parts.push(measured.part()?);
+            failed = Some((measured.failures(), measured.stability.len()));
         }
     }
-    write(&args.out, &report.files)?;
+    let page = report_page(&parts);
+    let text: Vec<String> = parts.iter().map(|part| part.text.clone()).collect();
+    let json = format!("{:#}\n", Value::Object(parts.into_iter().flat_map(|part| part.json).collect()));
+    write(&args.out, [(PAGE, &page), (NUMBERS, &json)])?;
     if args.json {
-        println!("{:#}", Value::Object(report.json));
+        print!("{json}");
     } else {
-        print!("{}", report.text);
-        let names: Vec<&str> = report.files.iter().map(|file| file.name.as_str()).collect();
+        print!("{}", text.join("\n"));
         let (out, seconds) = (args.out.display(), start.elapsed().as_secs_f64());
-        println!("\n{out}: {}, written in {seconds:.1} s", names.join(", "));
+        println!("\n{out}: {PAGE}, {NUMBERS}, written in {seconds:.1} s");
     }
-    match report.failed {
+    match failed {
         Some((failed, cases)) if failed > 0 => bail!("{failed} of {cases} cases fail"),
         _ => Ok(()),
     }
@@ -211,6 +212,34 @@ impl Args {
         }
     }
 
+    #[cfg(feature = "measure")]
+    fn page_part(&self, path: &Path) -> anyhow::Result<ReportPart> {
+        let request = page::Request {
+            path,
+            size: self.size,
+            logs: &self.fit_log,
+            refinement: self.capture.as_deref().zip(self.refine),
+            part: &self.part,
+        };
+        page::measure(&request)?.part()
+    }
+
+    fn ablation_part(&self) -> anyhow::Result<ReportPart> {
+        let [capture] = self.fields.as_slice() else {
+            bail!(Fault::Usage("--fit is of one capture: name one".into()));
+        };
+        let request = Request {
+            capture,
+            size: self.size.map(|[width, height]| (width, height)),
+            part: &self.part,
+            options: &self.options,
+            budgets: self.budgets(),
+            others: &self.compare,
+            out: &self.out,
+        };
+        ablation::measure(&request)?.part()
+    }
+
     fn budgets(&self) -> Vec<usize> {
         self.budgets.iter().map(|budget| budget.get()).collect()
     }
@@ -228,78 +257,16 @@ impl Args {
     }
 }
 
-impl Report {
-    #[cfg(feature = "measure")]
-    fn add_page(&mut self, path: &Path, args: &Args) -> anyhow::Result<()> {
-        let request = page::Request {
-            path,
-            size: args.size,
-            logs: &args.fit_log,
-            refinement: args.capture.as_deref().zip(args.refine),
-            part: &args.part,
-        };
-        let findings = page::measure(&request)?;
-        self.text += &findings.table();
-        self.files.extend(findings.files()?);
-        self.json.extend(findings.to_json()?);
-        Ok(())
+/// Measures rate and distortion.
+fn rd_part(subjects: &[ReportSubject], settings: &RdSettings) -> anyhow::Result<ReportPart> {
+    let progress = StagedProgress::visible();
+    let mut measured = Vec::new();
+    for subject in subjects {
+        progress.set_prefix(format!("{}: ", subject.scene.name));
+        measured.push(rd::measure(subject, settings, &progress)?);
     }
-
-    #[cfg(feature = "measure")]
-    fn add_take(&mut self, request: &take::TakeRequest) -> anyhow::Result<()> {
-        let findings = take::measure(request)?;
-        self.text += &findings.table();
-        self.files.extend(findings.files()?);
-        self.json.extend(findings.to_json()?);
-        Ok(())
-    }
-
-    fn add_ablation(&mut self, args: &Args) -> anyhow::Result<()> {
-        let [capture] = args.fields.as_slice() else {
-            bail!(Fault::Usage("--fit is of one capture: name one".into()));
-        };
-        let request = Request {
-            capture,
-            size: args.size.map(|[width, height]| (width, height)),
-            part: &args.part,
-            options: &args.options,
-            budgets: args.budgets(),
-            others: &args.compare,
-            out: &args.out,
-        };
-        let measured = ablation::measure(&request)?;
-        self.text += &measured.text();
-        self.files.extend(measured.files()?);
-        self.json.insert("ablation".into(), serde_json::to_value(measured)?);
-        Ok(())
-    }
-
-    fn add_rd(&mut self, subjects: &[ReportSubject], settings: &RdSettings) -> anyhow::Result<()> {
-        let progress = StagedProgress::visible();
-        let mut measured = Vec::new();
-        for subject in subjects {
-            progress.set_prefix(format!("{}: ", subject.scene.name));
-            measured.push(rd::measure(subject, settings, &progress)?);
-        }
-        progress.finish();
-        let files = rd::files(&measured)?;
-        self.text += &files[0].text;
-        self.files.extend(files);
-        self.json.insert("rd".into(), serde_json::to_value(measured)?);
-        Ok(())
-    }
-
-    #[cfg(feature = "measure")]
-    fn add_stability(&mut self, subjects: &[ReportSubject]) -> anyhow::Result<()> {
-        let measured = stability::run(subjects)?;
-        self.text += &measured.table();
-        self.files.extend(crate::report::stability::files(&measured)?);
-        self.failed = Some((measured.failures(), measured.stability.len()));
-        if let Value::Object(json) = serde_json::to_value(measured)? {
-            self.json.extend(json);
-        }
-        Ok(())
-    }
+    progress.finish();
+    rd::part(&measured)
 }
 
 /// Checks, before any work is done, that the folder is there or can be made.
@@ -312,10 +279,10 @@ fn check_folder(folder: &Path) -> Result<(), Fault> {
 }
 
 /// Writes the files, each whole or not at all, to the folder, which is made if it is missing.
-fn write(folder: &Path, files: &[ReportFile]) -> Result<(), Fault> {
+fn write(folder: &Path, files: [(&str, &str); 2]) -> Result<(), Fault> {
     if !folder.is_dir() {
         let fault = |error| Fault::Usage(format!("cannot make the folder {}: {error}", folder.display()));
         fs::create_dir(folder).map_err(fault)?;
     }
-    files.iter().try_for_each(|file| output::write(&folder.join(&file.name), file.text.as_bytes()))
+    files.into_iter().try_for_each(|(name, text)| output::write(&folder.join(name), text.as_bytes()))
 }

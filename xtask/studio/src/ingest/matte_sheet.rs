@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use super::findings::{IngestFindings, percent};
 use super::mattes::CameraMattes;
 use super::plates::PlateSource;
-use crate::report::html::escape;
+use crate::page::escape;
 
 /// For each camera its plate, a few pictures with darkened backgrounds, and the share of the subject.
 pub(super) fn section(findings: &IngestFindings, mattes: &[CameraMattes]) -> String {

@@ -10,8 +10,7 @@ use super::mattes::CameraMattes;
 use super::pictures::{CHECKED, FRAMES, Pictures};
 use super::sound::{RATE, SoundPair, SoundSync};
 use crate::messages::{count, decimal};
-use crate::report::html::{decimals, escape, row, start, table};
-use crate::report::plot::{LineChart, PlotLine, Scale, svg};
+use crate::page::{self, LineChart, PlotLine, Scale, decimals, escape, row, svg, table};
 
 /// Most lines of a plot: more cannot be told apart.
 const LINES_MAX: usize = 7;
@@ -25,7 +24,7 @@ pub(super) fn page(
     instants_s: &[f64; FRAMES],
     mattes: &[CameraMattes],
 ) -> anyhow::Result<String> {
-    let mut text = start(&format!("Ingest of {}", escape(&findings.rig)));
+    let mut text = String::new();
     let _ = writeln!(
         text,
         "<p>{} by {} ({}). The capture has {}, {} a second, and lasts {} s.</p>",
@@ -60,8 +59,7 @@ pub(super) fn page(
     text += &matte_sheet::section(findings, mattes);
     text += "<h2>Coverage</h2>\n";
     text += &coverage(findings);
-    text += "</body></html>\n";
-    Ok(text)
+    Ok(page::page(&[(format!("Ingest of {}", escape(&findings.rig)), text)]))
 }
 
 fn headed(columns: &[&str]) -> String {

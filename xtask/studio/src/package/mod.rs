@@ -28,10 +28,10 @@ pub use prefix_quality::{PrefixStep, prefix_quality};
 pub use report::{Counts, PackageReport, PreservedTopology, Shortfall, TriedCandidate, WorstView};
 pub use settings::{Coding, DropPart, LAYERS, PackageSettings, QUALITY_DB};
 pub use snap::Snapped;
+#[cfg(feature = "measure")]
+pub(crate) use views::recolor_views;
 pub(crate) use views::{
     CODED_SIZE, Places, blind_viewpoints, compared_views, render_scene, rounding_views, views_of,
     visibility_views,
 };
-#[cfg(feature = "measure")]
-pub(crate) use views::{JUDGING_PLACES, STEERING_PLACES, recolor_views};
 pub(crate) use visible::{VisibleScene, check_repairs, visible, visible_scene};

@@ -49,10 +49,10 @@ pub(crate) struct Places {
 }
 
 /// Placement of the steering views.
-pub(crate) const STEERING_PLACES: Places = Places { aside: 10.0, viewpoint: false, turn: 0.0 };
+const STEERING_PLACES: Places = Places { aside: 10.0, viewpoint: false, turn: 0.0 };
 
 /// Placement of the judging views. Only they include the viewpoints themselves, where playing starts.
-pub(crate) const JUDGING_PLACES: Places = Places { aside: 6.0, viewpoint: true, turn: 0.5 };
+const JUDGING_PLACES: Places = Places { aside: 6.0, viewpoint: true, turn: 0.5 };
 
 /// Placement of the views that measure what is reported of a scene that states no viewpoint; they choose nothing.
 const REPORTED_PLACES: Places = Places { aside: 3.0, viewpoint: false, turn: 0.75 };

@@ -1,9 +1,10 @@
-//! Measures the parameters of packaging: those of coding (`coding.rs`), the ranking that selects the Gaussians of a
-//! budget, recolouring, the budget of fragments, and the fragment term of a refinement.
+//! Measures the parameters of packaging: the ranking that selects the Gaussians of a budget, recolouring, the budget of
+//! fragments, and the fragment term of a refinement.
 //!
-//! Coding is compared with the Gaussians before coding, selection with the whole field, each in the images
-//! that `package` compares, at the size of the reports. A refinement is compared with photographs.
+//! Selection is compared with the whole field, in the images that `package` compares, at the size of the reports. A
+//! refinement is compared with photographs.
 
+use std::collections::BTreeMap;
 use std::time::Instant;
 
 use codec::Field;
@@ -12,12 +13,11 @@ use refine::fit::{Cpu, FRAGMENT_WEIGHT};
 use refine::prune::{Candidate, Pictures, Ranking, Selection, recolor};
 use refine::reference::RenderScene;
 
-use super::coding::{self, counts, point};
 use super::subject::ReportSubject;
 use crate::fit::{Refinement, TrainingViews};
 use crate::package::{FieldAnalysis, LAYERS, LensCounter, PackageSettings, recolor_views, render_scene};
 use crate::progress::StagedProgress;
-use measure::parameter::{FlowStage, Parameter, ParameterValue, Quartiles};
+use measure::parameter::{FlowStage, ImageErrors, Parameter, ParameterValue, Quartiles};
 
 /// Budgets of fragments, as fractions; 1 leaves out none.
 const FRACTIONS: [f64; 6] = [1.0, 0.95, 0.9, 0.85, 0.7, 0.5];
@@ -32,7 +32,7 @@ const FRAGMENTS: &str = "fragments per pixel, 0.7 m in front";
 const WHY_BEST: &str = "`package` keeps the candidate of the highest PSNR, or one about as good that severs fewer \
                         features, which the fraction of lost features does not count";
 
-/// Measures coding and the budget of fragments, ranking and recolouring if a budget is smaller than the
+/// Measures the budget of fragments, ranking and recolouring if a budget is smaller than the
 /// field, and the fragment term with the photographs and steps of a `refinement`.
 ///
 /// # Errors
@@ -43,7 +43,7 @@ pub fn measure(
     refinement: Option<(&TrainingViews, u64)>,
     progress: &StagedProgress,
 ) -> anyhow::Result<Vec<Parameter>> {
-    let mut parameters = Vec::from(coding::measure(subject, progress)?);
+    let mut parameters = Vec::new();
     let ReportSubject { scene, field, plate } = subject;
     let settings = PackageSettings::default();
     let analysis = FieldAnalysis::new(scene, field, plate.as_ref(), &settings, progress)?;
@@ -211,6 +211,24 @@ fn fragment_term(
         points,
     }
     .mark_front()
+}
+
+/// A point with a PSNR only.
+fn point(value: &str, default: bool, psnr_db: f64) -> ParameterValue {
+    ParameterValue {
+        value: value.into(),
+        default,
+        on_front: false,
+        cost: Quartiles::default(),
+        errors: ImageErrors { psnr_db: psnr_db.is_finite().then_some(psnr_db), ..ImageErrors::default() },
+        run_time_ms: None,
+        stages_ms: BTreeMap::new(),
+        counts: BTreeMap::new(),
+    }
+}
+
+fn counts<const N: usize>(counts: [(&str, f64); N]) -> BTreeMap<String, f64> {
+    counts.map(|(name, count)| (name.to_owned(), count)).into()
 }
 
 #[cfg(test)]

@@ -4,9 +4,9 @@
 //! All selectors rank the same field and share the coder, so their packages differ only in the retained rows.
 //! Packages are compared with the field in images that neither the rankings nor the selection use.
 
+mod part;
 mod rates;
 mod result;
-mod text;
 mod views;
 
 use refine::fit::Cpu;
@@ -17,9 +17,9 @@ use super::subject::ReportSubject;
 use crate::package::{CODED_SIZE, FieldAnalysis, LAYERS, PackageSettings, encode, floor};
 use crate::progress::StagedProgress;
 
-pub use rates::{CoderRate, SimplerCoders};
+pub use part::part;
+pub use rates::CoderRate;
 pub use result::{FieldRd, RatePoint, Selector};
-pub use text::files;
 use views::{SIZE, reported_views};
 
 /// What to measure.

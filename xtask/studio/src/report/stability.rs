@@ -1,14 +1,16 @@
 //! Stability of the renderer: for stiff and extreme fields, the deviation of the GPU's images from the f64
 //! reference, and its bound.
 //!
-//! The crate `measure` runs the suite; this module writes its tables.
+//! The crate `measure` runs the suite; this module shows it.
 
 use std::fmt::Write;
 
 use measure::stability::CaseResult;
 use serde::Serialize;
+use serde_json::Value;
 
-use super::file::ReportFile;
+use crate::page::{Table, escape, grouped};
+use crate::report::ReportPart;
 
 /// A run of the suite.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -30,7 +32,7 @@ impl Stability {
     }
 
     /// The table for a terminal.
-    pub fn table(&self) -> String {
+    fn table(&self) -> String {
         let Stability { machine, adapter, driver, stability } = self;
         let mut text = format!("machine  {machine}\nadapter  {adapter}, {driver}\n");
         let mut group = "";
@@ -48,101 +50,59 @@ impl Stability {
         let _ = writeln!(text, "\n{} of {} cases hold", stability.len() - self.failures(), stability.len());
         text
     }
-}
 
-/// The files of the report: Markdown, CSV and JSON.
-///
-/// # Errors
-/// If the JSON cannot be made.
-pub fn files(run: &Stability) -> anyhow::Result<Vec<ReportFile>> {
-    Ok(vec![
-        ReportFile { name: "stability.md".into(), text: markdown(run) },
-        ReportFile { name: "stability.csv".into(), text: csv(&run.stability) },
-        ReportFile {
-            name: "stability.json".into(),
-            text: format!("{}\n", serde_json::to_string_pretty(run)?),
-        },
-    ])
-}
-
-fn markdown(run: &Stability) -> String {
-    let Stability { machine, adapter, driver, stability } = run;
-    let mut text = format!(
-        "# Stability
-
-{} of {} cases hold. Machine: {machine}. Adapter: {adapter}, {driver}.
-
-The GPU draws each case into 16-bit floats. The deviation is the largest difference from the f64 reference over all
-images, for \"/255\" over all channels including alpha. No pixel may be infinite or NaN, no case may take a minute or
-allocate more than 64 MiB plus 1 KiB per Gaussian. The GPU gets the exact numbers of the case. If a package can hold
-them, packages by both coders must be within the bound as well; otherwise the encoder must refuse them.
-",
-        stability.len() - run.failures(),
-        stability.len()
-    );
-    let mut group = "";
-    for row in stability {
-        if row.group != group {
-            group = &row.group;
-            let _ = write!(
-                text,
-                "\n## {group}\n\n| case | outcome | deviation | bound | how | package | Gaussians | pictures | s | MiB |\n\
-                 |---|---|--:|--:|---|---|--:|--:|--:|--:|\n"
-            );
-        }
-        let (deviation, CaseResult { case, bound, unit, package, gaussians, pictures, seconds, how, .. }) =
-            (deviation(row), row);
-        let outcome = match &row.problem {
-            None => row.outcome.clone(),
-            Some(problem) => format!("**{}**: {}", row.outcome, cell(problem)),
-        };
-        let mib = row.bytes as f64 / f64::from(1 << 20);
-        let _ = writeln!(
-            text,
-            "| {} | {outcome} | {deviation} | {bound} {unit} | {} | {} | {gaussians} | {pictures} | {seconds:.2} | {mib:.1} |",
-            cell(case),
-            cell(how),
-            cell(package),
-        );
+    /// The part of a report.
+    ///
+    /// # Errors
+    /// If a number has no JSON form.
+    pub fn part(&self) -> anyhow::Result<ReportPart> {
+        let Value::Object(json) = serde_json::to_value(self)? else { unreachable!("a struct is an object") };
+        Ok(ReportPart { title: "Stability".into(), body: self.html(), text: self.table(), json })
     }
-    text
+
+    fn html(&self) -> String {
+        let Stability { machine, adapter, driver, stability } = self;
+        let mut text = format!(
+            "<p>{} of {} cases hold. Machine: {}. Adapter: {}, {}.</p>\n\
+             <p>The GPU draws each case into 16-bit floats. The deviation is the largest difference from the f64 reference \
+             over all images, for \"/255\" over all channels including alpha. No pixel may be infinite or NaN, no case may \
+             take a minute or allocate more than 64 MiB plus 1 KiB per Gaussian. The GPU gets the exact numbers of the \
+             case. If a package can hold them, packages by both coders must be within the bound as well; otherwise the \
+             encoder must refuse them.</p>\n",
+            stability.len() - self.failures(),
+            stability.len(),
+            escape(machine),
+            escape(adapter),
+            escape(driver),
+        );
+        let head =
+            ["case", "outcome", "deviation", "bound", "package", "Gaussians", "pictures", "s", "MiB", "how"];
+        for group in stability.chunk_by(|a, b| a.group == b.group) {
+            let cells = group.iter().map(|row| {
+                let CaseResult { case, bound, unit, package, gaussians, pictures, seconds, how, .. } = row;
+                vec![
+                    case.clone(),
+                    row.problem.as_ref().map_or(row.outcome.clone(), |why| format!("{}: {why}", row.outcome)),
+                    deviation(row),
+                    format!("{bound} {unit}"),
+                    package.clone(),
+                    grouped(*gaussians as f64),
+                    pictures.to_string(),
+                    format!("{seconds:.2}"),
+                    format!("{:.1}", row.bytes as f64 / f64::from(1 << 20)),
+                    how.clone(),
+                ]
+            });
+            let table = Table::new(head).with_rows(cells).html();
+            let _ = write!(text, "<h2>{}</h2>\n{table}", escape(&group[0].group));
+        }
+        text
+    }
 }
 
 /// The deviation as text for a table.
 fn deviation(row: &CaseResult) -> String {
     row.deviation.map_or_else(|| "none".into(), |deviation| format!("{deviation:.3}"))
-}
-
-/// Escapes text for a cell of a Markdown table.
-fn cell(text: &str) -> String {
-    text.replace('|', "\\|").replace('\n', " ")
-}
-
-fn csv(rows: &[CaseResult]) -> String {
-    let mut text = String::from(
-        "group,case,outcome,deviation,bound,unit,package,gaussians,pictures,seconds,bytes,how,problem\n",
-    );
-    let quoted = |text: &str| format!("\"{}\"", text.replace('"', "\"\"").replace('\n', " "));
-    for row in rows {
-        let deviation = row.deviation.map_or_else(String::new, |deviation| deviation.to_string());
-        let _ = writeln!(
-            text,
-            "{},{},{},{deviation},{},{},{},{},{},{:.4},{},{},{}",
-            quoted(&row.group),
-            quoted(&row.case),
-            row.outcome,
-            row.bound,
-            row.unit,
-            quoted(&row.package),
-            row.gaussians,
-            row.pictures,
-            row.seconds,
-            row.bytes,
-            quoted(&row.how),
-            quoted(row.problem.as_deref().unwrap_or_default()),
-        );
-    }
-    text
 }
 
 #[cfg(test)]
@@ -187,19 +147,11 @@ mod tests {
     }
 
     #[test]
-    fn files_hold_the_same_numbers() {
-        let run = run();
-        let [markdown, csv, json] = files(&run).unwrap().try_into().unwrap();
-        assert!(
-            markdown
-                .text
-                .contains("| a \"window\" | holds | 0.751 | 1.5 /255 | \\|v3 d^3\\| is small | taken |")
-        );
-        assert!(markdown.text.contains("**fails**: pixel 1,1 is NaN"), "{}", markdown.text);
-        assert!(csv.text.contains("\"a \"\"window\"\"\",holds,0.7512,1.5,/255"), "{}", csv.text);
-        assert_eq!(csv.text.lines().count(), 3);
-        let value: serde_json::Value = serde_json::from_str(&json.text).unwrap();
-        assert_eq!(value["stability"][0]["deviation"], 0.7512);
-        assert_eq!(value["stability"][1]["outcome"], "fails");
+    fn the_page_and_the_json_hold_the_same_numbers() {
+        let ReportPart { body, json, .. } = run().part().unwrap();
+        let row = "<td>a &quot;window&quot;</td><td>holds</td><td>0.751</td><td>1.5 /255</td><td>taken</td>";
+        assert!(body.contains(row) && body.contains("<td>fails: pixel 1,1 is NaN</td>"), "{body}");
+        assert_eq!(json["stability"][0]["deviation"], 0.7512);
+        assert_eq!(json["stability"][1]["outcome"], "fails");
     }
 }

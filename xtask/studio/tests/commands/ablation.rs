@@ -93,17 +93,13 @@ fn a_capture_has_an_ablation() {
     }
 
     let out = folder.join("out");
-    let page = fs::read_to_string(out.join("fit.html")).unwrap();
+    let page = fs::read_to_string(out.join("report.html")).unwrap();
     // One held photograph of each split at least, with the pictures of eleven methods.
     assert!(
         page.matches("data:image/png").count() >= 3 * 11 && page.contains("<b>no mirror</b> is left out")
     );
-    let markdown = fs::read_to_string(out.join("fit.md")).unwrap();
-    let paths: Vec<&str> = markdown.split("](").skip(1).map(|rest| rest.split(')').next().unwrap()).collect();
-    assert!(paths.len() >= 33 && paths.iter().all(|path| out.join(path).is_file()), "{paths:?}");
-    let table = fs::read_to_string(out.join("fit.csv")).unwrap();
-    assert_eq!(table.lines().count(), 1 + 10 * 4 + 2 + 8 * 4, "{table}");
-    assert!(table.contains("\"paper's rule, no floor, no anchor\",150,interp_b,"), "{table}");
+    let numbers = fs::read_to_string(out.join("report.json")).unwrap();
+    assert_eq!(serde_json::from_str::<Value>(&numbers).unwrap()["ablation"], first);
 
     let before = results(&out);
     assert_eq!(before.len(), 10 * 2 + 8 * 2 + 1, "{before:?}");

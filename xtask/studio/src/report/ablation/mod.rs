@@ -3,10 +3,10 @@
 //!
 //! ```text
 //! capture -> variant -> fit -> eval -> packages -> eval -\
-//! other methods' pictures ----------> eval ---------------> Ablation -> page, Markdown, CSV
+//! other methods' pictures ----------> eval ---------------> Ablation -> page, JSON
 //! ```
 
-mod files;
+mod part;
 mod result;
 mod table;
 mod variant;

@@ -1,16 +1,10 @@
-//! The tables of an ablation: once as cells, written as Markdown and as HTML.
+//! The tables of an ablation.
 
 use refine::capture::Split;
 
 use super::result::{Ablation, Method, PackageFigures, of};
 use crate::eval::SplitMeasures;
-use crate::report::html;
-
-/// A table of text; the first column is aligned to the left, the others to the right.
-pub(super) struct Table {
-    head: Vec<String>,
-    rows: Vec<Vec<String>>,
-}
+use crate::page::{Table, decimals, grouped};
 
 /// A measure of a split: heading, decimals, value.
 type Measure = (&'static str, usize, fn(&SplitMeasures) -> Option<f64>);
@@ -40,8 +34,8 @@ impl Columns {
     }
 
     fn cells(&self, splits: &[SplitMeasures]) -> impl Iterator<Item = String> {
-        let cell = |(split, (_, decimals, value)): &(Split, Measure)| {
-            html::decimals(of(splits, *split).and_then(value), *decimals)
+        let cell = |(split, (_, places, value)): &(Split, Measure)| {
+            decimals(of(splits, *split).and_then(value), *places)
         };
         self.0.iter().map(cell)
     }
@@ -60,24 +54,24 @@ pub(super) fn methods(ablation: &Ablation) -> Table {
         let fit = method.fit.as_ref();
         let mut row = vec![method.name.clone()];
         row.extend(columns.cells(&method.splits));
-        row.push(fit.map_or_else(|| "-".into(), |fit| html::grouped(fit.gaussians as f64)));
-        row.push(html::decimals(fit.map(|fit| fit.seconds), 1));
-        row.push(html::decimals(fit.map(|fit| fit.ms_per_step), 1));
-        row.push(html::decimals(method.fragments_per_lit_pixel, 1));
-        let megabytes = || html::decimals(memory(method).map(|bytes| bytes as f64 * 1e-6), 0);
+        row.push(fit.map_or_else(|| "-".into(), |fit| grouped(fit.gaussians as f64)));
+        row.push(decimals(fit.map(|fit| fit.seconds), 1));
+        row.push(decimals(fit.map(|fit| fit.ms_per_step), 1));
+        row.push(decimals(method.fragments_per_lit_pixel, 1));
+        let megabytes = || decimals(memory(method).map(|bytes| bytes as f64 * 1e-6), 0);
         row.extend(on_device.then(megabytes));
         row
     };
-    Table { head, rows: ablation.methods.iter().map(row).collect() }
+    Table::new(head).with_rows(ablation.methods.iter().map(row))
 }
 
 /// SSIM and LPIPS of the fits and other methods.
 pub(super) fn similarity(ablation: &Ablation) -> Table {
     let columns = Columns::new(&ablation.splits(), &[SSIM, LPIPS], splits_of(ablation));
-    let head = ["method".to_owned()].into_iter().chain(columns.head()).collect();
+    let head = ["method".to_owned()].into_iter().chain(columns.head());
     let row =
         |method: &Method| [method.name.clone()].into_iter().chain(columns.cells(&method.splits)).collect();
-    Table { head, rows: ablation.methods.iter().map(row).collect() }
+    Table::new(head).with_rows(ablation.methods.iter().map(row))
 }
 
 fn splits_of(ablation: &Ablation) -> impl Iterator<Item = &[SplitMeasures]> + Clone {
@@ -93,39 +87,14 @@ pub(super) fn packages(ablation: &Ablation) -> Table {
     let row = |package: &PackageFigures| {
         let mut row = vec![
             package.method.clone(),
-            html::grouped(package.budget as f64),
-            html::grouped(package.gaussians as f64),
-            html::grouped(package.bytes as f64),
+            grouped(package.budget as f64),
+            grouped(package.gaussians as f64),
+            grouped(package.bytes as f64),
             format!("{:.2}", package.mbps),
             format!("{:.3}", package.topology),
         ];
         row.extend(columns.cells(&package.splits));
         row
     };
-    Table { head, rows: ablation.packages.iter().map(row).collect() }
-}
-
-impl Table {
-    pub(super) fn is_empty(&self) -> bool {
-        self.rows.is_empty()
-    }
-
-    pub(super) fn markdown(&self) -> String {
-        let line = |cells: &[String]| {
-            let cells: Vec<String> = cells.iter().map(|cell| cell.replace('|', "\\|")).collect();
-            format!("| {} |\n", cells.join(" | "))
-        };
-        let rule = format!("|---|{}\n", "--:|".repeat(self.head.len() - 1));
-        line(&self.head) + &rule + &self.rows.iter().map(|row| line(row)).collect::<String>()
-    }
-
-    pub(super) fn html(&self) -> String {
-        let line = |cell: &str, cells: &[String]| {
-            let cells: Vec<String> = cells.iter().map(|cell| html::escape(cell)).collect();
-            html::row(cell, &cells, "")
-        };
-        html::table(
-            &(line("th", &self.head) + &self.rows.iter().map(|row| line("td", row)).collect::<String>()),
-        )
-    }
+    Table::new(head).with_rows(ablation.packages.iter().map(row))
 }

@@ -1,4 +1,4 @@
-//! The report on one clip, field or take: a self-contained HTML page, and its numbers as CSV and JSON.
+//! The report on one clip, field or take.
 
 mod findings;
 mod front;
@@ -13,10 +13,9 @@ use anyhow::Context;
 use measure::parameter::{FlowStage, Parameter, ParameterValue};
 use refine::prune::RESOLUTION_DB;
 
-use super::file::ReportFile;
-use super::html::{escape, grouped, prose, start};
-use super::plot::{self as lines, LineChart, PlotLine, Scale};
 use crate::messages::decimal;
+use crate::page::{LineChart, PlotLine, Scale, escape, grouped, prose, svg as line_charts};
+use crate::report::ReportPart;
 use crate::report::fitting::{self, FitLog};
 pub use findings::Findings;
 use front::{Chart, Mark, svg};
@@ -50,7 +49,7 @@ const NO_PARAMETERS: [(&str, &str); 5] = [
 
 impl Findings {
     /// The text for a terminal: a line for each value of each parameter.
-    pub fn table(&self) -> String {
+    fn table(&self) -> String {
         let setup = &self.playing.setup;
         let mut text = format!("machine  {}\nadapter  {}, {}\n", self.machine, setup.adapter, setup.driver);
         for parameter in self.parameters().iter().filter(|parameter| parameter.stage != FlowStage::Fitting) {
@@ -62,30 +61,29 @@ impl Findings {
         text
     }
 
-    /// The files of the report: page, CSV and JSON.
+    /// The part of a report.
     ///
     /// # Errors
     /// If a plot cannot be drawn.
-    pub fn files(&self) -> anyhow::Result<Vec<ReportFile>> {
-        let json = format!("{:#}\n", serde_json::Value::Object(self.to_json()?));
-        Ok(vec![
-            ReportFile { name: "report.html".into(), text: self.html().context("the page")? },
-            ReportFile { name: "report.csv".into(), text: rows::csv(&self.parameters()) },
-            ReportFile { name: "report.json".into(), text: json },
-        ])
+    pub fn part(&self) -> anyhow::Result<ReportPart> {
+        Ok(ReportPart {
+            title: format!("{}: error against run time", escape(&self.name)),
+            body: self.html().context("the page")?,
+            text: self.table(),
+            json: self.to_json()?,
+        })
     }
 
     /// All numbers as JSON.
     ///
     /// # Errors
     /// If a number has no JSON form.
-    pub fn to_json(&self) -> anyhow::Result<serde_json::Map<String, serde_json::Value>> {
+    fn to_json(&self) -> anyhow::Result<serde_json::Map<String, serde_json::Value>> {
         rows::json(self, &self.parameters())
     }
 
     fn html(&self) -> anyhow::Result<String> {
-        let name = escape(&self.name);
-        let mut text = start(&format!("{name}: error against run time"));
+        let mut text = String::new();
         self.introduce(&mut text);
         text += "<h2>Playing</h2>\n";
         for parameter in &self.playing.parameters {
@@ -112,7 +110,6 @@ impl Findings {
         } else {
             text += &self.fits()?;
         }
-        text += "</body></html>\n";
         Ok(text)
     }
 
@@ -206,7 +203,7 @@ impl Findings {
                 cuts: Vec::new(),
             }
         };
-        let over = |x: &str, chart: LineChart| lines::svg(Scale::Logarithmic, x, &[chart]);
+        let over = |x: &str, chart: LineChart| line_charts(Scale::Logarithmic, x, &[chart]);
         let steps = chart("steps", |point| point.counts["steps"], |_| false);
         let seconds =
             chart("seconds", |point| 1e-3 * point.run_time_ms.map_or(0.0, |ms| ms.median), |_| false);

@@ -1,7 +1,5 @@
 //! [`TakePhotographs`]: a take beside the photographs of its capture, at the cuts and between.
 
-use std::fmt::Write;
-
 use refine::metrics::median;
 use serde::Serialize;
 
@@ -62,16 +60,6 @@ impl TakePhotographs {
         parts.extend(both("PSNR", " dB", self.median_at_cuts_db, self.median_between_db));
         parts.extend(both("flicker", "/255", self.flicker_at_cuts, self.flicker_between));
         format!("{}; cameras {}", parts.join("; "), self.cameras.join(", "))
-    }
-
-    /// A line for each frame.
-    pub(super) fn csv(&self) -> String {
-        let mut text = String::from("t_s,psnr_db,flicker\n");
-        let number = |x: Option<f64>| x.map_or_else(String::new, |x| x.to_string());
-        for FrameErrors { t_s, psnr_db, flicker } in &self.frames {
-            let _ = writeln!(text, "{t_s},{},{}", number(*psnr_db), number(*flicker));
-        }
-        text
     }
 }
 

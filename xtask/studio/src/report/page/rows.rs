@@ -1,7 +1,6 @@
-//! The numbers of a report as JSON and CSV: a row for each value of each parameter.
+//! The numbers of a report as JSON: a row for each value of each parameter.
 
-use std::collections::{BTreeMap, BTreeSet};
-use std::fmt::Write;
+use std::collections::BTreeMap;
 
 use serde::Serialize;
 use serde_json::{Map, Value};
@@ -79,56 +78,4 @@ pub(super) fn json(findings: &Findings, parameters: &[Parameter]) -> anyhow::Res
 /// The values of all parameters, in a list.
 pub(super) fn values(parameters: &[Parameter]) -> anyhow::Result<Value> {
     Ok(serde_json::to_value(rows(parameters).collect::<Vec<_>>())?)
-}
-
-pub(super) fn csv(parameters: &[Parameter]) -> String {
-    let keys = |of: fn(&ParameterValue) -> Vec<&String>| -> BTreeSet<&String> {
-        parameters.iter().flat_map(|parameter| &parameter.points).flat_map(of).collect()
-    };
-    let stages = keys(|point| point.stages_ms.keys().collect());
-    let counts = keys(|point| point.counts.keys().collect());
-    let mut text = String::from(
-        "stage,name,value,error_db,ssim,worst_tile_db,flicker,run_time_ms,run_time_low_ms,run_time_high_ms,cost,\
-         cost_unit,default,on_front",
-    );
-    stages.iter().for_each(|stage| text += &format!(",{stage}_ms"));
-    counts.iter().for_each(|count| text += &format!(",{count}"));
-    text.push('\n');
-    let number = |x: Option<f64>| x.map_or_else(String::new, |x| x.to_string());
-    let quoted = |text: &str| format!("\"{}\"", text.replace('"', "\"\""));
-    for row in rows(parameters) {
-        let stage = match row.stage {
-            FlowStage::Playing => "playing",
-            FlowStage::Packaging => "packaging",
-            FlowStage::Fitting => "fitting",
-        };
-        let numbers = [
-            row.error_db,
-            row.ssim,
-            row.worst_tile_db,
-            row.flicker,
-            row.run_time_ms,
-            row.run_time_low_ms,
-            row.run_time_high_ms,
-            Some(row.cost),
-        ];
-        let _ = write!(
-            text,
-            "{stage},{},{},{},{},{},{}",
-            quoted(row.name),
-            quoted(row.value),
-            numbers.map(number).join(","),
-            quoted(row.cost_unit),
-            row.default,
-            row.on_front
-        );
-        for stage in &stages {
-            let _ = write!(text, ",{}", number(row.stages_ms.get(stage.as_str()).copied()));
-        }
-        for count in &counts {
-            let _ = write!(text, ",{}", number(row.counts.get(*count).copied()));
-        }
-        text.push('\n');
-    }
-    text
 }

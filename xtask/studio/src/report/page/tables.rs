@@ -1,8 +1,8 @@
 //! The tables of a page.
 
 use crate::messages::decimal;
+use crate::page::{decimals, escape, grouped, row, table};
 use crate::report::fitting::{FitLog, WORK};
-use crate::report::html::{decimals, escape, grouped, row, table};
 use measure::parameter::{FlowStage, Parameter, ParameterValue, Quartiles};
 use measure::playing::{ClipFeature, ResourceUse};
 

@@ -1,4 +1,4 @@
-//! [`TakeFindings`]: what a take costs and how exact it is over time, as a page, CSV and JSON.
+//! [`TakeFindings`]: what a take costs and how exact it is over time.
 //!
 //! All costs are counts, which depend on no machine.
 
@@ -15,9 +15,8 @@ use super::{parameter_lines, rows, section};
 use crate::eval::FrameErrors;
 use crate::left_out::LeftOut;
 use crate::messages::{count, decimal};
-use crate::report::ReportFile;
-use crate::report::html::{escape, grouped, row, start, table};
-use crate::report::plot::{LineChart, PlotLine, Scale, svg};
+use crate::page::{LineChart, PlotLine, Scale, Table, escape, grouped, svg};
+use crate::report::ReportPart;
 use crate::segments::{Course, CourseRow};
 
 /// Most cuts that plots mark: more would cover them.
@@ -146,7 +145,7 @@ impl TakeFindings {
     }
 
     /// The text for a terminal.
-    pub fn table(&self) -> String {
+    fn table(&self) -> String {
         let TakeFindings { machine, setup, course, .. } = self;
         let mut text = format!("machine  {machine}\ntake     {}\n", self.size());
         let _ = writeln!(
@@ -191,32 +190,24 @@ impl TakeFindings {
         self.gaps.iter().map(words).collect::<Vec<_>>().join(", ")
     }
 
-    /// The files of the report: page, CSV and JSON.
+    /// The part of a report.
     ///
     /// # Errors
     /// If a plot cannot be drawn.
-    pub fn files(&self) -> anyhow::Result<Vec<ReportFile>> {
-        let json = format!("{:#}\n", Value::Object(self.to_json()?));
-        let parameters: Vec<Parameter> = self.parameter.clone().into_iter().collect();
-        let of_photographs = self
-            .photographs
-            .as_ref()
-            .map(|photographs| ReportFile { name: "photographs.csv".into(), text: photographs.csv() });
-        let mut files = vec![
-            ReportFile { name: "report.html".into(), text: self.html().context("the page")? },
-            ReportFile { name: "report.csv".into(), text: rows::csv(&parameters) },
-            ReportFile { name: "over_time.csv".into(), text: self.over_time() },
-            ReportFile { name: "report.json".into(), text: json },
-        ];
-        files.extend(of_photographs);
-        Ok(files)
+    pub fn part(&self) -> anyhow::Result<ReportPart> {
+        Ok(ReportPart {
+            title: format!("{}: a take over time", escape(&self.name)),
+            body: self.html().context("the page")?,
+            text: self.table(),
+            json: self.to_json()?,
+        })
     }
 
     /// All numbers as JSON.
     ///
     /// # Errors
     /// If a number has no JSON form.
-    pub fn to_json(&self) -> anyhow::Result<Map<String, Value>> {
+    fn to_json(&self) -> anyhow::Result<Map<String, Value>> {
         let parameters: Vec<Parameter> = self.parameter.clone().into_iter().collect();
         let values = [
             ("subject", Value::from(self.name.as_str())),
@@ -235,23 +226,8 @@ impl TakeFindings {
         Ok(values.into_iter().map(|(key, value)| (key.to_owned(), value)).collect())
     }
 
-    /// A line for each instant.
-    fn over_time(&self) -> String {
-        let mut text = String::from("t_s,is_cut,segments,resident,alive,fragments_per_pixel,psnr_db\n");
-        for instant in &self.instants {
-            let TakeInstant { t_s, is_cut, segments, resident, alive, fragments_per_pixel, psnr_db } =
-                instant;
-            let psnr_db = psnr_db.map_or_else(String::new, |db| db.to_string());
-            let _ = writeln!(
-                text,
-                "{t_s},{is_cut},{segments},{resident},{alive},{fragments_per_pixel},{psnr_db}"
-            );
-        }
-        text
-    }
-
     fn html(&self) -> anyhow::Result<String> {
-        let mut text = start(&format!("{}: a take over time", escape(&self.name)));
+        let mut text = String::new();
         self.introduce(&mut text);
         text += "<h2>Over time</h2>\n";
         let course = |title: &str, y: fn(&CourseRow) -> f64| {
@@ -298,7 +274,6 @@ impl TakeFindings {
         text += "<h2>Only what this take needs</h2>\n<p>Optional parts that some Gaussians lack, and the bytes that \
                  they would cost as columns of zeros.</p>\n";
         text += &self.left_out_table();
-        text += "</body></html>\n";
         Ok(text)
     }
 
@@ -366,13 +341,13 @@ impl TakeFindings {
     }
 
     fn left_out_table(&self) -> String {
-        let head = ["part", "Gaussians without it", "package bytes", "GPU bytes"].map(String::from);
-        let mut text = row("th", &head, "");
-        for LeftOut { part, gaussians, bytes_saved, gpu_bytes_saved } in &self.left_out {
+        let row = |LeftOut { part, gaussians, bytes_saved, gpu_bytes_saved }: &LeftOut| {
             let numbers = [*gaussians, *bytes_saved, *gpu_bytes_saved].map(|number| grouped(number as f64));
-            text += &row("td", &[&[escape(part)][..], &numbers].concat(), "");
-        }
-        table(&text)
+            std::iter::once((*part).to_owned()).chain(numbers).collect()
+        };
+        Table::new(["part", "Gaussians without it", "package bytes", "GPU bytes"])
+            .with_rows(self.left_out.iter().map(row))
+            .html()
     }
 }
 

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use super::*;
 use crate::fit::log::{Density, LogEntry};
 use crate::report::fitting::FitLog;
+use crate::report::report_page;
 use measure::parameter::{ImageErrors, Quartiles};
 use measure::playing::{ClipFeature, NamedPicture, Playing, PlayingSetup, ResourceUse};
 
@@ -99,8 +100,7 @@ fn findings_of(points: Vec<ParameterValue>) -> Findings {
 
 #[test]
 fn the_page_is_self_contained_and_names_beaten_defaults() {
-    let files = findings().files().unwrap();
-    let page = &files[0].text;
+    let page = report_page(&[findings().part().unwrap()]);
     assert!(page.contains("<title>a &amp; b: error against run time</title>"));
     assert!(
         page.contains(
@@ -127,7 +127,7 @@ fn the_page_is_self_contained_and_names_beaten_defaults() {
 #[test]
 fn rows_have_the_documented_keys() {
     let findings = findings();
-    let json = findings.to_json().unwrap();
+    let json = findings.part().unwrap().json;
     let row = &json["knobs"][0];
     assert_eq!((&row["name"], &row["value"]), (&"cut < off".into(), &"exact".into()));
     assert_eq!((row["error_db"].as_f64(), row["run_time_ms"].as_f64()), (Some(50.0), Some(9.0)));
@@ -135,21 +135,11 @@ fn rows_have_the_documented_keys() {
     assert_eq!((&row["default"], &row["on_front"]), (&true.into(), &false.into()));
     assert_eq!(json["knobs"][1]["on_front"], true);
     assert_eq!(json["knobs"].as_array().unwrap().len(), 4, "two values, two lines of a fit");
-
-    let csv = &findings.files().unwrap()[1].text;
-    let columns = |line: &str| line.split(',').count();
-    assert!(csv.lines().all(|line| columns(line) == columns(csv.lines().next().unwrap())), "{csv}");
-    assert!(
-        csv.contains(
-            "playing,\"cut < off\",\"exact\",50,0.99,30.5,0.125,9,8.75,9.25,9,\"ms a frame\",true,false"
-        ),
-        "{csv}"
-    );
 }
 
 #[test]
 fn the_terminal_shows_every_value() {
-    let table = findings().table();
+    let table = findings().part().unwrap().text;
     assert!(
         table.contains("* exact") && table.contains("  near") && table.contains("off the front"),
         "{table}"
@@ -175,7 +165,7 @@ fn a_beaten_default_says_by_how_much_and_why_it_stands() {
 fn a_parameter_of_one_value_has_a_sentence_in_place_of_a_chart() {
     let mut findings = findings_of(vec![point("exact", 9.0, 50.0)]);
     findings.fits[0].entries.truncate(1);
-    let page = &findings.files().unwrap()[0].text;
+    let page = findings.part().unwrap().body;
     assert_eq!(page.matches("<svg").count(), 0, "{page}");
     assert_eq!(page.matches("No chart of ").count(), 3, "{page}");
 }

@@ -1,9 +1,9 @@
-//! Rate of the coder over its precision, and the savings of its parts: packages of the same Gaussians, coded
-//! to several PSNRs against the Gaussians before coding.
+//! Rate of the coder over its precision, and the savings of precision by visibility and of joint rounding: packages of the
+//! same Gaussians, coded to several PSNRs against the Gaussians before coding.
 
 use std::num::NonZero;
 
-use codec::{AttributeSize, Coder, Limits, Source};
+use codec::Source;
 use refine::code::{JOINT_ROUNDS, JointRounding, TRIALS, TargetCoder, code_steps};
 use refine::fit::Cpu;
 use refine::prune::Pictures;
@@ -37,26 +37,10 @@ pub struct CoderRate {
     pub bytes: usize,
     /// Bytes per Gaussian, without counting the plate's Gaussians.
     pub bytes_per_gaussian: f64,
-    /// Sizes by simpler coders.
-    pub simpler: SimplerCoders,
+    /// Size in bytes with equal precision for all Gaussians, at the same PSNR.
+    pub alike: usize,
     /// Size in bytes with numbers that are rounded jointly, at the same PSNR.
     pub jointly: usize,
-}
-
-/// Sizes in bytes of the package by simpler coders. From `order_0` to `predicted`, each adds one part of the
-/// coder.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct SimplerCoders {
-    /// Entropy of every number by its frequency in the package.
-    pub order_0: f64,
-    /// Also with a free order of the Gaussians.
-    pub ordered: f64,
-    /// Also with prediction; contexts save the rest.
-    pub predicted: f64,
-    /// The complete coder with equal precision for all Gaussians, at the same PSNR.
-    pub alike: f64,
-    /// The coder `context`, at the same PSNR.
-    pub context: f64,
 }
 
 /// Codes the first rows of `order` to every target PSNR, in images of this `size`.
@@ -77,15 +61,13 @@ pub(super) fn measure(
     let rounds = NonZero::new(JOINT_ROUNDS).expect("a default above 0");
     let mut backend = Cpu::default();
     let mut joint = JointRounding::new(views, rounds, &mut backend);
-    let mut context = TargetCoder::new(&source, Coder::Context, &LAYERS, visible.clone(), &judge);
     let mut coder = TargetCoder::new(&source, Coding::default().coder(), &LAYERS, visible, &judge);
-    progress.stage("rates", (3 * TRIALS + code_steps(JOINT_ROUNDS)) * TARGETS_DB.len());
+    progress.stage("rates", (2 * TRIALS + code_steps(JOINT_ROUNDS)) * TARGETS_DB.len());
     let rate = |target_db: f64| {
         let coded = coder.code(target_db, step).map_err(|error| refused(scene, error))?;
         let alike = coder.code_equally(target_db, step).map_err(|error| refused(scene, error))?;
         let jointly =
             coder.code_jointly(target_db, &mut joint, step).map_err(|error| refused(scene, error))?;
-        let context = context.code(target_db, step).map_err(|error| refused(scene, error))?;
         Ok(CoderRate {
             gaussians: part.len(),
             target_db,
@@ -93,29 +75,9 @@ pub(super) fn measure(
             mbps: subject.mbps(coded.bytes.len()),
             bytes: coded.bytes.len(),
             bytes_per_gaussian: coded.bytes.len() as f64 / part.len() as f64,
-            simpler: simpler(&coded.bytes, alike.bytes.len(), context.bytes.len())?,
+            alike: alike.bytes.len(),
             jointly: jointly.bytes.len(),
         })
     };
     TARGETS_DB.into_iter().map(rate).collect()
-}
-
-/// Sizes of a package by simpler coders. The caller has measured `alike`, the size with equal precision, and that by the
-/// coder `context`.
-fn simpler(package: &[u8], alike: usize, context: usize) -> anyhow::Result<SimplerCoders> {
-    let sizes = codec::measure(package, &Limits::default())?;
-    let sum = |of: fn(&AttributeSize) -> f64| sizes.iter().map(of).sum::<f64>();
-    // Headers and tables.
-    let rest = package.len() as f64 - sum(|size| size.coded);
-    let position = sizes.iter().filter(|size| size.attribute == "position");
-    let order: f64 = position.map(|size| size.order_0 - size.predicted).sum();
-    let order_0 = rest + sum(|size| size.order_0);
-    let predicted = rest + sum(|size| size.predicted);
-    Ok(SimplerCoders {
-        order_0,
-        ordered: order_0 - order,
-        predicted,
-        alike: alike as f64,
-        context: context as f64,
-    })
 }

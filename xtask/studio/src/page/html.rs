@@ -33,14 +33,19 @@ pub(crate) fn decimals(x: Option<f64>, decimals: usize) -> String {
     x.map_or_else(|| "-".into(), |x| format!("{x:.decimals$}"))
 }
 
-/// The start of a page up to the end of its first heading. `title` is HTML.
-pub(crate) fn start(title: &str) -> String {
-    format!(
+/// A page of parts, each with its title and its body, both HTML. It loads nothing.
+pub(crate) fn page(parts: &[(String, String)]) -> String {
+    let title = parts.first().map_or("", |(title, _)| title);
+    let mut text = format!(
         "<!doctype html>\n<html lang=en><head><meta charset=utf-8>\n\
          <meta name=viewport content=\"width=device-width, initial-scale=1\">\n\
-         <title>{title}</title>\n<style>\n{}</style></head><body>\n<h1>{title}</h1>\n",
+         <title>{title}</title>\n<style>\n{}</style></head><body>\n",
         include_str!("style.css")
-    )
+    );
+    for (title, body) in parts {
+        let _ = writeln!(text, "<h1>{title}</h1>\n{body}");
+    }
+    text + "</body></html>\n"
 }
 
 /// A row of a table; `cell` is `td` or `th`, `attributes` begin with a space.

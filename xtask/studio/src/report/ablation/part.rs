@@ -1,4 +1,4 @@
-//! Writes an ablation as a page, as Markdown and as CSV.
+//! An ablation as a part of a report.
 
 use std::fmt::Write;
 
@@ -7,13 +7,11 @@ use base64::prelude::BASE64_STANDARD;
 
 use super::result::{Ablation, Method, PackageFigures, PicturedView, of};
 use super::table;
-use crate::eval::SplitMeasures;
 use crate::fit::log::LogEntry;
-use crate::report::ReportFile;
-use crate::report::html::{self, escape};
-use crate::report::plot::{LineChart, PlotLine, Scale, svg};
+use crate::page::{LineChart, PlotLine, Scale, escape, grouped, prose, svg};
+use crate::report::ReportPart;
 
-/// What the columns mean, in Markdown without markup.
+/// What the columns mean.
 const COLUMNS: &str = "PSNR is over the subject, SSIM and LPIPS over the whole picture; each is the mean over the \
      photographs of a split. train: photographs fitted to; interp_b: held frames of fitted cameras; recon: fitted frames \
      of held cameras; interp_a: held frames of held cameras. Every other frame is held out. Fragments per lit pixel are \
@@ -23,30 +21,30 @@ const PACKAGES: &str = "Packages of the full fit at each budget, and of the othe
      Topo: fraction of the persistent features of the fit's density that the package preserves; PSNR: after decoding.";
 
 impl Ablation {
-    /// The text for a terminal.
-    pub fn text(&self) -> String {
-        let mut text = format!("{}\n{}", table::methods(self).markdown(), table::similarity(self).markdown());
+    /// The part of a report.
+    ///
+    /// # Errors
+    /// If a plot cannot be drawn.
+    pub fn part(&self) -> anyhow::Result<ReportPart> {
+        Ok(ReportPart {
+            title: format!("{}: ablation of the fit", escape(&self.capture)),
+            body: self.html()?,
+            text: self.text(),
+            json: [("ablation".to_owned(), serde_json::to_value(self)?)].into_iter().collect(),
+        })
+    }
+
+    fn text(&self) -> String {
+        let mut text = format!("{}\n{}", table::methods(self).text(), table::similarity(self).text());
         let packages = table::packages(self);
         if !packages.is_empty() {
             text += "\n";
-            text += &packages.markdown();
+            text += &packages.text();
         }
         for left_out in &self.left_out {
             let _ = writeln!(text, "\n{} is left out: {}", left_out.name, left_out.why);
         }
         text
-    }
-
-    /// The files of the report: page, Markdown and CSV. Markdown shows the pictures in the report's folder.
-    ///
-    /// # Errors
-    /// If a plot cannot be drawn.
-    pub fn files(&self) -> anyhow::Result<Vec<ReportFile>> {
-        Ok(vec![
-            ReportFile { name: "fit.html".into(), text: self.html()? },
-            ReportFile { name: "fit.md".into(), text: self.markdown() },
-            ReportFile { name: "fit.csv".into(), text: self.csv() },
-        ])
     }
 
     fn setup(&self) -> String {
@@ -55,43 +53,14 @@ impl Ablation {
         format!(
             "{}. {width}x{height} pixels, {} steps, {} Gaussians asked for.{lpips} Machine: {}.",
             self.photographs,
-            html::grouped(self.steps as f64),
-            html::grouped(self.gaussians as f64),
+            grouped(self.steps as f64),
+            grouped(self.gaussians as f64),
             self.machine
         )
     }
 
-    fn markdown(&self) -> String {
-        let mut text =
-            format!("# {}: ablation of the fit\n\n{}\n\n{COLUMNS}\n\n", self.capture, self.setup());
-        let _ = writeln!(text, "{}\n{}", table::methods(self).markdown(), table::similarity(self).markdown());
-        for method in &self.methods {
-            let _ = writeln!(text, "- {}: {}", method.name, method.about);
-        }
-        for left_out in &self.left_out {
-            let _ = writeln!(text, "- {} is left out: {}", left_out.name, left_out.why);
-        }
-        let packages = table::packages(self);
-        if !packages.is_empty() {
-            let _ = write!(text, "\n## Packages\n\n{PACKAGES}\n\n{}", packages.markdown());
-        }
-        if !self.views.is_empty() {
-            text += "\n## Pictures\n";
-        }
-        for PicturedView { name, pictures } in &self.views {
-            let names: Vec<&str> = pictures.iter().map(|picture| picture.of.as_str()).collect();
-            let images: Vec<String> =
-                pictures.iter().map(|picture| format!("![{}]({})", picture.of, picture.path)).collect();
-            let rule = "---|".repeat(names.len());
-            let _ =
-                write!(text, "\n{name}\n\n| {} |\n|{rule}\n| {} |\n", names.join(" | "), images.join(" | "));
-        }
-        text
-    }
-
     fn html(&self) -> anyhow::Result<String> {
-        let mut text = html::start(&format!("{}: ablation of the fit", escape(&self.capture)));
-        let _ = write!(text, "<p>{}</p>\n<p>{}</p>\n", escape(&self.setup()), html::prose(COLUMNS));
+        let mut text = format!("<p>{}</p>\n<p>{}</p>\n", escape(&self.setup()), prose(COLUMNS));
         text += &table::methods(self).html();
         text += &table::similarity(self).html();
         text += "<ul>\n";
@@ -110,7 +79,7 @@ impl Ablation {
         text += &self.fits_over_steps()?;
         let packages = table::packages(self);
         if !packages.is_empty() {
-            let _ = write!(text, "<h2>Packages</h2>\n<p>{}</p>\n", html::prose(PACKAGES));
+            let _ = write!(text, "<h2>Packages</h2>\n<p>{}</p>\n", prose(PACKAGES));
             text += &self.packages_over_rate()?;
             text += &packages.html();
         }
@@ -129,7 +98,6 @@ impl Ablation {
             }
             text += "</div>\n";
         }
-        text += "</body></html>\n";
         Ok(text)
     }
 
@@ -179,62 +147,5 @@ impl Ablation {
             true => svg(Scale::Logarithmic, "Mbps", &[psnr, topology]),
             false => Ok(String::new()),
         }
-    }
-
-    /// A line for each split of each method and package.
-    fn csv(&self) -> String {
-        let mut text = String::from(
-            "method,budget,split,images,psnr_fg,psnr_fg_deviation,psnr_full,ssim,lpips,gaussians,seconds,ms_per_step,\
-             fragments_per_lit_pixel,bytes,mbps,topology\n",
-        );
-        for method in &self.methods {
-            let fit = method.fit.as_ref();
-            let costs = [
-                fit.map(|fit| fit.gaussians as f64),
-                fit.map(|fit| fit.seconds),
-                fit.map(|fit| fit.ms_per_step),
-                method.fragments_per_lit_pixel,
-                None,
-                None,
-                None,
-            ];
-            write_csv(&mut text, &method.name, None, &method.splits, costs);
-        }
-        for package in &self.packages {
-            let costs = [
-                Some(package.gaussians as f64),
-                None,
-                None,
-                None,
-                Some(package.bytes as f64),
-                Some(package.mbps),
-                Some(package.topology),
-            ];
-            write_csv(&mut text, &package.method, Some(package.budget), &package.splits, costs);
-        }
-        text
-    }
-}
-
-fn write_csv(
-    text: &mut String,
-    name: &str,
-    budget: Option<usize>,
-    splits: &[SplitMeasures],
-    costs: [Option<f64>; 7],
-) {
-    let number = |x: Option<f64>| x.map_or(String::new(), |x| format!("{}", (x * 1e6).round() / 1e6));
-    let costs: Vec<String> = costs.into_iter().map(number).collect();
-    for row in splits {
-        let budget = budget.map_or(String::new(), |budget| budget.to_string());
-        let SplitMeasures { split, psnr_fg, psnr_fg_deviation, psnr_full, ssim, lpips, images, .. } = row;
-        let measures = [*psnr_fg, *psnr_fg_deviation, Some(*psnr_full), Some(*ssim), *lpips].map(number);
-        let _ = writeln!(
-            text,
-            "\"{}\",{budget},{split},{images},{},{}",
-            name.replace('"', "'"),
-            measures.join(","),
-            costs.join(",")
-        );
     }
 }
