@@ -3,7 +3,6 @@
 //! A disc has the opacity of its Gaussian and as much opacity times area as the Gaussian has from its broad side. Of
 //! many rows a regular selection stands for all, each disc for several rows.
 
-use super::glance::SIZE;
 use crate::{ALPHA_MIN, Field};
 
 /// Instants at which a dynamic field is looked at: the centres of so many equal intervals.
@@ -124,12 +123,13 @@ impl DiscsBuilder {
 }
 
 impl Discs {
-    /// Lets one stand for several wide, translucent discs where many would take long to draw: it has their sum of opacities. The
-    /// side of a pixel is `pixel`, in source units.
-    pub(super) fn thin_out(&mut self, pixel: f64) {
+    /// Lets one stand for several wide, translucent discs where many would take long to draw: it has their sum of opacities.
+    /// They are wide in pictures of `size` pixels that a ball of this `radius` fills, in source units.
+    pub(super) fn thin_out(&mut self, radius: f64, size: (u32, u32)) {
+        let pixel = 2.0 * radius / f64::from(size.1);
         let area = |disc: &Disc| std::f64::consts::PI * (disc.radius / pixel).powi(2);
         let is_wide = |disc: &Disc| area(disc) >= WIDE_AREA;
-        let picture = f64::from(SIZE.0 * SIZE.1);
+        let picture = f64::from(size.0 * size.1);
         for discs in &mut self.instants {
             let sum: f64 =
                 discs.iter().filter(|disc| is_wide(disc)).map(|disc| area(disc).min(picture)).sum();

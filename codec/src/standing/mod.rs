@@ -184,7 +184,7 @@ impl Surroundings {
         let (content, whole) = Content::of(&discs, up);
         let mut near = Surroundings { content, is_alone: false, discs, up };
         let (_, radius) = near.center_and_radius();
-        near.discs.thin_out(2.0 * radius / f64::from(SIZE.1));
+        near.discs.thin_out(radius, SIZE);
         near.mark_content();
         // What is around the balls belongs to the content where they are seen from outside of all: a body with a neck.
         let Some(bounds) = whole else { return near };

@@ -91,6 +91,13 @@ pub struct Args {
     options: FitOptions,
 }
 
+/// What was measured.
+struct Measured {
+    parts: Vec<ReportPart>,
+    /// Cases of the stability suite that fail, and their number.
+    failed: Option<(usize, usize)>,
+}
+
 /// What a page is of.
 #[cfg_attr(not(feature = "measure"), expect(dead_code, reason = "nothing is measured"))]
 enum PageSubject<'a> {
@@ -108,41 +115,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         let how = "this build does not measure: run `cargo run --release --package studio --features measure -- report`";
         return Err(Fault::Usage(how.into()).into());
     }
-    let mut parts = Vec::new();
-    // Cases of the stability suite that fail, and their number.
-    #[cfg_attr(not(feature = "measure"), expect(unused_mut, reason = "nothing is measured"))]
-    let mut failed: Option<(usize, usize)> = None;
-    #[cfg(feature = "measure")]
-    match page_of {
-        Some(PageSubject::Clip(path)) => parts.push(args.page_part(path)?),
-        Some(PageSubject::Take { path, reference }) => {
-            let request = take::TakeRequest {
-                path,
-                reference,
-                size: args.size,
-                capture: args.capture.as_deref(),
-                part: &args.part,
-            };
-            parts.push(take::measure(&request)?.part()?);
-        }
-        None => {}
-    }
-    if args.fit {
-        parts.push(args.ablation_part()?);
-    } else if page_of.is_none() {
-        let subjects =
-            args.fields.iter().map(|path| ReportSubject::load(path)).collect::<anyhow::Result<Vec<_>>>()?;
-        if args.rd {
-            let settings = args.rd_settings(&subjects)?;
-            parts.push(rd_part(&subjects, &settings)?);
-        }
-        #[cfg(feature = "measure")]
-        if args.stability {
-            let measured = stability::run(&subjects)?;
-            parts.push(measured.part()?);
-            failed = Some((measured.failures(), measured.stability.len()));
-        }
-    }
+    let Measured { parts, failed } = args.measure(page_of)?;
     let page = report_page(&parts);
     let text: Vec<String> = parts.iter().map(|part| part.text.clone()).collect();
     let json = format!("{:#}\n", Value::Object(parts.into_iter().flat_map(|part| part.json).collect()));
@@ -210,6 +183,47 @@ impl Args {
             }
             _ => Ok(()),
         }
+    }
+
+    fn measure(&self, page_of: Option<PageSubject<'_>>) -> anyhow::Result<Measured> {
+        let mut parts = Vec::new();
+        #[cfg_attr(not(feature = "measure"), expect(unused_mut, reason = "nothing is measured"))]
+        let mut failed = None;
+        #[cfg(feature = "measure")]
+        match page_of {
+            Some(PageSubject::Clip(path)) => parts.push(self.page_part(path)?),
+            Some(PageSubject::Take { path, reference }) => {
+                let request = take::TakeRequest {
+                    path,
+                    reference,
+                    size: self.size,
+                    capture: self.capture.as_deref(),
+                    part: &self.part,
+                };
+                parts.push(take::measure(&request)?.part()?);
+            }
+            None => {}
+        }
+        if self.fit {
+            parts.push(self.ablation_part()?);
+        } else if page_of.is_none() {
+            let subjects = self
+                .fields
+                .iter()
+                .map(|path| ReportSubject::load(path))
+                .collect::<anyhow::Result<Vec<_>>>()?;
+            if self.rd {
+                let settings = self.rd_settings(&subjects)?;
+                parts.push(rd_part(&subjects, &settings)?);
+            }
+            #[cfg(feature = "measure")]
+            if self.stability {
+                let measured = stability::run(&subjects)?;
+                parts.push(measured.part()?);
+                failed = Some((measured.failures(), measured.stability.len()));
+            }
+        }
+        Ok(Measured { parts, failed })
     }
 
     #[cfg(feature = "measure")]
