@@ -7,7 +7,7 @@ use crate::export;
 use crate::messages::count;
 use crate::progress::counting;
 use crate::synth::{juggler, limbs, rig, stage};
-use clap::{Subcommand, ValueEnum};
+use clap::Subcommand;
 use codec::{ClipInfo, Field};
 use program::output;
 
@@ -86,58 +86,58 @@ struct RigArgs {
     /// Let the figure cast a shadow on the floor, so that the background is not static
     #[arg(long)]
     shadow: bool,
-    /// Leave out everything that perturbs, except what the options below name
+    /// Leave out everything that perturbs, except what --perturb names
     #[arg(long)]
     clean: bool,
-    #[command(flatten)]
-    perturbations: PerturbationArgs,
+    /// How much perturbs: starts, drift, exposure, white-balance, noise, sound-skew and sound-noise are numbers; offsets,
+    /// rotated and variable-rate are on or off
+    #[arg(long, value_name = "PART=X[,PART=X..]", value_delimiter = ',', value_parser = perturbation)]
+    perturb: Vec<Perturbation>,
 }
 
-#[derive(clap::Args)]
-struct PerturbationArgs {
-    /// Seconds between the first and the last camera that starts, at most [default: 2]
-    #[arg(long, value_name = "S")]
-    starts: Option<f64>,
-    /// Whether cameras are offset by fractions of a frame [default: on]
-    #[arg(long)]
-    offsets: Option<Switch>,
-    /// Largest error of a camera's rate, in parts per million [default: 20]
-    #[arg(long, value_name = "PPM")]
-    drift: Option<f64>,
-    /// Largest relative error of a camera's exposure [default: 0.2]
-    #[arg(long, value_name = "X")]
-    exposure: Option<f64>,
-    /// Largest relative error of a camera's red and blue [default: 0.1]
-    #[arg(long, value_name = "X")]
-    white_balance: Option<f64>,
-    /// Standard deviation of a pixel's noise, in 255ths [default: 2]
-    #[arg(long, value_name = "X")]
-    noise: Option<f64>,
-    /// Largest time between a camera's sound and its pictures, in seconds [default: 0.04]
-    #[arg(long, value_name = "S")]
-    sound_skew: Option<f64>,
-    /// Sound relative to a microphone's noise, in decibels [default: 10]
-    #[arg(long, value_name = "DB", allow_negative_numbers = true)]
-    sound_noise: Option<f64>,
-    /// Whether the second camera stands on its side [default: on]
-    #[arg(long)]
-    rotated: Option<Switch>,
-    /// Whether the third camera has a variable frame rate [default: on]
-    #[arg(long)]
-    variable_rate: Option<Switch>,
+/// How much of a part perturbs.
+#[derive(Clone, Copy, Debug)]
+enum Perturbation {
+    Number(fn(&mut rig::Perturbations, f64), f64),
+    Switch(fn(&mut rig::Perturbations, bool), bool),
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
-enum Switch {
-    On,
-    Off,
+/// Parses `PART=X`.
+fn perturbation(text: &str) -> Result<Perturbation, String> {
+    let (part, value) = text.split_once('=').ok_or("PART=X, such as exposure=0.2")?;
+    let number = |set: fn(&mut rig::Perturbations, f64)| match value.parse() {
+        Ok(number) => Ok(Perturbation::Number(set, number)),
+        Err(_) => Err(format!("{part} is a number, such as {part}=0.1")),
+    };
+    let switch = |set: fn(&mut rig::Perturbations, bool)| match value {
+        "on" => Ok(Perturbation::Switch(set, true)),
+        "off" => Ok(Perturbation::Switch(set, false)),
+        _ => Err(format!("{part} is on or off")),
+    };
+    match part {
+        "starts" => number(|rig, x| rig.starts_s = x),
+        "drift" => number(|rig, x| rig.drift_ppm = x),
+        "exposure" => number(|rig, x| rig.exposure = x),
+        "white-balance" => number(|rig, x| rig.white_balance = x),
+        "noise" => number(|rig, x| rig.noise = x),
+        "sound-skew" => number(|rig, x| rig.sound_skew_s = x),
+        "sound-noise" => number(|rig, x| rig.sound_noise_db = Some(x)),
+        "offsets" => switch(|rig, on| rig.offsets = on),
+        "rotated" => switch(|rig, on| rig.rotated = on),
+        "variable-rate" => switch(|rig, on| rig.variable_rate = on),
+        _ => Err(format!("{part}: nothing of this name perturbs; --help lists what does")),
+    }
 }
 
 impl RigArgs {
     fn settings(&self) -> rig::RigSettings {
-        let args = &self.perturbations;
-        let base = if self.clean { rig::Perturbations::NONE } else { rig::Perturbations::ALL };
-        let is_on = |switch: Option<Switch>, base: bool| switch.map_or(base, |switch| switch == Switch::On);
+        let mut perturbations = if self.clean { rig::Perturbations::NONE } else { rig::Perturbations::ALL };
+        for perturbation in &self.perturb {
+            match *perturbation {
+                Perturbation::Number(set, number) => set(&mut perturbations, number),
+                Perturbation::Switch(set, is_on) => set(&mut perturbations, is_on),
+            }
+        }
         rig::RigSettings {
             cameras: self.cameras,
             seconds: self.seconds,
@@ -147,18 +147,7 @@ impl RigArgs {
             crf: self.crf,
             shadow: self.shadow,
             masks: self.masks,
-            perturbations: rig::Perturbations {
-                starts_s: args.starts.unwrap_or(base.starts_s),
-                offsets: is_on(args.offsets, base.offsets),
-                drift_ppm: args.drift.unwrap_or(base.drift_ppm),
-                exposure: args.exposure.unwrap_or(base.exposure),
-                white_balance: args.white_balance.unwrap_or(base.white_balance),
-                noise: args.noise.unwrap_or(base.noise),
-                sound_skew_s: args.sound_skew.unwrap_or(base.sound_skew_s),
-                sound_noise_db: args.sound_noise.or(base.sound_noise_db),
-                rotated: is_on(args.rotated, base.rotated),
-                variable_rate: is_on(args.variable_rate, base.variable_rate),
-            },
+            perturbations,
         }
     }
 }

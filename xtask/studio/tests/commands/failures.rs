@@ -314,7 +314,7 @@ const FAILURES: &[Failure] = &[
     ("ingest stage -o other --up 0,0,0", USAGE, "'0,0,0' for '--up", "it is no direction"),
     ("synth stage -o other --cameras 0", USAGE, "0 cameras", "use 1 to 256"),
     ("synth rig -o other --size 63x48", USAGE, "63x48 pixels", "videos have even sides, from 16 on"),
-    ("synth rig -o other --exposure 2", USAGE, "exposure 2", "use 0 to 0.9"),
+    ("synth rig -o other --perturb exposure=2", USAGE, "exposure 2", "use 0 to 0.9"),
     ("synth limbs -o /proc/limbs.ply", USAGE, "cannot write /proc/limbs.ply", "name another place"),
     ("synth clip -o no/clip.ply", USAGE, "cannot write no/clip.ply", "make it first"),
     // The command line.

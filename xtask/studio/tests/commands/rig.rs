@@ -144,7 +144,7 @@ fn a_rig_is_deterministic_and_says_what_perturbs_it() {
     };
     assert_eq!(clean(&[]), [false; 9]);
     assert_eq!(
-        clean(&["--exposure", "0.2", "--variable-rate", "on"]),
+        clean(&["--perturb", "exposure=0.2,variable-rate=on"]),
         [false, true, false, false, false, false, false, true, false]
     );
 }
@@ -377,8 +377,12 @@ fn bad_requests_end_with_one_line() {
     assert!(error(&["--size", "31x24"]).contains("31x24 pixels: videos have even sides"));
     assert!(error(&["--fps", "300"]).contains("fps 300: use 1 to 240"));
     assert!(error(&["--seconds", "inf"]).contains("seconds inf: use 1 to 3000"));
-    assert!(error(&["--exposure", "2"]).contains("exposure 2: use 0 to 0.9"));
-    assert!(error(&["--sound-noise", "-30"]).contains("sound noise -30: use -20 to 100"));
+    assert!(error(&["--perturb", "exposure=2"]).contains("exposure 2: use 0 to 0.9"));
+    assert!(error(&["--perturb", "sound-noise=-30"]).contains("sound noise -30: use -20 to 100"));
+    assert!(error(&["--perturb", "noise=loud"]).contains("noise is a number"));
+    assert!(error(&["--perturb", "rotated=1"]).contains("rotated is on or off"));
+    assert!(error(&["--perturb", "rain=1"]).contains("rain: nothing of this name perturbs"));
+    assert!(error(&["--perturb", "noise"]).contains("such as exposure=0.2"));
     fs::create_dir(folder.join("rig")).unwrap();
     fs::write(folder.join("rig/mine.txt"), "mine").unwrap();
     assert!(error(&[]).contains("cannot write rig: there is something already, name another folder"));
