@@ -111,7 +111,7 @@ fn goes_on_elsewhere() {
     let args = ["--steps", "1000", "--gaussians", "400", "--anchor", "hull"];
     let on_device =
         ["fit", "stage", "-o", "field.ply", "--sh-degree", "0", "--holdout", "odd", "--backend", "gpu"];
-    let on_device = [&on_device[..], &args, &["--checkpoint-every", "0.05"]].concat();
+    let on_device = [&on_device[..], &args, &["--set", "checkpoint-every=0.05"]].concat();
     kill_when(folder, &on_device, || folder.join("field.checkpoint").exists());
     let json = fit(folder, &args);
     assert_eq!(json["backend"], "cpu");

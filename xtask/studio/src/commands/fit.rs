@@ -4,14 +4,14 @@ use std::ffi::OsStr;
 use std::num::NonZero;
 use std::path::{Path, PathBuf};
 use std::thread::available_parallelism;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use crate::capture::{CameraCorrections, CameraPart, CaptureFiles};
 use crate::eval::{HeldCameras, Subject, fragments_per_lit_pixel, held_photos, judge_held_cameras};
 use crate::export::fitted_field_file;
 use crate::fit::{
-    self, DepthScale, FitPlan, FitRuntime, FitStart, Fitted, FittedPlate, PlatePlan, Segments, SlidePlan,
-    TrainingViews, WorkFolder, log,
+    self, FitPlan, FitRuntime, FitStart, Fitted, FittedPlate, PlatePlan, Segments, SlidePlan, TrainingViews,
+    WorkFolder, log,
 };
 use crate::input::{Input, is_take, not_one_field};
 use crate::messages::count;
@@ -24,7 +24,6 @@ use clap::builder::PossibleValue;
 use clap::{Args as _, FromArgMatches, ValueEnum};
 use codec::PixelFilter;
 use program::{Fault, output};
-use refine::anchor::Mirror;
 use refine::capture::Holdout;
 use refine::fit::{Backend, DensityRule, Learned, Lpips};
 use refine::reference::RenderScene;
@@ -37,6 +36,7 @@ use super::capture::{
 use super::fit_folder::{fit_folder, report_finished, report_folder};
 use super::fit_plate::{PlateWhen, fit_plate, settle_plate, write_plate};
 use super::fit_progress::show;
+use super::fit_setting::{self, FitConstants, FitSetting, fit_setting};
 use super::fit_source::FitSource;
 use super::takes::{self, TakeCommand, TakeOptions, part_seconds};
 
@@ -66,20 +66,13 @@ pub struct Args {
     /// of a unit, PFM or NPY
     #[arg(long, value_name = "DIR", conflicts_with_all = ["anchor", "list"])]
     depths: Option<PathBuf>,
-    /// How depth maps are scaled to the units of the cameras
-    #[arg(long, value_enum, default_value_t = DepthScale::Auto, requires = "depths")]
-    depth_scale: DepthScale,
     /// Fitted field or package to start from instead of an anchor
     #[arg(long, value_name = "FIELD",
-          conflicts_with_all = ["anchor", "depths", "anchor_cameras", "mirror", "no_motion_start", "filter",
-                                "sh_degree", "list"])]
+          conflicts_with_all = ["anchor", "depths", "filter", "sh_degree", "list"])]
     from: Option<PathBuf>,
     /// Cameras as an earlier fit learned them, a file .cameras.json: this fit starts from them
     #[arg(long, value_name = "FILE", conflicts_with = "list")]
     learned: Option<PathBuf>,
-    /// Prune without the lower limit of --gaussians
-    #[arg(long)]
-    no_floor: bool,
     /// Seconds of a part of a field folder, and of the grid of its segments; --steps and --gaussians are of a part
     #[arg(long, value_name = "S", value_parser = part_seconds, conflicts_with = "list")]
     split: Option<f64>,
@@ -101,17 +94,6 @@ pub(super) struct FitOptions {
     /// Number of steps; by default 5600 per training frame, at most 96000, and 10000 for whole photographs with a plate
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
     steps: Option<u64>,
-    /// Cameras whose pixels become Gaussians of the anchor, by name, like the paper's frontal ones; all by
-    /// default
-    #[arg(long, value_name = "NAME[,NAME..]", value_delimiter = ',')]
-    anchor_cameras: Vec<String>,
-    /// Whether the anchor's visible side is mirrored to its hidden side: auto mirrors in clips of at most
-    /// nine frames whose cameras are all on one side
-    #[arg(long, value_enum, default_value_t = MirrorWhen::Auto)]
-    mirror: MirrorWhen,
-    /// Start all Gaussians of the anchor at rest, instead of along the motion of the surface between frames
-    #[arg(long)]
-    no_motion_start: bool,
     /// Low-pass filter of the field
     #[arg(long, value_enum, default_value_t = Filter::Mip)]
     filter: Filter,
@@ -123,10 +105,6 @@ pub(super) struct FitOptions {
     /// How Gaussians are added and removed
     #[arg(long, value_enum, default_value_t = Rule::Floor)]
     rule: Rule,
-    /// Weight of the area that Gaussians cover in the loss, 0 to 1: a headset pays for it. By default 0.001, 0.0015 for
-    /// whole photographs, and 0 with --rule paper
-    #[arg(long, value_name = "W", value_parser = fragment_weight)]
-    fragment_weight: Option<f64>,
     /// Degree of view-dependent colour; 3 by default, 0 for whole photographs, and with --from the degree of FIELD
     #[arg(long, value_name = "0..3", value_parser = clap::value_parser!(u8).range(0..=3))]
     sh_degree: Option<u8>,
@@ -145,13 +123,8 @@ pub(super) struct FitOptions {
     /// all commands find it. Photographs without masks get mattes for it
     #[arg(long, value_enum, value_name = "WHEN", default_value_t = PlateWhen::Auto)]
     pub(super) plate: PlateWhen,
-    /// Seconds between checkpoints
-    #[arg(long, value_name = "S", default_value_t = fit::CHECKPOINT_EVERY.as_secs_f64(),
-          value_parser = positive)]
-    checkpoint_every: f64,
-    /// Seed of the random numbers
-    #[arg(long, default_value_t = 0)]
-    seed: u64,
+    #[arg(long = "set", value_name = "KEY=VALUE", value_parser = fit_setting, help = fit_setting::HELP)]
+    settings: Vec<FitSetting>,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -196,13 +169,6 @@ impl ValueEnum for Learn {
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
-enum MirrorWhen {
-    Auto,
-    On,
-    Off,
-}
-
-#[derive(Clone, Copy, Debug, ValueEnum)]
 enum Filter {
     /// That of Mip-Splatting: right at any resolution
     Mip,
@@ -223,12 +189,6 @@ enum Rule {
 fn positive(text: &str) -> Result<f64, String> {
     let number = text.parse().ok().filter(|x| (1e-3..=1e6).contains(x));
     number.ok_or_else(|| "a number from 0.001 to 1000000".into())
-}
-
-/// Parser of the weight of the fragment term.
-pub(super) fn fragment_weight(text: &str) -> Result<f64, String> {
-    let weight = text.parse().ok().filter(|weight| (0.0..=1.0).contains(weight));
-    weight.ok_or_else(|| "a number from 0 to 1".into())
 }
 
 /// Fits a capture with the defaults of `fit`; its plates are found if the plan has one.
@@ -304,7 +264,7 @@ impl Args {
             options: FitOptions {
                 // `TakeCommand::inputs` holds them, as their contents count.
                 lpips: LpipsOption::default(),
-                checkpoint_every: 0.0,
+                settings: self.options.settings_of_result(),
                 ..self.options.clone()
             },
             json: false,
@@ -336,36 +296,40 @@ impl FitOptions {
         Ok(plan.with_coarse_steps(capture_files))
     }
 
+    /// The settings that affect the result.
+    fn settings_of_result(&self) -> Vec<FitSetting> {
+        let is_of_result = |setting: &&FitSetting| !matches!(setting, FitSetting::CheckpointEvery(_));
+        self.settings.iter().filter(is_of_result).cloned().collect()
+    }
+
     /// `default`, with what these options state instead.
     fn plan_from(&self, default: FitPlan) -> Result<FitPlan, Fault> {
+        let FitConstants { anchor_cameras, mirror, motion_start, has_floor, fragment_weight, seed, .. } =
+            FitConstants::new(&self.settings);
         let gaussians = self.gaussians.map_or(default.gaussians, |n| n as usize);
         Ok(FitPlan {
             lpips: self.lpips.record()?,
             steps: self.steps.unwrap_or(default.steps),
-            anchor_cameras: self.anchor_cameras.clone(),
-            mirror: match self.mirror {
-                MirrorWhen::Auto => Mirror::Auto,
-                MirrorWhen::On => Mirror::On,
-                MirrorWhen::Off => Mirror::Off,
-            },
-            motion_start: !self.no_motion_start,
+            anchor_cameras,
+            mirror,
+            motion_start,
             filter: match self.filter {
                 Filter::Mip => PixelFilter::Mip,
                 Filter::Blur => PixelFilter::Blur,
             },
             gaussians,
-            floor: gaussians,
+            floor: if has_floor { gaussians } else { 0 },
             rule: match self.rule {
                 Rule::Floor => DensityRule::Floor,
                 Rule::Paper => DensityRule::Paper,
                 Rule::Relocate => DensityRule::Relocate,
             },
-            fragment_weight: self.fragment_weight.unwrap_or(match self.rule {
+            fragment_weight: fragment_weight.unwrap_or(match self.rule {
                 Rule::Paper => 0.0,
                 Rule::Floor | Rule::Relocate => default.fragment_weight,
             }),
             sh_degree: self.sh_degree.unwrap_or(default.sh_degree),
-            seed: self.seed,
+            seed,
             learned: self.learned(default.learned)?,
             learns_disagreement: default.learns_disagreement && self.learn.is_empty(),
             ..default
@@ -397,7 +361,7 @@ impl FitOptions {
         backend: &'a mut dyn Backend,
         lpips: Option<&'a Lpips<f32>>,
     ) -> FitRuntime<'a> {
-        let checkpoint_every = Duration::try_from_secs_f64(self.checkpoint_every).unwrap_or(Duration::MAX);
+        let FitConstants { checkpoint_every, .. } = FitConstants::new(&self.settings);
         FitRuntime { backend, lpips, checkpoint_every }
     }
 }
@@ -562,8 +526,22 @@ pub(super) fn fit_and_write(
 }
 
 fn plan(args: &Args, plan: FitPlan) -> anyhow::Result<FitPlan> {
+    let settings = &args.options.settings;
+    let of_anchor = settings.iter().find_map(FitSetting::anchor_key).filter(|_| args.from.is_some());
+    if let Some(key) = of_anchor {
+        bail!(Fault::Usage(format!(
+            "--set {key}: a fit that starts from a field has no anchor; leave it out"
+        )));
+    }
+    let is_depth_scale = |setting: &FitSetting| matches!(setting, FitSetting::DepthScale(_));
+    if args.depths.is_none() && settings.iter().any(is_depth_scale) {
+        bail!(Fault::Usage(
+            "--set depth-scale: there are no depth maps; add --depths, or leave it out".into()
+        ));
+    }
+    let FitConstants { depth_scale, .. } = FitConstants::new(settings);
     let start = match (&args.depths, &args.from) {
-        (Some(folder), _) => FitStart::Depths(folder.to_string_lossy().into_owned(), args.depth_scale),
+        (Some(folder), _) => FitStart::Depths(folder.to_string_lossy().into_owned(), depth_scale),
         (_, Some(path)) => FitStart::Field(path.to_string_lossy().into_owned(), fit::file_crc(path)?),
         _ => match args.anchor {
             Anchor::Sweep => FitStart::Sweep,
@@ -571,8 +549,7 @@ fn plan(args: &Args, plan: FitPlan) -> anyhow::Result<FitPlan> {
             Anchor::None => FitStart::Scatter,
         },
     };
-    let floor = if args.no_floor { 0 } else { plan.floor };
-    Ok(FitPlan { start, floor, ..plan })
+    Ok(FitPlan { start, ..plan })
 }
 
 /// Fits a field folder to a capture.

@@ -10,6 +10,7 @@ pub(crate) mod fit;
 mod fit_folder;
 mod fit_plate;
 mod fit_progress;
+mod fit_setting;
 mod fit_source;
 pub(crate) mod ingest;
 pub(crate) mod inspect;

@@ -30,8 +30,8 @@ use serde_json::{Value, json};
 use super::audio::AudioOptions;
 use super::backend::BackendOption;
 use super::capture::{FrameSelection, HeldFrames, note_assumed_fps};
-use super::fit::fragment_weight;
 use super::fit_plate::PlateWhen;
+use super::fit_setting::fragment_weight;
 use super::fit_source::FitSource;
 use super::takes::{self, TakeCommand, TakeOptions, part_seconds};
 

@@ -154,7 +154,8 @@ pub(super) fn put_behind(
 
 /// Indices of the cameras whose pixels become Gaussians; `None` for all cameras.
 fn anchor_cameras(plan: &FitPlan, capture_files: &CaptureFiles) -> Result<Option<Vec<usize>>, Fault> {
-    let index = |name: &String| capture_files.camera(name).map_err(|fault| fault.about("--anchor-cameras"));
+    let index =
+        |name: &String| capture_files.camera(name).map_err(|fault| fault.about("--set anchor-cameras"));
     let indices: Vec<usize> = plan.anchor_cameras.iter().map(index).collect::<Result<_, _>>()?;
     Ok((!indices.is_empty()).then_some(indices))
 }

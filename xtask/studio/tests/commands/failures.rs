@@ -58,9 +58,19 @@ const FAILURES: &[Failure] = &[
     ("fit stage --frames 3..9", USAGE, "--frames 3..9: the capture has 0..5", "choose frames of those"),
     ("fit stage --cameras nobody", USAGE, "no camera \"nobody\"", "it has 00, 01, 02"),
     ("fit stage --held-cameras x", USAGE, "--held-cameras: the capture has no camera \"x\"", "it has 00, 01"),
-    ("fit stage --anchor-cameras 99", USAGE, "--anchor-cameras: the capture has no camera", "it has 00, 01"),
+    (
+        "fit stage --set anchor-cameras=99",
+        USAGE,
+        "anchor-cameras: the capture has no camera",
+        "it has 00, 01",
+    ),
     ("fit stage --size 64x64", USAGE, "--size 64x64: camera 00 has 48x48", "choose a smaller size"),
-    ("fit stage --mirror on", DATA, "no anchor: mirroring needs cameras on one side", "turn mirroring off"),
+    (
+        "fit stage --set mirror=on",
+        DATA,
+        "no anchor: mirroring needs cameras on one side",
+        "turn mirroring off",
+    ),
     (
         "fit stage --cameras 00",
         DATA,

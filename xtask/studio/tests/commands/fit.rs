@@ -116,11 +116,11 @@ fn a_killed_fit_resumes_with_the_same_result() {
         is_ready
     };
     // The default is minutes.
-    kill_when(folder, &[&args[..], &["--checkpoint-every", "0.05"]].concat(), is_ready);
+    kill_when(folder, &[&args[..], &["--set", "checkpoint-every=0.05"]].concat(), is_ready);
     assert!(!folder.join("field.ply").exists(), "nothing half-written");
 
     // A fit with other options does not resume from it.
-    let other = [&args[..], &["--seed", "1"]].concat();
+    let other = [&args[..], &["--set", "seed=1"]].concat();
     let error = aarc_studio(folder, &other).error(2);
     assert!(error.contains("field.checkpoint is of a fit with other options"), "{error}");
     let output = Command::new(env!("CARGO_BIN_EXE_aarc-studio"))
@@ -155,7 +155,7 @@ fn the_fragment_term_saves_fragments() {
         aarc_studio(folder, &format!("{args} {more}").split_whitespace().collect::<Vec<_>>()).json()
     };
     let number = |json: &Value, key: &str| json[key].as_f64().unwrap();
-    let [without, default, high] = ["--rule paper", "", "--fragment-weight 0.01"].map(fit);
+    let [without, default, high] = ["--rule paper", "", "--set fragment-weight=0.01"].map(fit);
     assert_eq!([&without, &default, &high].map(|json| number(json, "fragment_weight")), [0.0, 0.001, 0.01]);
     let fragments = [&without, &default, &high].map(|json| number(json, "fragments_per_lit_pixel"));
     println!("fragments per lit pixel: {fragments:.1?}");
@@ -442,8 +442,8 @@ fn errors_take_one_line() {
     let folder = folder.path();
     let error = |code, more: &[&str]| aarc_studio(folder, &[&["fit", "stage"], more].concat()).error(code);
     assert!(error(2, &["-o", "field.aarc"]).contains("ends in .ply"));
-    assert!(error(2, &["--anchor-cameras", "99"]).contains("no camera \"99\""));
-    assert!(error(3, &["--mirror", "on"]).contains("mirroring needs cameras on one side"));
+    assert!(error(2, &["--set", "anchor-cameras=99"]).contains("no camera \"99\""));
+    assert!(error(3, &["--set", "mirror=on"]).contains("mirroring needs cameras on one side"));
     assert!(error(2, &["--frames", "3..9"]).contains("the capture has 0..5"));
     assert!(error(2, &["--size", "64x64"]).contains("camera 00 has 48x48"));
     assert!(error(2, &["--cameras", "nobody"]).contains("no camera \"nobody\""));

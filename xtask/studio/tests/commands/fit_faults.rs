@@ -195,7 +195,7 @@ fn frames_are_not_equally_spaced() {
 fn an_earlier_checkpoint_is_refused() {
     let folder = stage();
     let folder = folder.path();
-    let args = ["fit", "stage", "-o", "field.ply", "--steps", "100000", "--checkpoint-every", "0.01"];
+    let args = ["fit", "stage", "-o", "field.ply", "--steps", "100000", "--set", "checkpoint-every=0.01"];
     let checkpoint = folder.join("field.checkpoint");
     small_stage::kill_when(folder, &args, || checkpoint.exists());
     let mut bytes = fs::read(&checkpoint).unwrap();

@@ -186,7 +186,7 @@ fn a_part_that_was_begun_alone_begins_anew_between_two_others() {
     let files = field_files(folder);
     fs::remove_dir_all(folder.join("field")).unwrap();
 
-    let alone = fit(&["--segments", "1..2", "--checkpoint-every", "0.01"]);
+    let alone = fit(&["--segments", "1..2", "--set", "checkpoint-every=0.01"]);
     let checkpoint = folder.join("field/fit/part-0001.checkpoint");
     kill_when(folder, &alone, || checkpoint.exists());
     for segments in ["0..1", "2..3", "3..4"] {
@@ -214,7 +214,7 @@ fn processes_do_not_fit_parts_beside_each_other_at_once() {
         let words = long(more);
         aarc_studio(folder, &words.iter().map(String::as_str).collect::<Vec<_>>()).error(2)
     };
-    let mut first = start(&["--segments", "1..2", "--checkpoint-every", "0.01"]);
+    let mut first = start(&["--segments", "1..2", "--set", "checkpoint-every=0.01"]);
     while !folder.join("field/fit/part-0001.checkpoint").exists() {
         assert!(first.try_wait().unwrap().is_none(), "it fits");
         thread::sleep(Duration::from_millis(5));
@@ -225,7 +225,7 @@ fn processes_do_not_fit_parts_beside_each_other_at_once() {
     }
     let error = refused(&[]);
     assert!(error.contains("field: another process fits to it"), "{error}");
-    let error = refused(&["--segments", "3..4", "--seed", "1"]);
+    let error = refused(&["--segments", "3..4", "--set", "seed=1"]);
     assert!(error.contains("with other options was begun there"), "{error}");
     let output = first.wait_with_output().unwrap();
     assert!(output.status.success(), "the first goes on: {}", String::from_utf8_lossy(&output.stderr));

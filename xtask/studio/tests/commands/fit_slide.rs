@@ -108,7 +108,7 @@ fn a_killed_fit_goes_on_with_the_same_result() {
     let work = folder.join("field/fit");
 
     // In the background: another length of parts is another plan.
-    let often = [&FIT[..], &["--checkpoint-every", "0.01"]].concat();
+    let often = [&FIT[..], &["--set", "checkpoint-every=0.01"]].concat();
     kill_when(folder, &often, || work.join("background.lock").exists());
     let longer: Vec<&str> = FIT.iter().map(|word| if *word == "0.4" { "0.65" } else { *word }).collect();
     let error = aarc_studio(folder, &longer).error(2);
@@ -118,7 +118,7 @@ fn a_killed_fit_goes_on_with_the_same_result() {
         kill_when(folder, &often, || work.join(checkpoint).exists());
     }
     assert!(!folder.join("field/field.json").exists(), "nothing half-written");
-    let other = [&FIT[..], &["--seed", "1"]].concat();
+    let other = [&FIT[..], &["--set", "seed=1"]].concat();
     let error = aarc_studio(folder, &other).error(2);
     assert!(error.contains("with other options was begun there"), "{error}");
     let fewer = [&FIT[..], &["--frames", "0..30"]].concat();

@@ -81,7 +81,7 @@ fn offsets_are_learned_written_and_read() {
         is_begun
     };
     fs::remove_file(folder.join("learned.ply")).unwrap();
-    kill_when(folder, &[words(fit), vec!["--checkpoint-every", "0.05"]].concat(), is_ready);
+    kill_when(folder, &[words(fit), vec!["--set", "checkpoint-every=0.05"]].concat(), is_ready);
     assert!(!folder.join("learned.ply").exists(), "killed before its end");
     let resumed = aarc_studio(folder, &[words(fit), vec!["--json"]].concat()).json();
     assert!(resumed["resumed_at"].as_u64().unwrap() > 0, "{resumed}");

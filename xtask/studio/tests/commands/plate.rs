@@ -104,7 +104,7 @@ fn what_moves_is_fitted_in_front_of_a_plate() {
     let plate_bytes = fs::read(folder.join("a.plate.ply")).unwrap();
 
     // A fit that is refused leaves it.
-    run(folder, &format!("fit studio -o a.ply --plate off --anchor-cameras none {FIT}")).error(2);
+    run(folder, &format!("fit studio -o a.ply --plate off --set anchor-cameras=none {FIT}")).error(2);
     assert_eq!(fs::read(folder.join("a.plate.ply")).unwrap(), plate_bytes);
 
     // Without a plate, everything is the subject, and the old plate goes; but not one that `fit` did not make.

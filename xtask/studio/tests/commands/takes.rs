@@ -197,7 +197,7 @@ fn interrupted_fits_resume() {
     };
     let kill_at_work = |steps| {
         let checkpoint = folder.join("fields/stage.checkpoint");
-        let args = [&args(steps)[..], &["--checkpoint-every", "0.02"]].concat();
+        let args = [&args(steps)[..], &["--set", "checkpoint-every=0.02"]].concat();
         small_stage::kill_when(folder, &args, || checkpoint.exists());
     };
     kill_at_work("2000");

@@ -47,7 +47,7 @@ pub const VARIANTS: &[Variant] = &[
         name: "no motion start",
         about: "Gaussians start at rest",
         plan: |full| full.plan.motion_start.then(|| FitPlan { motion_start: false, ..full.plan.clone() }),
-        absent: "--no-motion-start leaves it out of the full fit",
+        absent: "--set motion-start=off leaves it out of the full fit",
     },
     Variant {
         name: "blur",
@@ -60,7 +60,7 @@ pub const VARIANTS: &[Variant] = &[
     },
     Variant {
         name: "no fragment term",
-        about: "--fragment-weight 0: nothing keeps Gaussians from covering pixels",
+        about: "--set fragment-weight=0: nothing keeps Gaussians from covering pixels",
         plan: |full| {
             (full.plan.fragment_weight > 0.0).then(|| FitPlan { fragment_weight: 0.0, ..full.plan.clone() })
         },
@@ -68,7 +68,7 @@ pub const VARIANTS: &[Variant] = &[
     },
     Variant {
         name: "fragment term doubled",
-        about: "--fragment-weight at twice that of the full fit, for headsets",
+        about: "--set fragment-weight at twice that of the full fit, for headsets",
         plan: |full| {
             let fragment_weight = 2.0 * full.plan.fragment_weight;
             (fragment_weight > 0.0).then(|| FitPlan { fragment_weight, ..full.plan.clone() })
@@ -97,8 +97,8 @@ pub const VARIANTS: &[Variant] = &[
         name: "no mirror",
         about: "the anchor's hidden side stays empty",
         plan: |full| full.mirrors.then(|| FitPlan { mirror: Mirror::Off, ..full.plan.clone() }),
-        absent: "the full fit mirrors nothing; it does in clips of at most nine frames with --anchor-cameras on one \
-                 side, or with --mirror on",
+        absent: "the full fit mirrors nothing; it does in clips of at most nine frames with --set anchor-cameras on one \
+                 side, or with --set mirror=on",
     },
     Variant {
         name: "no plate",

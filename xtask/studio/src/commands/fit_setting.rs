@@ -1,0 +1,172 @@
+//! [`FitSetting`]: a constant of a fit that experiments change, and no user has to.
+
+use std::time::Duration;
+
+use clap::ValueEnum;
+use refine::anchor::Mirror;
+
+use crate::fit::{CHECKPOINT_EVERY, DepthScale};
+
+/// A constant, as `--set KEY=VALUE` states it.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum FitSetting {
+    AnchorCameras(Vec<String>),
+    Mirror(Mirror),
+    MotionStart(bool),
+    DepthScale(DepthScale),
+    Floor(bool),
+    FragmentWeight(f64),
+    CheckpointEvery(Duration),
+    Seed(u64),
+}
+
+/// The help of `--set`.
+pub(super) const HELP: &str = "A constant of the fit, for experiments: anchor-cameras=NAME[,NAME..], mirror=auto|on|off, \
+    motion-start=on|off, depth-scale=auto|metric|rig|hull, floor=on|off, fragment-weight=W, checkpoint-every=S, seed=N \
+    (xtask/README.md lists them); repeatable";
+
+/// All of these constants.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct FitConstants {
+    /// Cameras whose pixels become Gaussians of the anchor, by name, like the paper's frontal ones; empty for all.
+    pub(super) anchor_cameras: Vec<String>,
+    /// Whether the anchor's visible side is mirrored to its hidden side.
+    pub(super) mirror: Mirror,
+    /// Whether the anchor's Gaussians start on the motion of the surface between frames, rather than at rest.
+    pub(super) motion_start: bool,
+    /// How depth maps are scaled to the units of the cameras.
+    pub(super) depth_scale: DepthScale,
+    /// Whether pruning stops at the number of Gaussians asked for.
+    pub(super) has_floor: bool,
+    /// Weight of the area that Gaussians cover in the loss, 0 to 1; `None` for that of the plan.
+    pub(super) fragment_weight: Option<f64>,
+    pub(super) checkpoint_every: Duration,
+    /// Of the random numbers.
+    pub(super) seed: u64,
+}
+
+impl FitConstants {
+    /// The defaults, with these settings; of equal keys the last one holds.
+    pub(super) fn new(settings: &[FitSetting]) -> FitConstants {
+        let mut constants = FitConstants {
+            anchor_cameras: Vec::new(),
+            mirror: Mirror::Auto,
+            motion_start: true,
+            depth_scale: DepthScale::Auto,
+            has_floor: true,
+            fragment_weight: None,
+            checkpoint_every: CHECKPOINT_EVERY,
+            seed: 0,
+        };
+        for setting in settings {
+            match setting {
+                FitSetting::AnchorCameras(names) => constants.anchor_cameras.clone_from(names),
+                FitSetting::Mirror(mirror) => constants.mirror = *mirror,
+                FitSetting::MotionStart(is_on) => constants.motion_start = *is_on,
+                FitSetting::DepthScale(scale) => constants.depth_scale = *scale,
+                FitSetting::Floor(is_on) => constants.has_floor = *is_on,
+                FitSetting::FragmentWeight(weight) => constants.fragment_weight = Some(*weight),
+                FitSetting::CheckpointEvery(time) => constants.checkpoint_every = *time,
+                FitSetting::Seed(seed) => constants.seed = *seed,
+            }
+        }
+        constants
+    }
+}
+
+impl FitSetting {
+    /// The key, if the setting is of an anchor: a fit that starts from a field has none.
+    pub(super) fn anchor_key(&self) -> Option<&'static str> {
+        match self {
+            FitSetting::AnchorCameras(_) => Some("anchor-cameras"),
+            FitSetting::Mirror(_) => Some("mirror"),
+            FitSetting::MotionStart(_) => Some("motion-start"),
+            FitSetting::DepthScale(_) => Some("depth-scale"),
+            _ => None,
+        }
+    }
+}
+
+/// Parses `KEY=VALUE`.
+pub(super) fn fit_setting(text: &str) -> Result<FitSetting, String> {
+    let (key, value) = text.split_once('=').ok_or("KEY=VALUE, such as seed=1")?;
+    match key {
+        "anchor-cameras" => Ok(FitSetting::AnchorCameras(value.split(',').map(str::to_owned).collect())),
+        "mirror" => match value {
+            "auto" => Ok(FitSetting::Mirror(Mirror::Auto)),
+            _ => switch(value).map(|is_on| FitSetting::Mirror(if is_on { Mirror::On } else { Mirror::Off })),
+        },
+        "motion-start" => switch(value).map(FitSetting::MotionStart),
+        "depth-scale" => DepthScale::from_str(value, false).map(FitSetting::DepthScale),
+        "floor" => switch(value).map(FitSetting::Floor),
+        "fragment-weight" => fragment_weight(value).map(FitSetting::FragmentWeight),
+        "checkpoint-every" => {
+            let seconds = value.parse().ok().filter(|seconds| (1e-3..=1e6).contains(seconds));
+            let every = seconds.map(|seconds| FitSetting::CheckpointEvery(Duration::from_secs_f64(seconds)));
+            every.ok_or_else(|| "seconds from 0.001 to 1000000".into())
+        }
+        "seed" => value.parse().map(FitSetting::Seed).map_err(|_| "seed is a whole number from 0 on".into()),
+        _ => Err(format!("no constant {key}; --help lists them")),
+    }
+}
+
+/// Parses the weight of the fragment term.
+pub(super) fn fragment_weight(text: &str) -> Result<f64, String> {
+    let weight = text.parse().ok().filter(|weight| (0.0..=1.0).contains(weight));
+    weight.ok_or_else(|| "a number from 0 to 1".into())
+}
+
+fn switch(value: &str) -> Result<bool, String> {
+    match value {
+        "on" => Ok(true),
+        "off" => Ok(false),
+        _ => Err("it is on or off".into()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn settings_change_what_they_name() {
+        let default = FitConstants::new(&[]);
+        let set = |text: &str| FitConstants::new(&[fit_setting(text).unwrap()]);
+        let cameras = vec!["00".to_owned(), "08".to_owned()];
+        assert_eq!(set("anchor-cameras=00,08"), FitConstants { anchor_cameras: cameras, ..default.clone() });
+        assert_eq!(set("mirror=off"), FitConstants { mirror: Mirror::Off, ..default.clone() });
+        assert_eq!(set("motion-start=off"), FitConstants { motion_start: false, ..default.clone() });
+        assert_eq!(set("depth-scale=rig"), FitConstants { depth_scale: DepthScale::Rig, ..default.clone() });
+        assert_eq!(set("floor=off"), FitConstants { has_floor: false, ..default.clone() });
+        let fragment_weight = Some(0.25);
+        assert_eq!(set("fragment-weight=0.25"), FitConstants { fragment_weight, ..default.clone() });
+        let checkpoint_every = Duration::from_millis(500);
+        assert_eq!(set("checkpoint-every=0.5"), FitConstants { checkpoint_every, ..default.clone() });
+        assert_eq!(set("seed=7"), FitConstants { seed: 7, ..default.clone() });
+        for key in [
+            "anchor-cameras",
+            "mirror",
+            "motion-start",
+            "depth-scale",
+            "floor",
+            "fragment-weight",
+            "checkpoint-every",
+            "seed",
+        ] {
+            assert!(HELP.contains(&format!("{key}=")), "{key}");
+        }
+        let twice = ["seed=1", "seed=2"].map(|text| fit_setting(text).unwrap());
+        assert_eq!(FitConstants::new(&twice).seed, 2);
+        for (text, why) in [
+            ("seed", "KEY=VALUE"),
+            ("seed=-1", "whole number"),
+            ("mirror=maybe", "on or off"),
+            ("fragment-weight=2", "0 to 1"),
+            ("checkpoint-every=0", "seconds from"),
+            ("depth-scale=big", "invalid variant"),
+            ("gravity=9.81", "no constant gravity"),
+        ] {
+            assert!(fit_setting(text).unwrap_err().contains(why), "{text}");
+        }
+    }
+}
