@@ -15,8 +15,7 @@ use crate::gpu::{ChannelDepth, Cutoff, Level, RenderSettings, SortOrder};
 
 /// The text of `--version`: versions of the program and of the packages that it plays.
 static VERSION: LazyLock<String> = LazyLock::new(|| {
-    let (first, last) = (codec::VERSIONS.start(), codec::VERSIONS.end());
-    format!("{}\nplays packages (.aarc) of versions {first}.x and {last}.x", env!("CARGO_PKG_VERSION"))
+    format!("{}\nplays packages (.aarc) of version {}.x", env!("CARGO_PKG_VERSION"), codec::VERSION_MAJOR)
 });
 
 /// The end of the long help.

@@ -8,7 +8,9 @@ use std::num::NonZero;
 use std::process::ExitCode;
 use std::{env, fs, thread};
 
-use codec::{Clip, ClipInfo, Contents, Error, Field, Limits, Package, Take, decode_parallel, package};
+use codec::{
+    Clip, ClipInfo, Contents, Error, Field, Limits, Package, Take, VERSION_MAJOR, decode_parallel, package,
+};
 
 fn main() -> ExitCode {
     let Some(path) = env::args_os().nth(1) else {
@@ -52,7 +54,7 @@ fn list(bytes: &[u8]) -> Result<(), Error> {
 /// # Errors
 /// The first error of a segment, after the others were listed.
 fn list_take(take: &Take, bytes: &[u8], threads: NonZero<usize>) -> Result<(), Error> {
-    println!("format {}.{}, coder {}", take.version_major, take.version_minor, take.coder.name());
+    println!("format {VERSION_MAJOR}.{}, coder {}", take.version_minor, take.coder.name());
     println!(
         "take of {} s, {} segments, at most {} Gaussians at an instant",
         take.duration_s,
@@ -92,7 +94,7 @@ fn list_take(take: &Take, bytes: &[u8], threads: NonZero<usize>) -> Result<(), E
 }
 
 fn list_head(head: &Contents) {
-    println!("format {}.{}, coder {}", head.version_major, head.version_minor, head.coder.name());
+    println!("format {VERSION_MAJOR}.{}, coder {}", head.version_minor, head.coder.name());
     list_info(&head.info, head.bounds);
     println!("layer   static  dynamic  (up to its end)  bytes");
     for ((layer, end), bytes) in head.layers.iter().enumerate().zip(head.layer_bytes()) {

@@ -6,22 +6,19 @@ pub enum Coder {
     /// The paper's trajectory coding: FP16 and INT8 attributes, 10-bit motion coefficients, zstd.
     #[default]
     Fixed,
-    /// Quantisation steps from the visibility of each Gaussian, and an adaptive range coder. Not in
+    /// Quantisation steps from the visibility of each Gaussian, and an adaptive rANS coder. Not in
     /// the paper.
-    Context,
-    /// The model of `context` with a faster entropy coder and faster arithmetic. Needs version 2. Not in the paper.
     Rans,
 }
 
 impl Coder {
     /// All coders.
-    pub const ALL: [Coder; 3] = [Coder::Fixed, Coder::Context, Coder::Rans];
+    pub const ALL: [Coder; 2] = [Coder::Fixed, Coder::Rans];
 
-    /// Name on command lines and in reports: `fixed`, `context` or `rans`.
+    /// Name on command lines and in reports: `fixed` or `rans`.
     pub fn name(self) -> &'static str {
         match self {
             Coder::Fixed => "fixed",
-            Coder::Context => "context",
             Coder::Rans => "rans",
         }
     }
@@ -31,15 +28,6 @@ impl Coder {
     pub(crate) fn id(self) -> u8 {
         match self {
             Coder::Fixed => 1,
-            Coder::Context => 2,
-            Coder::Rans => 3,
-        }
-    }
-
-    /// Lowest major version of packages with this coder. Format.
-    pub(crate) fn version_major(self) -> u16 {
-        match self {
-            Coder::Fixed | Coder::Context => 1,
             Coder::Rans => 2,
         }
     }
@@ -48,8 +36,7 @@ impl Coder {
     pub(crate) fn from_id(id: u8) -> Option<Coder> {
         match id {
             1 => Some(Coder::Fixed),
-            2 => Some(Coder::Context),
-            3 => Some(Coder::Rans),
+            2 => Some(Coder::Rans),
             _ => None,
         }
     }

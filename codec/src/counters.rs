@@ -6,10 +6,9 @@ pub(crate) enum Work {
     /// Bytes that were read or checksummed.
     Bytes,
     /// Visits to entries of the tables of sections and segments, to the sections that the counts require, and
-    /// to the
-    /// segments that hold an instant.
+    /// to the segments that hold an instant.
     Sections,
-    /// Symbols of the range coder.
+    /// Symbols of the coder `rans`.
     Symbols,
     /// Visits to Gaussians, and to runs of cells.
     Rows,

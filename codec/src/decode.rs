@@ -14,13 +14,11 @@ use crate::{
     Clip, Coder, Error, Field, LayerEnd, Layers, Limits, TimeIndex,
     bytes::Reader,
     columns::{Columns, PackageColumns},
-    context,
     error::FormatError,
     fixed, gaussian,
     header::{Contents, PlannedSection, check_count, check_end, contents_within},
     limits::Budget,
     parallel::try_for_each,
-    rans,
     rows::Rows,
     section::{Region, Section, SectionKind},
     time_index::{CELLS, SORTING_NUMBERS},
@@ -31,7 +29,7 @@ use crate::{
 /// # Errors
 /// - [`Error::Format`] if the head or anything in the complete layers is damaged or inconsistent;
 ///   with [`FormatError::Truncated`] if `bytes` ends before the first layer does.
-/// - [`Error::Version`] if the major version is none of [`VERSIONS`](crate::VERSIONS).
+/// - [`Error::Version`] if the major version is not [`VERSION_MAJOR`](crate::VERSION_MAJOR).
 /// - [`Error::Limits`] if decoding needs more than `limits`.
 pub fn decode(bytes: &[u8], limits: &Limits) -> Result<Clip, Error> {
     decode_parallel(bytes, limits, NonZero::<usize>::MIN)
@@ -153,7 +151,7 @@ fn decode_chunks(
     let ends = &contents.layers[layers.clone()];
     let scratch = match contents.coder {
         Coder::Fixed => Vec::new(),
-        Coder::Context | Coder::Rans => budget
+        Coder::Rans => budget
             .vec(SORTING_NUMBERS * dynamic_rows(before, ends).map(|rows| rows.len()).max().unwrap_or(0))?,
     };
     let Regions { static_field, mut dynamic_field, plate } =
@@ -164,7 +162,7 @@ fn decode_chunks(
                 sections(contents, layers).filter(|(planned, _)| planned.kind == SectionKind::TimeIndex);
             read_time_index(bytes, &dynamic_field, before, ends, indices)?
         }
-        Coder::Context | Coder::Rans => sort_by_cell(&mut dynamic_field, before, ends, scratch),
+        Coder::Rans => sort_by_cell(&mut dynamic_field, before, ends, scratch),
     };
     Ok((Layers { before, static_field, dynamic_field, ends: ends.to_vec(), time_index }, plate))
 }
@@ -306,9 +304,11 @@ fn sort_by_cell(
 /// Decodes chunks, one at a time.
 enum ChunkDecoder {
     /// Decompresses into a buffer first.
-    Fixed { zstd: zstd::bulk::Decompressor<'static>, raw: Vec<u8> },
-    /// Decodes with a model of Gaussians.
-    Gaussian { decode: gaussian::DecodeChunk, version_major: u16 },
+    Fixed {
+        zstd: zstd::bulk::Decompressor<'static>,
+        raw: Vec<u8>,
+    },
+    Rans,
 }
 
 /// Creates one decoder, and up to `count` if `budget` suffices.
@@ -331,18 +331,17 @@ fn chunk_decoders(
 impl ChunkDecoder {
     /// Creates a decoder of chunks of up to `largest` bytes before compression.
     fn new(contents: &Contents, largest: usize, budget: &mut Budget) -> Result<ChunkDecoder, Error> {
-        let gaussian = |budget: &mut Budget, decode| {
-            budget.spend(gaussian::WORK_BYTES)?;
-            Ok(ChunkDecoder::Gaussian { decode, version_major: contents.version_major })
-        };
         match contents.coder {
-            Coder::Context => return gaussian(budget, context::decode),
-            Coder::Rans => return gaussian(budget, rans::decode),
-            Coder::Fixed => {}
+            Coder::Fixed => {
+                let zstd = zstd::bulk::Decompressor::new()
+                    .map_err(|e| Error::format(0, FormatError::Payload { reason: e.to_string() }))?;
+                Ok(ChunkDecoder::Fixed { zstd, raw: budget.vec(largest)? })
+            }
+            Coder::Rans => {
+                budget.spend(gaussian::WORK_BYTES)?;
+                Ok(ChunkDecoder::Rans)
+            }
         }
-        let zstd = zstd::bulk::Decompressor::new()
-            .map_err(|e| Error::format(0, FormatError::Payload { reason: e.to_string() }))?;
-        Ok(ChunkDecoder::Fixed { zstd, raw: budget.vec(largest)? })
     }
 
     /// Decodes a chunk into `rows`, as many as it holds.
@@ -355,9 +354,7 @@ impl ChunkDecoder {
     ) -> Result<(), Error> {
         let (zstd, raw) = match self {
             ChunkDecoder::Fixed { zstd, raw } => (zstd, raw),
-            ChunkDecoder::Gaussian { decode, version_major } => {
-                return decode(payload, *version_major, columns, section.offset, rows);
-            }
+            ChunkDecoder::Rans => return gaussian::decode(payload, columns, section.offset, rows),
         };
         let damaged = |reason| Error::format(section.offset, FormatError::Payload { reason });
         // The section table is checked: the length fits the rows, and the buffer has the capacity.

@@ -13,17 +13,15 @@ use crate::{
     ClipInfo, Coder, Contents, EncodeError, Field, LayerEnd, PixelFilter, Precision,
     bytes::Writer,
     columns::Columns,
-    context,
     decode::decode_regions,
     fixed,
-    format::{CHUNK_ROWS, LAYERS_MAX},
+    format::{CHUNK_ROWS, LAYERS_MAX, VERSION_MINOR},
     gaussian::{self, ChunkForm, Steps},
     header::PlannedSection,
     order::{Layer, along_curve, split},
     parallel::try_for_each,
     precision::Prepared,
     quant::{f16_finite, f16_positive, f16_value, opacity_code, opacity_value},
-    rans,
     section::{Region, Section, SectionKind},
     time_index::CELLS,
 };
@@ -51,9 +49,9 @@ pub struct EncodeOptions {
     /// field count as one, and the last layer always ends with the field; so the default, no ends,
     /// makes one layer.
     pub layers: Vec<usize>,
-    /// Fidelity of the coders `context` and `rans`. The coder `fixed` ignores it.
+    /// Fidelity of the coder `rans`. The coder `fixed` ignores it.
     pub precision: Precision,
-    /// Whether a graphics device computed numbers of the field; the package says so, in version 2.
+    /// Whether a graphics device computed numbers of the field; the package says so.
     pub by_device: bool,
 }
 
@@ -89,7 +87,7 @@ pub fn encode_parallel(
 /// coder `fixed` makes none.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ChunkForms {
-    /// By section; `None` where neighbours never predict. Only the coder `rans` takes it over.
+    /// By section; `None` where neighbours never predict.
     has_neighbors: Vec<Option<bool>>,
     /// By row of the field; none for the coder `fixed`.
     steps: Vec<Steps>,
@@ -160,7 +158,7 @@ fn encode_sections(
             coded_windows = with_coded_windows(field);
             &coded_windows
         }
-        Coder::Context | Coder::Rans => {
+        Coder::Rans => {
             precision.check(field)?;
             field
         }
@@ -191,7 +189,7 @@ fn encode_sections(
             Region::Plate => plate.as_ref().map(|(chunks, rows)| (chunks, rows)).expect("a plate is planned"),
         };
         match planned.kind {
-            SectionKind::TimeIndex => Payload::of_any_version(time_index_payload(&layer.cells), &[]),
+            SectionKind::TimeIndex => time_index_payload(&layer.cells),
             _ => {
                 let start = planned.chunk as usize * CHUNK_ROWS;
                 let columns = contents.columns().of(planned.region);
@@ -208,29 +206,20 @@ fn encode_sections(
     try_for_each(plan.iter().enumerate().zip(&mut payloads), vec![encode; threads])
         .unwrap_or_else(|never| match never {});
 
-    // Flags make every chunk of version 2 longer by a byte. Readers of version 1 are older, know one filter, and let
-    // nothing fade.
-    let saved: usize = payloads.iter().map(Payload::saved_by_version_2).sum();
-    let has_other_filter = [contents.filter, contents.plate_filter] != [PixelFilter::Blur; 2];
-    let needs_version_2 =
-        has_other_filter || contents.by_device || contents.near > 0.0 || saved > payloads.len();
-    contents.version_major = if needs_version_2 { 2 } else { coder.version_major() };
     let (mut static_rows, mut dynamic_rows) = (Vec::new(), Vec::new());
     for (planned, payload) in plan.iter().zip(&payloads) {
         match planned.region {
-            Region::Static => static_rows.extend_from_slice(payload.rows()),
-            Region::Dynamic => dynamic_rows.extend_from_slice(payload.rows()),
+            Region::Static => static_rows.extend_from_slice(&payload.rows),
+            Region::Dynamic => dynamic_rows.extend_from_slice(&payload.rows),
             Region::Plate => (),
         }
     }
     let forms = ChunkForms {
-        has_neighbors: payloads.iter().map(|payload| payload.has_neighbors(contents.version_major)).collect(),
+        has_neighbors: payloads.iter().map(|payload| payload.has_neighbors).collect(),
         steps: steps_of(field, &plan, &payloads),
     };
-    let payloads: Vec<(Vec<u8>, usize)> =
-        payloads.into_iter().map(|payload| payload.finish(contents.version_major)).collect();
 
-    let section = |(planned, (payload, raw_length)): (&PlannedSection, &(Vec<u8>, usize))| Section {
+    let section = |(planned, payload): (&PlannedSection, &Payload)| Section {
         kind: planned.kind,
         critical: true,
         layer: planned.layer,
@@ -238,13 +227,13 @@ fn encode_sections(
         chunk: planned.chunk,
         // `Contents::write` computes it from the lengths.
         offset: 0,
-        length: payload.len(),
-        raw_length: *raw_length,
-        crc: crc32fast::hash(payload),
+        length: payload.bytes.len(),
+        raw_length: payload.raw_length,
+        crc: crc32fast::hash(&payload.bytes),
     };
     contents.sections = plan.iter().zip(&payloads).map(section).collect();
     let mut package = contents.write()?;
-    payloads.iter().for_each(|(payload, _)| package.extend_from_slice(payload));
+    payloads.iter().for_each(|payload| package.extend_from_slice(&payload.bytes));
     Ok(Encoded { package, forms, static_rows, dynamic_rows })
 }
 
@@ -252,12 +241,9 @@ fn encode_sections(
 fn steps_of(field: &Field, plan: &[PlannedSection], payloads: &[Payload]) -> Vec<Steps> {
     let mut steps = Vec::new();
     for (planned, payload) in plan.iter().zip(payloads) {
-        match payload {
-            Payload::Gaussian(chunk) if planned.region != Region::Plate => {
-                steps.resize(field.len(), Steps::default());
-                chunk.rows().iter().zip(chunk.steps()).for_each(|(&row, chosen)| steps[row] = *chosen);
-            }
-            _ => {}
+        if planned.region != Region::Plate && !payload.steps.is_empty() {
+            steps.resize(field.len(), Steps::default());
+            payload.rows.iter().zip(&payload.steps).for_each(|(&row, chosen)| steps[row] = *chosen);
         }
     }
     steps
@@ -266,7 +252,6 @@ fn steps_of(field: &Field, plan: &[PlannedSection], payloads: &[Payload]) -> Vec
 /// Encodes chunks of a field.
 enum ChunkEncoder<'a> {
     Fixed(&'a Field),
-    Context(Prepared<'a>),
     Rans(Prepared<'a>),
 }
 
@@ -274,7 +259,6 @@ impl<'a> ChunkEncoder<'a> {
     fn new(coder: Coder, field: &'a Field, prepare: impl FnOnce() -> Prepared<'a>) -> ChunkEncoder<'a> {
         match coder {
             Coder::Fixed => ChunkEncoder::Fixed(field),
-            Coder::Context => ChunkEncoder::Context(prepare()),
             Coder::Rans => ChunkEncoder::Rans(prepare()),
         }
     }
@@ -283,14 +267,19 @@ impl<'a> ChunkEncoder<'a> {
         match self {
             ChunkEncoder::Fixed(field) => {
                 let chunk = select(field, rows, columns.temporal.is_some());
-                Payload::of_any_version(fixed::encode(&chunk, columns), rows)
+                let (bytes, raw_length) = fixed::encode(&chunk, columns);
+                Payload { bytes, raw_length, rows: rows.to_vec(), ..Payload::default() }
             }
-            ChunkEncoder::Context(prepared) => {
-                // Whether the package needs version 2 follows from the bytes of both forms.
-                let form = ChunkForm { has_neighbors: None, ..form };
-                Payload::Gaussian(context::encode(prepared, rows, columns, form))
+            ChunkEncoder::Rans(prepared) => {
+                let chunk = gaussian::encode(prepared, rows, columns, form);
+                Payload {
+                    raw_length: chunk.payload.len(),
+                    bytes: chunk.payload,
+                    rows: chunk.rows,
+                    steps: chunk.steps,
+                    has_neighbors: Some(chunk.has_neighbors),
+                }
             }
-            ChunkEncoder::Rans(prepared) => Payload::Gaussian(rans::encode(prepared, rows, columns, form)),
         }
     }
 
@@ -298,72 +287,24 @@ impl<'a> ChunkEncoder<'a> {
     fn nonzero_columns(&self, rows: &[usize], with_temporal: bool) -> Columns {
         let of_chunk = |rows: &[usize]| match self {
             ChunkEncoder::Fixed(field) => fixed::nonzero_columns(&select(field, rows, with_temporal)),
-            ChunkEncoder::Context(prepared) | ChunkEncoder::Rans(prepared) => {
-                Columns::nonzero(prepared.field, rows, with_temporal)
-            }
+            ChunkEncoder::Rans(prepared) => Columns::nonzero(prepared.field, rows, with_temporal),
         };
         rows.chunks(CHUNK_ROWS).map(of_chunk).fold(Columns::default(), Columns::union)
     }
 }
 
-/// The payload of a section, before the version of the package is known.
-#[derive(Clone, Debug)]
-enum Payload {
-    /// Stored bytes that are the same in every version, and their length before compression.
-    Any {
-        bytes: Vec<u8>,
-        raw_length: usize,
-        /// Source rows of the Gaussians, in coded order.
-        rows: Vec<usize>,
-    },
-    Gaussian(gaussian::EncodedChunk),
-}
-
-impl Default for Payload {
-    fn default() -> Payload {
-        Payload::of_any_version((Vec::new(), 0), &[])
-    }
-}
-
-impl Payload {
-    fn of_any_version((bytes, raw_length): (Vec<u8>, usize), rows: &[usize]) -> Payload {
-        Payload::Any { bytes, raw_length, rows: rows.to_vec() }
-    }
-
+/// A section as stored.
+#[derive(Clone, Debug, Default)]
+struct Payload {
+    bytes: Vec<u8>,
+    /// Length before compression.
+    raw_length: usize,
     /// Source rows of the Gaussians, in coded order.
-    fn rows(&self) -> &[usize] {
-        match self {
-            Payload::Any { rows, .. } => rows,
-            Payload::Gaussian(chunk) => chunk.rows(),
-        }
-    }
-
-    fn saved_by_version_2(&self) -> usize {
-        match self {
-            Payload::Any { .. } => 0,
-            Payload::Gaussian(chunk) => chunk.saved_by_version_2(),
-        }
-    }
-
-    /// Whether neighbours predict; `None` if they never do.
-    fn has_neighbors(&self, version_major: u16) -> Option<bool> {
-        match self {
-            Payload::Any { .. } => None,
-            Payload::Gaussian(chunk) => Some(chunk.has_neighbors(version_major)),
-        }
-    }
-
-    /// The stored bytes, and their length before compression.
-    fn finish(self, version_major: u16) -> (Vec<u8>, usize) {
-        match self {
-            Payload::Any { bytes, raw_length, .. } => (bytes, raw_length),
-            Payload::Gaussian(chunk) => {
-                let bytes = chunk.payload(version_major);
-                let length = bytes.len();
-                (bytes, length)
-            }
-        }
-    }
+    rows: Vec<usize>,
+    /// Steps of the Gaussians of these rows; none for the coder `fixed`.
+    steps: Vec<Steps>,
+    /// Whether neighbours predict; `None` where they never do.
+    has_neighbors: Option<bool>,
 }
 
 /// Selects `rows`, without temporal columns unless `with_temporal`.
@@ -473,8 +414,7 @@ fn describe(
         end
     };
     Contents {
-        version_major: 1,
-        version_minor: 0,
+        version_minor: VERSION_MINOR,
         info: info.clone(),
         bounds,
         coder,
@@ -494,12 +434,11 @@ fn describe(
     }
 }
 
-/// Encodes the number of rows per cell. Also returns the length, which is the raw length.
-fn time_index_payload(cells: &[u32; CELLS]) -> (Vec<u8>, usize) {
+/// Encodes the number of rows per cell.
+fn time_index_payload(cells: &[u32; CELLS]) -> Payload {
     let mut writer = Writer::default();
     for &count in cells {
         writer.leb128(count);
     }
-    let length = writer.bytes.len();
-    (writer.bytes, length)
+    Payload { raw_length: writer.bytes.len(), bytes: writer.bytes, ..Payload::default() }
 }

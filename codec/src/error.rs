@@ -2,7 +2,7 @@
 
 #[cfg(feature = "encode")]
 use crate::format::LAYERS_MAX;
-use crate::format::VERSIONS;
+use crate::format::VERSION_MAJOR;
 
 /// Why a package could not be decoded.
 ///
@@ -18,11 +18,9 @@ pub enum Error {
         /// What is wrong there.
         error: FormatError,
     },
-    /// The package has a major version of the format that this decoder does not read.
+    /// The package has another major version of the format than [`VERSION_MAJOR`].
     #[error(
-        "package version {major}.{minor} cannot be read, at byte 4; this program reads {}.x and {}.x",
-        VERSIONS.start(),
-        VERSIONS.end()
+        "package version {major}.{minor} cannot be read, at byte 4; this program reads {VERSION_MAJOR}.x"
     )]
     Version {
         /// Major version of the package.

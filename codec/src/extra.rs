@@ -1,7 +1,7 @@
 //! [`with_extra`]: gives a clip package another section that is not critical, such as sound or a poster. Gaussians are
 //! copied, not coded anew.
 
-use crate::{Contents, EncodeError, Error, FormatError, Region, Section, SectionKind, format::VERSION_MINOR};
+use crate::{Contents, EncodeError, Error, FormatError, Region, Section, SectionKind};
 
 /// Returns the clip package whose head is `contents`, with `payload` as its section of `kind`, or without such a section.
 /// All other sections stay as they are. Sections that are not critical stand before all chunks, by their kinds.
@@ -37,13 +37,6 @@ pub(crate) fn with_extra(
         let is_behind_sound = parts.first().is_some_and(|(first, _)| first.kind == SectionKind::Sound);
         parts.insert(usize::from(is_behind_sound), (section, payload));
     }
-    // Other sections of later minor versions may be there.
-    let has_extra = parts.iter().any(|(section, _)| section.kind.is_extra());
-    contents.version_minor = match contents.version_minor {
-        ..=VERSION_MINOR if has_extra => VERSION_MINOR,
-        ..=VERSION_MINOR => 0,
-        later => later,
-    };
     contents.sections = parts.iter().map(|(section, _)| *section).collect();
     let mut written = contents.write()?;
     parts.iter().for_each(|(_, bytes)| written.extend_from_slice(bytes));

@@ -4,13 +4,12 @@
 /// First bytes of every package.
 pub(crate) const MAGIC: [u8; 4] = *b"AARC";
 
-/// Major versions of the package format that are read. A writer uses the first that has all that the package
-/// needs.
-pub const VERSIONS: std::ops::RangeInclusive<u16> = 1..=2;
+/// Major version of the package format, of all packages that are read and written.
+pub const VERSION_MAJOR: u16 = 1;
 
-/// Highest minor version of the package format that is written: that of packages with sound or a poster; others have 0.
-/// A later minor version may add sections that are not critical; readers skip those.
-pub const VERSION_MINOR: u16 = 1;
+/// Minor version of the package format that is written. A later one may add sections that are not critical; readers skip
+/// those.
+pub const VERSION_MINOR: u16 = 0;
 
 /// Bytes of a section with a poster.
 pub(crate) const POSTER_BYTES: usize = 36;
@@ -20,9 +19,6 @@ pub(crate) const SOUND_HEAD_BYTES: usize = 32;
 
 /// Numbers of samples that a packet of sound may have: the durations of packets of one frame.
 pub(crate) const SOUND_PACKET_SAMPLES: [u16; 6] = [120, 240, 480, 960, 1920, 2880];
-
-/// First major version that has takes.
-pub(crate) const TAKES_SINCE: u16 = 2;
 
 /// Bytes up to and including the length of the head.
 pub(crate) const PREFIX_BYTES: usize = 12;

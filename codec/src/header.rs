@@ -22,8 +22,6 @@ use crate::{
 /// The head of a package: metadata, counts and section table.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Contents {
-    /// Major version of the format, one of [`VERSIONS`](crate::VERSIONS).
-    pub version_major: u16,
     /// Minor version of the format.
     pub version_minor: u16,
     /// Duration, axes, viewpoints.
@@ -69,7 +67,7 @@ pub struct Contents {
 /// # Errors
 /// - [`Error::Format`] if the head is damaged or inconsistent, or bytes follow the last section.
 ///   With [`FormatError::Truncated`], `bytes` is too short to tell.
-/// - [`Error::Version`] if the major version is none of [`VERSIONS`](crate::VERSIONS).
+/// - [`Error::Version`] if the major version is not [`VERSION_MAJOR`](crate::VERSION_MAJOR).
 /// - [`Error::Limits`] if the package announces more Gaussians than `limits` allow, or its section
 ///   table needs more memory.
 pub fn contents(bytes: &[u8], limits: &Limits) -> Result<Contents, Error> {
@@ -173,7 +171,6 @@ fn parse(head: &Head, limits: &Limits, budget: &mut Budget) -> Result<Contents, 
     reader.finish()?;
     let TemporalColumns { motion_order, rotation_rates } = preamble.columns.temporal;
     Ok(Contents {
-        version_major: head.version_major,
         version_minor: head.version_minor,
         info,
         bounds: preamble.bounds,
@@ -335,7 +332,7 @@ impl Contents {
                 return Err(error(format!("critical {planned:?}"), format!("{section:?}")));
             }
             let raw_length = match (planned.kind, self.coder) {
-                (SectionKind::TimeIndex, _) | (_, Coder::Context | Coder::Rans) => section.length,
+                (SectionKind::TimeIndex, _) | (_, Coder::Rans) => section.length,
                 (_, Coder::Fixed) => fixed::raw_bytes(self.columns().of(planned.region), planned.rows),
             };
             if section.raw_length != raw_length {
@@ -374,7 +371,7 @@ impl Contents {
             plate_len: self.plate_len,
             entry_count: self.sections.len(),
         };
-        let mut w = preamble.write(self.version_major, self.version_minor)?;
+        let mut w = preamble.write(self.version_minor)?;
         let mut start = LayerEnd::default();
         for end in &self.layers {
             w.u32(u32_of(end.static_count - start.static_count)?);

@@ -1,12 +1,12 @@
 //! [`measure`]: the bytes that each attribute takes, as coded and under simpler codings.
 
 use crate::{
-    Coder, Error, Limits, context,
+    Coder, Error, Limits,
     decode::complete_layers,
-    gaussian::{Attribute, BitStats},
+    gaussian,
     header::contents_within,
     limits::Budget,
-    rans,
+    rans::{Attribute, BitStats},
     rows::Rows,
 };
 
@@ -58,15 +58,10 @@ pub fn measure(bytes: &[u8], limits: &Limits) -> Result<Vec<AttributeSize>, Erro
         let columns = contents.columns().of(planned.region);
         let mut field = columns.zeros(planned.rows, &mut budget.clone())?;
         let payload = section.payload(bytes)?;
-        let version = contents.version_major;
         let rows = Rows::all(&mut field);
-        let offset = section.offset;
         match contents.coder {
             Coder::Fixed => return Ok(Vec::new()),
-            Coder::Context => {
-                context::decode_observed(payload, version, columns, offset, rows, &mut stats)?;
-            }
-            Coder::Rans => rans::decode_observed(payload, version, columns, offset, rows, &mut stats)?,
+            Coder::Rans => gaussian::decode_observed(payload, columns, section.offset, rows, &mut stats)?,
         }
     }
     let size = |(name, attributes): (&'static str, &[Attribute])| {

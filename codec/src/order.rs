@@ -35,9 +35,7 @@ pub(crate) fn split(field: &Field, ends: &[usize], bounds: [[f32; 3]; 2], coder:
                 dynamic_rows.iter().for_each(|&i| cells[cell_of(field, i)] += 1);
             }
             // The decoder sorts by cell.
-            Coder::Context | Coder::Rans => {
-                sort_along_curve(&mut dynamic_rows, bounds, |i| (0, midlife_position(field, i)))
-            }
+            Coder::Rans => sort_along_curve(&mut dynamic_rows, bounds, |i| (0, midlife_position(field, i))),
         }
         Layer { static_rows, dynamic_rows, cells }
     };

@@ -127,8 +127,6 @@ mod write {
         let contents = crate::contents(&segment, limits).map_err(EncodeError::Package)?;
         take.segments[0].head_crc = contents.head_crc;
         take.segments[0].layers = prefixes(&contents);
-        // Other segments may have what later minor versions added.
-        take.version_minor = take.version_minor.max(contents.version_minor);
         let mut written = write_take(&take)?;
         written.extend_from_slice(&segment);
         Ok(written)

@@ -9,25 +9,23 @@ use crate::{
     columns::{PackageColumns, TemporalColumns},
     counters::Work,
     error::FormatError,
-    format::{
-        FIXED_BYTES, LAYERS_MAX, LAYERS_OFFSET, MAGIC, PREFIX_BYTES, TAKES_SINCE, VERSIONS, VIEWPOINTS_MAX,
-    },
+    format::{FIXED_BYTES, LAYERS_MAX, LAYERS_OFFSET, MAGIC, PREFIX_BYTES, VERSION_MAJOR, VIEWPOINTS_MAX},
 };
 
-/// Flags of the head: the dynamic region has rotation rates; from version 2, the mip filter of the static and
-/// the dynamic region, that of the plate, whether a graphics device computed numbers of the Gaussians, and whether the
-/// near distance is above 0. Format.
+/// Flags of the head: the dynamic region has rotation rates, the mip filter of the static and the dynamic region, that
+/// of the plate, whether a graphics device computed numbers of the Gaussians, and whether the near distance is above 0.
+/// Format.
 const ROTATION_RATES: u8 = 1;
 const MIP: u8 = 2;
 const PLATE_MIP: u8 = 4;
 const BY_DEVICE: u8 = 8;
 const NEAR: u8 = 16;
+const KNOWN_FLAGS: u8 = ROTATION_RATES | MIP | PLATE_MIP | BY_DEVICE | NEAR;
 
 /// A head whose magic number, version, length and checksum are right.
 pub(crate) struct Head<'a> {
     /// All bytes but the checksum.
     body: &'a [u8],
-    pub(crate) version_major: u16,
     pub(crate) version_minor: u16,
     pub(crate) crc: u32,
 }
@@ -52,7 +50,7 @@ impl<'a> Head<'a> {
         let prefix = bytes.get(..PREFIX_BYTES).ok_or(truncated(PREFIX_BYTES))?;
         let version_major = u16::from_le_bytes([prefix[4], prefix[5]]);
         let version_minor = u16::from_le_bytes([prefix[6], prefix[7]]);
-        if !VERSIONS.contains(&version_major) {
+        if version_major != VERSION_MAJOR {
             return Err(Error::Version { major: version_major, minor: version_minor });
         }
         let length = u32::from_le_bytes([prefix[8], prefix[9], prefix[10], prefix[11]]) as usize;
@@ -67,7 +65,7 @@ impl<'a> Head<'a> {
         if stored != computed {
             return Err(Error::format(body.len(), FormatError::Crc { part: "head", stored, computed }));
         }
-        Ok(Head { body, version_major, version_minor, crc: stored })
+        Ok(Head { body, version_minor, crc: stored })
     }
 
     /// Offset and value of the checksum that a head at the beginning of `bytes` ends with, of which nothing else is
@@ -84,7 +82,7 @@ impl<'a> Head<'a> {
 
     /// Whether this is the head of a take.
     pub(crate) fn is_take(&self) -> bool {
-        self.version_major >= TAKES_SINCE && self.body[LAYERS_OFFSET] == 0
+        self.body[LAYERS_OFFSET] == 0
     }
 
     /// Length in bytes, checksum included.
@@ -113,20 +111,15 @@ impl<'a> Head<'a> {
             return Err(Error::value(36, "bounds", bounds));
         }
         let coder = reader.u8()?;
-        let known = Coder::from_id(coder).filter(|coder| self.version_major >= coder.version_major());
-        let coder = known.ok_or_else(|| Error::value(60, "coder", coder))?;
+        let coder = Coder::from_id(coder).ok_or_else(|| Error::value(60, "coder", coder))?;
         let at_most = |field, at, value, max| {
             if value > max { Err(Error::value(at, field, value)) } else { Ok(value) }
         };
         let sh_degree = at_most("SH degree", 61, reader.u8()?, SH_DEGREE_MAX)?;
         let motion_order = at_most("motion order", 62, reader.u8()?, MOTION_ORDER_MAX)?;
-        let known_flags = match self.version_major {
-            ..2 => ROTATION_RATES,
-            2.. => ROTATION_RATES | MIP | PLATE_MIP | BY_DEVICE | NEAR,
-        };
-        let flags = at_most("flags", 63, reader.u8()?, known_flags)?;
+        let flags = at_most("flags", 63, reader.u8()?, KNOWN_FLAGS)?;
         let layer_count = usize::from(reader.u8()?);
-        if layer_count > LAYERS_MAX || (layer_count == 0) != self.is_take() {
+        if layer_count > LAYERS_MAX {
             return Err(Error::value(LAYERS_OFFSET, "number of layers", layer_count));
         }
         let viewpoint_count = at_most("number of viewpoints", 65, reader.u8()?, VIEWPOINTS_MAX as u8)?;
@@ -224,10 +217,10 @@ mod write {
         ///
         /// # Errors
         /// [`EncodeError::TooLarge`] if a number exceeds 32 bits.
-        pub(crate) fn write(&self, version_major: u16, version_minor: u16) -> Result<Writer, EncodeError> {
+        pub(crate) fn write(&self, version_minor: u16) -> Result<Writer, EncodeError> {
             let mut w = Writer::default();
             w.bytes.extend_from_slice(&MAGIC);
-            w.u16(version_major);
+            w.u16(VERSION_MAJOR);
             w.u16(version_minor);
             w.u32(0);
             w.f32(self.info.duration_s);

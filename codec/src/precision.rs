@@ -1,10 +1,10 @@
-//! [`Precision`]: the fidelity of the coders `context` and `rans`, per package and per Gaussian.
+//! [`Precision`]: the fidelity of the coder `rans`, per package and per Gaussian.
 
 use crate::{
     ALPHA_MIN, EncodeError, Field, PixelFilter, columns::Columns, order::is_static, sh_coefficients,
 };
 
-/// Fidelity of a package of the coders `context` and `rans`. The coder `fixed` has one fidelity and ignores it.
+/// Fidelity of a package of the coder `rans`. The coder `fixed` has one fidelity and ignores it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Precision {
     /// Target PSNR in dB of pictures of the decoded field against pictures of the field. The result
@@ -60,7 +60,7 @@ const fn kept_detail(filter: PixelFilter) -> f32 {
     if filter.compensates() { 0.125 } else { 1.0 }
 }
 
-/// A field prepared for the coders `context` and `rans`, before it is cut into chunks.
+/// A field prepared for the coder `rans`, before it is cut into chunks.
 #[derive(Debug)]
 pub(crate) struct Prepared<'a> {
     pub(crate) field: &'a Field,

@@ -78,12 +78,6 @@ impl SectionKind {
         matches!(self, SectionKind::Gaussians | SectionKind::TimeIndex)
     }
 
-    /// Whether minor version 1 added this kind.
-    #[cfg(feature = "encode")]
-    pub(crate) fn is_extra(self) -> bool {
-        matches!(self, SectionKind::Sound | SectionKind::Poster)
-    }
-
     /// Name for checksum errors.
     fn name(self) -> &'static str {
         match self {

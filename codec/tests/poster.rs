@@ -33,8 +33,7 @@ fn a_poster_is_read_as_it_was_written_and_changes_no_gaussian() {
         assert_eq!(posted.len(), bare.len() + 60, "an entry of 24 bytes and 36 bytes");
         assert_eq!(poster(&posted, &limits()).unwrap(), Some(POSTER));
         assert_eq!(decode(&posted, &limits()).unwrap(), decode(&bare, &limits()).unwrap());
-        let (old, new) = (head(&bare), head(&posted));
-        assert_eq!((new.version_major, new.version_minor), (old.version_major, 1));
+        let new = head(&posted);
         new.check_sections(&posted).unwrap();
         // It arrives with the first layer.
         assert_eq!(poster(&posted[..new.layer_bytes()[0]], &limits()).unwrap(), Some(POSTER));
@@ -60,7 +59,7 @@ fn the_poster_of_a_take_is_in_its_first_segment_and_leaves_the_others_as_they_ar
     let posted = [&start, &bare[end..]].concat();
     let new = take_of(&posted);
     assert_eq!(poster(&posted, &limits()).unwrap(), Some(POSTER));
-    assert_eq!((new.version_minor, new.segments.len()), (1, take.segments.len()));
+    assert_eq!(new.segments.len(), take.segments.len());
     for index in 0..take.segments.len() {
         let decoded = |take: &codec::Take, bytes: &[u8]| {
             let segment = &take.segments[index];

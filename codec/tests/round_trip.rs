@@ -1,6 +1,6 @@
 //! Fields round-trip through packages of both coders: every combination of columns, within the error
-//! bounds of FORMAT.md for the coder `fixed` and the requested precision for the coder `context`.
-//! With debug assertions the context encoder also asserts that the decoder returns the rows it
+//! bounds of FORMAT.md for the coder `fixed` and the requested precision for the coder `rans`.
+//! With debug assertions the encoder of `rans` also asserts that the decoder returns the rows it
 //! computed, bit for bit.
 
 mod common;
@@ -117,7 +117,7 @@ fn every_combination_of_columns_round_trips() {
                     check_static_columns(dynamic, &source);
                     check_temporal_columns(dynamic, &source);
                 }
-                Coder::Context | Coder::Rans => Worst::of(&[fixed, dynamic], &source).check(1e-3),
+                Coder::Rans => Worst::of(&[fixed, dynamic], &source).check(1e-3),
             }
             let rows = source_rows(&clip, LayerEnd::default(), clip.layers[0]);
             assert!(rows.into_iter().eq(0..250), "{shape:?}: every row once");
@@ -138,7 +138,7 @@ fn a_plate_round_trips_and_an_empty_one_is_none() {
         match coder {
             Coder::Fixed => check_static_columns(decoded, &plate),
             // Detail below the footprint is lost.
-            Coder::Context | Coder::Rans => Worst::of(&[decoded], &plate).check(0.05),
+            Coder::Rans => Worst::of(&[decoded], &plate).check(0.05),
         }
         let without = valid_clip(&package(&source, None, &options));
         assert_eq!(Clip { plate: None, ..with_plate }, without, "a plate changes nothing else");
@@ -330,13 +330,13 @@ fn gaussians_that_are_never_alive_stay_so() {
     source.opacities[60] = 0.0;
     // Below 1/255, but not in 8 bits.
     source.opacities[61] = 0.0038;
-    for (coder, expected) in [(Coder::Fixed, 51), (Coder::Context, 52), (Coder::Rans, 52)] {
+    for (coder, expected) in [(Coder::Fixed, 51), (Coder::Rans, 52)] {
         let clip = valid_clip(&package(&source, None, &options(coder, &[])));
         assert_eq!(clip.dynamic_field.len(), 100);
         let never = (0..100).filter(|&i| clip.dynamic_field.alive_interval(i).is_none()).count();
         match coder {
             Coder::Fixed => assert_eq!(never, expected),
-            Coder::Context | Coder::Rans => assert!(never >= expected, "{never}"),
+            Coder::Rans => assert!(never >= expected, "{never}"),
         }
     }
 }
@@ -499,7 +499,7 @@ fn metadata_out_of_range_is_refused() {
 }
 
 #[test]
-fn filters_are_flags_of_version_2() {
+fn filters_are_flags_of_the_head() {
     for (coder, filter, plate_filter) in Coder::ALL.into_iter().flat_map(|coder| {
         PixelFilter::ALL.into_iter().flat_map(move |a| PixelFilter::ALL.map(|b| (coder, a, b)))
     }) {
@@ -512,9 +512,6 @@ fn filters_are_flags_of_version_2() {
         assert_eq!(clip.merged().filter, filter);
         let head = contents(&bytes, &Limits::default()).unwrap();
         assert_eq!((head.filter, head.plate_filter), (filter, plate_filter));
-        let is_of_version_1 = [filter, plate_filter] == [PixelFilter::Blur; 2] && coder != Coder::Rans;
-        let expected = if is_of_version_1 { 1 } else { 2 };
-        assert_eq!(head.version_major, expected, "{coder:?} {filter:?} {plate_filter:?}");
         assert_eq!(bytes[63] & 1, 1, "rotation rates are the same flag");
     }
 }
@@ -529,14 +526,10 @@ fn packages_say_that_a_device_computed_numbers() {
         let [without, with] = [false, true].map(made);
         let [without, with] = [without, with].map(|bytes| {
             let head = contents(&bytes, &Limits::default()).unwrap();
-            assert_eq!(head.version_major == 2, head.by_device || coder == Coder::Rans, "{coder:?}");
             (head.by_device, valid_clip(&bytes).merged())
         });
         assert_eq!((without.0, with.0), (false, true), "{coder:?}");
-        // Version 2 has other forms of the chunks of `context`, which round otherwise.
-        if coder != Coder::Context {
-            assert_eq!(without.1, with.1, "{coder:?}: the same numbers");
-        }
+        assert_eq!(without.1, with.1, "{coder:?}: the same numbers");
     }
 }
 
@@ -554,19 +547,15 @@ fn a_near_distance_is_stored_where_there_is_one() {
         let without = made([0.0; 2]);
         assert_eq!((head(&without).near, without[63] & 16), (0.0, 0));
         assert_eq!(made([-0.0; 2]), without);
-        let version = |bytes: &[u8]| head(bytes).version_major;
-        assert_eq!(version(&without), if coder == Coder::Rans { 2 } else { 1 }, "{coder:?}");
         for (near, expected) in [([0.55, 0.0], 0.55), ([0.0, 0.3], 0.3), ([0.55, 0.3], 0.55)] {
             let bytes = made(near);
             let head = head(&bytes);
-            assert_eq!((head.near, head.version_major, bytes[63] & 16), (expected, 2, 16), "{coder:?}");
+            assert_eq!((head.near, bytes[63] & 16), (expected, 16), "{coder:?}");
             let clip = valid_clip(&bytes);
             let plate = clip.plate.as_ref().unwrap();
             let found = [clip.static_field.near, clip.dynamic_field.near, plate.near, clip.near()];
             assert_eq!((found, clip.merged().near), ([expected; 4], expected), "{coder:?}");
-            if coder == Coder::Rans {
-                assert_eq!(bytes.len(), without.len() + 4);
-            }
+            assert_eq!(bytes.len(), without.len() + 4, "{coder:?}");
             let rest = head.decode_layers(&bytes, 1, &Limits::default(), NonZero::<usize>::MIN).unwrap();
             assert_eq!(rest.dynamic_field.near, expected, "{coder:?}");
         }
@@ -597,14 +586,14 @@ fn damaged_near_distances_are_refused() {
 fn flags_of_filters_are_refused_where_they_mean_nothing() {
     let field = Field { filter: PixelFilter::Mip, ..field(Shape::full(40), 1) };
     let parts = Parts::of(&package(&field, None, &options(Coder::Fixed, &[])));
-    let refused = |version: u8, flags: u8| {
+    let refused = |flags: u8| {
         let mut parts = parts.clone();
-        (parts.head[4], parts.head[63]) = (version, flags);
+        parts.head[63] = flags;
         decode(&parts.join(), &Limits::default()).map(drop).map_err(|error| error.to_string())
     };
-    assert_eq!(refused(2, 3), Ok(()));
-    for (version, flags) in [(1, 3), (1, 9), (1, 17), (2, 7), (2, 35)] {
-        let message = refused(version, flags).unwrap_err();
-        assert!(message.contains("byte 63") && message.contains("flags"), "{version} {flags}: {message}");
+    assert_eq!(refused(3), Ok(()));
+    for flags in [7, 35] {
+        let message = refused(flags).unwrap_err();
+        assert!(message.contains("byte 63") && message.contains("flags"), "{flags}: {message}");
     }
 }

@@ -16,7 +16,7 @@ const HEAD_BYTES: usize = 32;
 /// A package with a plate and two layers of both regions.
 fn package() -> Vec<u8> {
     let (field, plate) = (field(Shape::full(40), 1), static_field(8, 1, 2));
-    common::package(&field, Some(&plate), &options(Coder::Context, &[20]))
+    common::package(&field, Some(&plate), &options(Coder::Rans, &[20]))
 }
 
 fn info() -> SoundInfo {
@@ -68,9 +68,6 @@ fn what_is_written_is_read_and_nothing_else_changes() {
     assert_eq!(sound().packets().collect::<Vec<_>>(), packets(info().packet_count()));
     assert_eq!((sound().packet(0), sound().packet(10)), (Some(&packets(1)[0][..]), None));
     assert_eq!(decoded(&bytes), decoded(&plain));
-    let (before, after) = (head(&plain), head(&bytes));
-    assert_eq!((before.version_minor, after.version_minor), (0, 1));
-    assert_eq!(before.version_major, after.version_major);
     head(&bytes).check_sections(&bytes).unwrap();
     // One that is there is replaced, and taken out again.
     let other = made(SoundInfo { channels: 2, position: None, ..info() }, &packets(10)).unwrap();
@@ -249,7 +246,6 @@ fn segments_of_a_take_have_sounds_of_their_own() {
     bytes.extend_from_slice(&package);
     bytes.extend_from_slice(&plain);
     let Package::Take(take) = codec::package(&bytes, &Limits::default()).unwrap() else { unreachable!() };
-    assert_eq!(take.version_minor, 1);
     let part = |index: usize, layers: usize| {
         let segment = &take.segments[index];
         &bytes[segment.offset as usize..][..segment.layers[layers].bytes]

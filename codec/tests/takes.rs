@@ -57,7 +57,7 @@ fn segments_decode_to_their_clips_in_the_columns_of_the_take() {
         let take = take_of(&bytes);
         assert_eq!((take.sh_degree, take.motion_order, take.rotation_rates), (3, 3, true));
         assert_eq!((take.plate_len, take.plate_sh_degree), (4, 2));
-        assert_eq!((take.version_major, take.coder), (2, coder));
+        assert_eq!(take.coder, coder);
         assert_eq!(take.info, ClipInfo { duration_s: 3.5, ..info() });
         assert_eq!(take.package_bytes(), bytes.len() as u64);
         assert_eq!(
@@ -177,10 +177,6 @@ fn a_clip_is_a_take_of_one_segment() {
         let field = Field { filter, ..field(Shape::full(20), 1) };
         let bytes = segment(coder, &field, Some(&static_field(3, 0, 2)), 1.32);
         let head = contents_of(&bytes);
-        assert_eq!(
-            head.version_major,
-            if filter == PixelFilter::Blur && coder != Coder::Rans { 1 } else { 2 }
-        );
         let take = Take::from(&head);
         assert_eq!((take.segments.len(), take.package_bytes()), (1, bytes.len() as u64));
         assert_eq!((take.resident_max(), take.duration_s), (23, f64::from(1.32f32)));
@@ -205,11 +201,6 @@ fn a_take_is_no_clip_and_no_segment() {
     let entry = &take.segments[1];
     let error = decode_segment(&take, 1, bytes_of(&outer, entry)).unwrap_err();
     assert_eq!(error, is_take(entry.offset as usize + 64));
-    // Version 1 has no takes: its head says the wrong number of layers.
-    let mut first = TakeParts::of(&outer).unwrap();
-    first.head[4] = 1;
-    let error = package(&first.join(), &Limits::default()).unwrap_err();
-    assert_eq!(error.to_string(), "bad number of layers: 0, at byte 64");
 }
 
 /// A take without packages, of segments `(start, duration)` of one layer.
@@ -347,8 +338,8 @@ fn segments_that_make_no_take_are_refused_by_the_writer() {
     let too_many: Vec<_> = (0..65_537).map(|i| (f64::from(i), 1.0, few)).collect();
     assert_eq!(write_error(70_000.0, &too_many), message("bad number of segments: 65537"));
 
-    let context = heads(Coder::Context);
-    let error = write_error(3.0, &[(0.0, 2.0, few), (1.0, 2.0, &context[1])]);
+    let rans = heads(Coder::Rans);
+    let error = write_error(3.0, &[(0.0, 2.0, few), (1.0, 2.0, &rans[1])]);
     assert_eq!(error, message("its segments have different coders"));
     let mip = Contents { filter: PixelFilter::Mip, ..all.clone() };
     assert_eq!(
@@ -491,8 +482,8 @@ fn a_segment_that_contradicts_the_head_of_the_take_is_refused() {
     for (index, package, expected) in [
         (
             1,
-            segment(Coder::Context, &field(Shape::full(4), 1), None, 2.0),
-            "coder fixed expected, coder context found, at byte 60",
+            segment(Coder::Rans, &field(Shape::full(4), 1), None, 2.0),
+            "coder fixed expected, coder rans found, at byte 60",
         ),
         (1, segment(coder, &field(Shape::full(4), 1), None, 2.0), "at most PackageColumns"),
         (

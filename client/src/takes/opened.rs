@@ -309,7 +309,7 @@ fn threads() -> NonZero<usize> {
 /// Whether `bytes` begin as a take does, right or wrong.
 fn looks_like_take(bytes: &[u8]) -> bool {
     const LAYERS_OFFSET: usize = 64;
-    bytes.starts_with(b"AARC") && bytes.get(4..6) != Some(&[1, 0]) && bytes.get(LAYERS_OFFSET) == Some(&0)
+    bytes.starts_with(b"AARC") && bytes.get(LAYERS_OFFSET) == Some(&0)
 }
 
 /// Number of layers of each segment in the first `length` bytes of a take.

@@ -1,4 +1,4 @@
-//! [`code`]: packages a field with a target PSNR.
+//! [`code`]: packages a field by the coder `rans` with a target PSNR.
 //!
 //! The sensitivity of each Gaussian in pictures sets its precision. The package is decoded, rendered and
 //! compared with the field, and the precision is searched at which it just meets the target. Small fields
@@ -18,7 +18,7 @@ mod scan;
 mod search;
 mod trials;
 
-use codec::{Clip, Coder, Precision, Sensitivity, Source};
+use codec::{Clip, Precision, Sensitivity, Source};
 
 use crate::prune::{Fidelity, Pictures, PosedView};
 use crate::reference::sensitivities;
@@ -67,8 +67,6 @@ const JOINT_AIM_DB: f64 = 0.1;
 /// What to make of a source.
 #[derive(Clone, Copy, Debug)]
 pub struct PackageTarget<'a> {
-    /// A coder with a choice of precision: any but [`Coder::Fixed`].
-    pub coder: Coder,
     /// Layer ends in rows.
     pub layers: &'a [usize],
     /// PSNR in dB against the field before coding.
@@ -93,8 +91,8 @@ pub fn code(
     mut on_step: impl FnMut(),
 ) -> Result<Coded, CodeError> {
     let known = sensitivities(source.field, source.plate, seen, &mut on_step);
-    let PackageTarget { coder, layers, psnr_db, by_device } = target;
-    let mut coder = TargetCoder::new(source, coder, layers, known, judge).mark(by_device);
+    let PackageTarget { layers, psnr_db, by_device } = target;
+    let mut coder = TargetCoder::new(source, layers, known, judge).mark(by_device);
     match joint {
         None => coder.code(psnr_db, on_step),
         Some(joint) => coder.code_jointly(psnr_db, joint, on_step),
@@ -120,26 +118,25 @@ pub struct TargetCoder<'a> {
 }
 
 impl<'a> TargetCoder<'a> {
-    /// A coder of `source` by any `coder` but [`Coder::Fixed`], in `layers`, given by their ends in rows.
+    /// A coder of `source` in `layers`, given by their ends in rows.
     /// `sensitivities` are those of its rows, and its footprint, as computed by [`sensitivities`]; `judge` holds
     /// pictures of the source.
     pub fn new(
         source: &'a Source<'a>,
-        coder: Coder,
         layers: &'a [usize],
         sensitivities: Option<(Vec<Sensitivity>, f32)>,
         judge: &'a Pictures,
     ) -> TargetCoder<'a> {
         let Some((rows, footprint)) = sensitivities else {
             return TargetCoder {
-                own: Trials::new(source, coder, layers, Precision::default(), judge),
+                own: Trials::new(source, layers, Precision::default(), judge),
                 equal: None,
                 latest: None,
             };
         };
         let trials = |sensitivities: Vec<Sensitivity>| {
             let precision = Precision { sensitivities, footprint: Some(footprint), ..Precision::default() };
-            Trials::new(source, coder, layers, precision, judge)
+            Trials::new(source, layers, precision, judge)
         };
         let equal = Some(equal_sensitivities(&rows)).filter(|equal| *equal != rows);
         TargetCoder { equal: equal.map(trials), own: trials(rows), latest: None }
@@ -380,7 +377,7 @@ mod tests {
         let views = posed_views(&cameras, &[0.5]);
         let known = sensitivities(&field, None, &views, || ());
         let judge = Pictures::take(&RenderScene::from(&field), views, || ());
-        let coder = || TargetCoder::new(&source, Coder::Rans, &[], known.clone(), &judge);
+        let coder = || TargetCoder::new(&source, &[], known.clone(), &judge);
         let [mut alone, mut after] = [coder(), coder()];
         let first = after.code(40.0, || ()).unwrap();
         let before = after.own.known.len();
@@ -407,7 +404,7 @@ mod tests {
         let judge = Pictures::take(&scene, views(0.5), || ());
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
-            let mut coder = TargetCoder::new(&source, Coder::Rans, &[], known.clone(), &judge);
+            let mut coder = TargetCoder::new(&source, &[], known.clone(), &judge);
             let rounds = std::num::NonZero::new(4).unwrap();
             let mut backend = crate::fit::Cpu::default();
             let mut joint = JointRounding::new(views(0.25), rounds, &mut backend);

@@ -1,4 +1,4 @@
-//! The coders `context` and `rans` keep what the mip filter shows of detail below a pixel.
+//! The coder `rans` keeps what the mip filter shows of detail below a pixel.
 
 use codec::{
     Camera, ClipInfo, Coder, EncodeOptions, Field, Limits, PixelFilter, Precision, SH_C0, Source,
@@ -38,10 +38,11 @@ fn enlarged(camera: &Camera) -> Camera {
 }
 
 /// The field, coded with the precision of one with `filter`, and the bytes that takes.
-fn coded(field: &Field, filter: PixelFilter, coder: Coder, precision: &Precision) -> (Field, usize) {
+fn coded(field: &Field, filter: PixelFilter, precision: &Precision) -> (Field, usize) {
     let info = ClipInfo::default();
     let field = Field { filter, ..field.clone() };
-    let options = EncodeOptions { coder, precision: precision.clone(), ..EncodeOptions::default() };
+    let options =
+        EncodeOptions { coder: Coder::Rans, precision: precision.clone(), ..EncodeOptions::default() };
     let bytes = encode(&Source { info: &info, field: &field, plate: None }, &options).unwrap();
     let decoded = decode(&bytes, &Limits::default()).unwrap().merged();
     (Field { filter: PixelFilter::Mip, ..decoded }, bytes.len())
@@ -56,22 +57,17 @@ fn compensated_needles_are_right_at_8_times_the_resolution() {
     let pixel = 3.0 / cameras[0].k[0][0];
     assert!((0.02..0.1).contains(&pixel), "{pixel}");
     let (rows, footprint) = sensitivities(&field, None, &posed_views(&cameras, &[0.0]), || ()).unwrap();
-    let measured = |coder, filter, psnr| {
+    let measured = |filter, psnr| {
         let precision = Precision { psnr, footprint: Some(footprint), sensitivities: rows.clone() };
-        let (decoded, bytes) = coded(&field, filter, coder, &precision);
+        let (decoded, bytes) = coded(&field, filter, &precision);
         let psnr = |camera: &Camera| {
             let draw = |field: &Field| render(&RenderScene::from(field), camera, 0.0, Order::Depth);
             draw(&decoded).psnr(&draw(&field))
         };
         (psnr(&cameras[0]), psnr(&enlarged(&cameras[0])), bytes)
     };
-    for coder in [Coder::Context, Coder::Rans] {
-        let mip = measured(coder, PixelFilter::Mip, 45.0);
-        let blur = measured(coder, PixelFilter::Blur, 55.0);
-        assert!(mip.0 > 45.0 && mip.1 > 37.5, "{coder:?} {mip:?}");
-        assert!(
-            mip.0 > blur.0 + 4.0 && mip.1 > blur.1 + 3.0 && mip.2 < blur.2,
-            "{coder:?} {mip:?}, for blur {blur:?}"
-        );
-    }
+    let mip = measured(PixelFilter::Mip, 45.0);
+    let blur = measured(PixelFilter::Blur, 55.0);
+    assert!(mip.0 > 45.0 && mip.1 > 37.5, "{mip:?}");
+    assert!(mip.0 > blur.0 + 4.0 && mip.1 > blur.1 + 3.0 && mip.2 < blur.2, "{mip:?}, for blur {blur:?}");
 }

@@ -163,16 +163,12 @@ fn many_sections_and_viewpoints() {
 /// Pairs of Gaussians in one cell each, in the finest grid: the most runs of cells.
 #[test]
 fn deep_trees() {
-    [Coder::Context, Coder::Rans].into_iter().for_each(deep_trees_of);
-}
-
-fn deep_trees_of(coder: Coder) {
     let of_pairs = |pairs: usize| {
         let single = static_field(pairs, 0, 3);
         let mut both = single.select(&(0..2 * pairs).map(|i| i / 2).collect::<Vec<_>>());
         both.log_scales.fill([-20.0; 3]);
         let precision = Precision { footprint: Some(1e-9), ..Precision::default() };
-        let options = EncodeOptions { precision, ..options(coder, &[]) };
+        let options = EncodeOptions { precision, ..options(Coder::Rans, &[]) };
         let bytes = package(&both, None, &options);
         let axis_bits = Parts::of(&bytes).sections[0][24];
         assert_eq!(axis_bits, 16, "the grid is as fine as it can be");
@@ -186,19 +182,14 @@ fn deep_trees_of(coder: Coder) {
 /// Symbols that have nothing to do with Gaussians, and are far more or fewer than theirs.
 #[test]
 fn foreign_symbols() {
-    [Coder::Context, Coder::Rans].into_iter().for_each(foreign_symbols_of);
-}
-
-fn foreign_symbols_of(coder: Coder) {
-    let bytes = package(&field(Shape::full(2 * CHUNK_ROWS), 1), None, &options(coder, &[]));
+    let bytes = package(&field(Shape::full(2 * CHUNK_ROWS), 1), None, &options(Coder::Rans, &[]));
     let parts = Parts::of(&bytes);
     let mut rng = Rng(9);
     for at in 0..parts.sections.len() {
         for length in [0, 1, 100, 300_000] {
             for fill in [Some(0), Some(0x55), Some(0xff), None] {
-                // The head of a chunk, which version 2 makes longer by a byte.
-                let head = 24 + usize::from(coder.version_major());
-                let mut payload = parts.sections[at][..head].to_vec();
+                // The head of a chunk.
+                let mut payload = parts.sections[at][..26].to_vec();
                 payload[24] = 16;
                 payload.extend((0..length).map(|_| fill.unwrap_or_else(|| rng.bits() as u8)));
                 work(&parts.with_payload(at, payload));

@@ -18,11 +18,11 @@ pub(super) struct Chunk {
     pub(super) cell_size: f32,
     /// Binary logarithm of the number of cells along an edge of the grid.
     pub(super) axis_bits: u8,
-    /// Whether neighbours predict. Always, in version 1.
+    /// Whether neighbours predict.
     pub(super) has_neighbors: bool,
 }
 
-/// Bit of the flags of version 2: neighbours do not predict. Format.
+/// Bit of the flags: neighbours do not predict. Format.
 const WITHOUT_NEIGHBORS: u8 = 1;
 
 /// Valid steps and footprints. Format.
@@ -30,8 +30,8 @@ pub(super) const STEP: RangeInclusive<f32> = 1e-9..=1e3;
 pub(super) const FOOTPRINT: RangeInclusive<f32> = 1e-15..=1e15;
 
 impl Chunk {
-    /// Reads the head of a chunk of a package of this major version.
-    pub(super) fn read(reader: &mut Reader, version_major: u16) -> Result<Chunk, Error> {
+    /// Reads the head of a chunk.
+    pub(super) fn read(reader: &mut Reader) -> Result<Chunk, Error> {
         let at = reader.at();
         let mut chunk = Chunk {
             step: reader.f32()?,
@@ -53,27 +53,23 @@ impl Chunk {
         check(size.is_finite() && size >= 0.0, "size of the grid's cells", size)?;
         let bits = chunk.axis_bits;
         check(u32::from(bits) <= grid::AXIS_BITS_MAX, "bits of the grid", f32::from(bits))?;
-        if version_major >= 2 {
-            let at = reader.at();
-            let flags = reader.u8()?;
-            if flags & !WITHOUT_NEIGHBORS != 0 {
-                return Err(Error::value(at, "flags of a chunk", flags));
-            }
-            chunk.has_neighbors = flags & WITHOUT_NEIGHBORS == 0;
+        let at = reader.at();
+        let flags = reader.u8()?;
+        if flags & !WITHOUT_NEIGHBORS != 0 {
+            return Err(Error::value(at, "flags of a chunk", flags));
         }
+        chunk.has_neighbors = flags & WITHOUT_NEIGHBORS == 0;
         Ok(chunk)
     }
 
-    /// Writes the head of a chunk of a package of this major version.
+    /// Writes the head of a chunk.
     #[cfg(feature = "encode")]
-    pub(super) fn write(&self, writer: &mut crate::bytes::Writer, version_major: u16) {
+    pub(super) fn write(&self, writer: &mut crate::bytes::Writer) {
         writer.f32(self.step);
         writer.f32(self.footprint);
         writer.f32x3(self.origin);
         writer.f32(self.cell_size);
         writer.u8(self.axis_bits);
-        if version_major >= 2 {
-            writer.u8(if self.has_neighbors { 0 } else { WITHOUT_NEIGHBORS });
-        }
+        writer.u8(if self.has_neighbors { 0 } else { WITHOUT_NEIGHBORS });
     }
 }

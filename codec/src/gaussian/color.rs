@@ -1,6 +1,6 @@
 //! Transforms of colours and of spherical harmonics to components that correlate less.
 
-use super::arithmetic::{Arithmetic, Unit};
+use crate::rans::math::{self, Unit};
 
 /// Luma and two colour differences, by a lifting transform.
 pub(super) fn luma_chroma([r, g, b]: [f64; 3]) -> [f64; 3] {
@@ -24,7 +24,8 @@ pub(super) fn opponents([r, g, b]: [f64; 3]) -> [f64; 3] {
 }
 
 /// Inverse of [`opponents`].
-pub(super) fn channels<A: Arithmetic>([sum, red_blue, green]: [f64; 3]) -> [f64; 3] {
-    let (s, d, e) = (A::in_units(sum, SQRT_3), A::in_units(red_blue, SQRT_2), A::in_units(green, SQRT_6));
+pub(super) fn channels([sum, red_blue, green]: [f64; 3]) -> [f64; 3] {
+    let (s, d, e) =
+        (math::in_units(sum, SQRT_3), math::in_units(red_blue, SQRT_2), math::in_units(green, SQRT_6));
     [s + d + e, s - 2.0 * e, s - d + e]
 }

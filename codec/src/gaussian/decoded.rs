@@ -1,6 +1,6 @@
 //! [`Row`]: a decoded Gaussian.
 
-use super::{arithmetic::Arithmetic, trajectory::Span};
+use super::trajectory::Span;
 use crate::{rows::Rows, sh_coefficients};
 
 /// A decoded Gaussian.
@@ -19,8 +19,8 @@ pub(super) struct Row {
 
 impl Row {
     /// When it is alive.
-    pub(super) fn span<A: Arithmetic>(&self) -> Span {
-        Span::new::<A>(f64::from(self.opacity), f64::from(self.tau), f64::from(self.s))
+    pub(super) fn span(&self) -> Span {
+        Span::new(f64::from(self.opacity), f64::from(self.tau), f64::from(self.s))
     }
 
     /// Writes the row to row `i` of `out`, which has the columns of the chunk or more: of those, spherical

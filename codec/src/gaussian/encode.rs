@@ -1,15 +1,13 @@
-//! Encodes chunks with the encoder of any coder: chooses quantiser indices and the grid, and converts
-//! Gaussians to the coordinates that are coded.
+//! Encodes chunks: chooses quantiser indices and the grid, and converts Gaussians to the coordinates that
+//! are coded.
 
 use super::{
-    arithmetic::{Arithmetic, half_octaves},
     chunk::{Chunk, FOOTPRINT, STEP},
-    decode::DecodeChunk,
+    decode::decode,
     grid,
     indices::{self, Indices},
     rotation,
     row::{self, GEOMETRY_BITS, LOG_EXTENT_MAX, RowCoder, Target, VISIBILITY_BITS},
-    symbols::Writing,
     trajectory::{self, Span},
 };
 use crate::{
@@ -19,6 +17,10 @@ use crate::{
     limits::Budget,
     morton::{deinterleave, interleave},
     precision::Prepared,
+    rans::{
+        Encoder,
+        math::{self, half_octaves},
+    },
     rows::Rows,
     sh_coefficients,
 };
@@ -41,18 +43,25 @@ pub(crate) struct ChunkForm<'a> {
 /// Colour step and geometry step of a Gaussian, in half octaves.
 pub(crate) type Steps = [i32; 2];
 
-/// Encodes `rows` of a field as a chunk, which `decode` decodes. The chunk orders the rows by grid cell. The steps of
-/// `form`, if given, are by row of the field.
-pub(crate) fn encode_with<S: Writing>(
-    source: &Prepared,
-    rows: &[usize],
-    columns: Columns,
-    form: ChunkForm,
-    decode: DecodeChunk,
-) -> EncodedChunk {
+/// A chunk of a package.
+#[derive(Clone, Debug)]
+pub(crate) struct EncodedChunk {
+    /// Source rows of the Gaussians, in coded order.
+    pub(crate) rows: Vec<usize>,
+    /// Steps of the Gaussians of these rows.
+    pub(crate) steps: Vec<Steps>,
+    /// Whether neighbours predict.
+    pub(crate) has_neighbors: bool,
+    /// The bytes of the section.
+    pub(crate) payload: Vec<u8>,
+}
+
+/// Encodes `rows` of a field as a chunk, which orders them by grid cell. The steps of `form`, if given, are by row of
+/// the field.
+pub(crate) fn encode(source: &Prepared, rows: &[usize], columns: Columns, form: ChunkForm) -> EncodedChunk {
     let footprint = source.footprint.clamp(*FOOTPRINT.start(), *FOOTPRINT.end());
-    let finest_color = |&i: &usize| half_octaves_below_1::<S::Arithmetic>(source.sensitivities[i].color);
-    let finest = rows.iter().map(finest_color).map(S::Arithmetic::round).fold(f64::INFINITY, f64::min);
+    let finest_color = |&i: &usize| half_octaves_below_1(source.sensitivities[i].color);
+    let finest = rows.iter().map(finest_color).map(math::round).fold(f64::INFINITY, f64::min);
     let finest = if rows.is_empty() { 0 } else { finest as i32 };
     let step =
         (source.step * half_octaves_signed(finest)).clamp(f64::from(*STEP.start()), f64::from(*STEP.end()));
@@ -67,24 +76,27 @@ pub(crate) fn encode_with<S: Writing>(
 
     let indices = match form.steps {
         Some(steps) => rows.iter().map(|&i| indices_of(steps[i], finest)).collect(),
-        None => choose_indices::<S::Arithmetic>(source, rows, columns, &mut chunk, finest),
+        None => choose_indices(source, rows, columns, &mut chunk, finest),
     };
-    let targets = targets::<S::Arithmetic>(source, rows, columns, &chunk, &indices);
-    let order = in_order::<S::Arithmetic>(&mut chunk, &targets);
+    let targets = targets(source, rows, columns, &chunk, &indices);
+    let order = in_order(&mut chunk, &targets);
     let targets_in_order: Vec<(u64, &Target)> =
         order.iter().map(|&(cell, at)| (cell, &targets[at])).collect();
-    let [with_neighbors, without] = [true, false].map(|has_neighbors| {
+    let coded = |has_neighbors| {
         let chunk = Chunk { has_neighbors, ..chunk.clone() };
-        let is_coded = form.has_neighbors.is_none_or(|only| only == has_neighbors);
-        is_coded.then(|| encode_ordered::<S>(&chunk, &targets_in_order, columns, decode))
-    });
+        (has_neighbors, encode_ordered(&chunk, &targets_in_order, columns))
+    };
+    let choices = form.has_neighbors.map_or(vec![true, false], |only| vec![only]);
+    // Of forms of the same length the first one.
+    let shortest = choices.into_iter().map(coded).min_by_key(|(_, payload)| payload.len());
+    let (has_neighbors, payload) = shortest.expect("there is a choice");
     let steps = order.iter().map(|&(_, at)| steps_of(indices[at], finest)).collect();
     let rows = order.iter().map(|&(_, at)| rows[at]).collect();
-    EncodedChunk { chunk, rows, steps, with_neighbors, without }
+    EncodedChunk { rows, steps, has_neighbors, payload }
 }
 
 /// Chooses the quantiser indices of rows, along the order that they have with the nearest ones.
-fn choose_indices<A: Arithmetic>(
+fn choose_indices(
     source: &Prepared,
     rows: &[usize],
     columns: Columns,
@@ -95,14 +107,14 @@ fn choose_indices<A: Arithmetic>(
         .iter()
         .map(|&i| {
             let Sensitivity { color, geometry } = source.sensitivities[i];
-            [color, geometry].map(|number| half_octaves_below_1::<A>(number) - f64::from(finest))
+            [color, geometry].map(|number| half_octaves_below_1(number) - f64::from(finest))
         })
         .collect();
-    let nearest: Vec<Indices> = ideal.iter().map(|&ideal| indices::nearest::<A>(ideal)).collect();
-    let order = in_order::<A>(chunk, &targets::<A>(source, rows, columns, chunk, &nearest));
+    let nearest: Vec<Indices> = ideal.iter().map(|&ideal| indices::nearest(ideal)).collect();
+    let order = in_order(chunk, &targets(source, rows, columns, chunk, &nearest));
     let ideal: Vec<[f64; 2]> = order.iter().map(|&(_, at)| ideal[at]).collect();
     let mut chosen = nearest;
-    for (&(_, at), indices) in order.iter().zip(indices::choose::<A>(&ideal, numbers_of(columns))) {
+    for (&(_, at), indices) in order.iter().zip(indices::choose(&ideal, numbers_of(columns))) {
         chosen[at] = indices;
     }
     chosen
@@ -132,7 +144,7 @@ fn indices_of([color, geometry]: Steps, finest: i32) -> Indices {
 }
 
 /// Converts rows to the coordinates that are coded.
-fn targets<'a, A: Arithmetic>(
+fn targets<'a>(
     source: &Prepared<'a>,
     rows: &[usize],
     columns: Columns,
@@ -141,14 +153,14 @@ fn targets<'a, A: Arithmetic>(
 ) -> Vec<Target<'a>> {
     let target = |(&i, &[visibility_index, geometry_index]): (&usize, &Indices)| {
         let step = f64::from(chunk.step) * half_octaves(visibility_index) * half_octaves(geometry_index);
-        Target { visibility_index, geometry_index, ..target::<A>(source.field, i, step, columns) }
+        Target { visibility_index, geometry_index, ..target(source.field, i, step, columns) }
     };
     rows.iter().zip(indices).map(target).collect()
 }
 
 /// Chooses the grid of a chunk; returns the cell and the place of each target, in the order of the cells.
-fn in_order<A: Arithmetic>(chunk: &mut Chunk, targets: &[Target]) -> Vec<(u64, usize)> {
-    choose_grid::<A>(chunk, targets);
+fn in_order(chunk: &mut Chunk, targets: &[Target]) -> Vec<(u64, usize)> {
+    choose_grid(chunk, targets);
     let cells = targets.iter().map(|target| cell_of(chunk, target.trajectory[0]));
     let mut order: Vec<(u64, usize)> = cells.zip(0..).collect();
     // Within a cell, the order is that of the targets.
@@ -156,66 +168,12 @@ fn in_order<A: Arithmetic>(chunk: &mut Chunk, targets: &[Target]) -> Vec<(u64, u
     order
 }
 
-/// A chunk in the forms of version 2 that were coded, at least one; version 1 has only that with neighbours.
-#[derive(Clone, Debug)]
-pub(crate) struct EncodedChunk {
-    chunk: Chunk,
-    /// Source rows of the Gaussians, in coded order.
-    rows: Vec<usize>,
-    /// Steps of the Gaussians of these rows.
-    steps: Vec<Steps>,
-    /// Symbols where neighbours predict, and where they do not.
-    with_neighbors: Option<Vec<u8>>,
-    without: Option<Vec<u8>>,
-}
-
-impl EncodedChunk {
-    /// Source rows of the Gaussians, in coded order.
-    pub(crate) fn rows(&self) -> &[usize] {
-        &self.rows
-    }
-
-    /// Steps of the Gaussians, in coded order.
-    pub(crate) fn steps(&self) -> &[Steps] {
-        &self.steps
-    }
-
-    /// Bytes that the chunk has fewer in version 2 than in version 1, not counting its flags; 0 in one form only.
-    pub(crate) fn saved_by_version_2(&self) -> usize {
-        let forms = self.with_neighbors.as_ref().zip(self.without.as_ref());
-        forms.map_or(0, |(with_neighbors, without)| with_neighbors.len().saturating_sub(without.len()))
-    }
-
-    /// Whether neighbours predict in the chunk in a package of this major version.
-    pub(crate) fn has_neighbors(&self, version_major: u16) -> bool {
-        version_major < 2 || (self.with_neighbors.is_some() && self.saved_by_version_2() == 0)
-    }
-
-    /// The payload of the chunk in a package of this major version.
-    ///
-    /// # Panics
-    /// In version 1, of a chunk that was coded without neighbours only.
-    pub(crate) fn payload(self, version_major: u16) -> Vec<u8> {
-        let has_neighbors = self.has_neighbors(version_major);
-        let mut writer = Writer::default();
-        Chunk { has_neighbors, ..self.chunk }.write(&mut writer, version_major);
-        let symbols = if has_neighbors { self.with_neighbors } else { self.without };
-        writer.bytes.extend_from_slice(&symbols.expect("the form was coded"));
-        writer.bytes
-    }
-}
-
-/// Encodes rows, which are in the order of their cells, as symbols.
-fn encode_ordered<S: Writing>(
-    chunk: &Chunk,
-    order: &[(u64, &Target)],
-    columns: Columns,
-    decode: DecodeChunk,
-) -> Vec<u8> {
-    let mut encoder = S::default();
+/// The payload of a chunk of these targets, which are in the order of their cells.
+fn encode_ordered(chunk: &Chunk, order: &[(u64, &Target)], columns: Columns) -> Vec<u8> {
+    let mut encoder = Encoder::default();
     let mut cells: Vec<u64> = order.iter().map(|(cell, _)| *cell).collect();
     grid::code(&mut encoder, u32::from(chunk.axis_bits), &mut cells);
-    let mut coder = RowCoder::<S>::new(chunk, columns);
+    let mut coder = RowCoder::new(chunk, columns);
     let zeros =
         || columns.zeros(order.len(), &mut Budget::new(&Limits::default())).expect("a chunk is small");
     let mut expected = cfg!(debug_assertions).then(zeros);
@@ -226,22 +184,21 @@ fn encode_ordered<S: Writing>(
             row.write_to(&mut Rows::all(expected), i);
         }
     }
-    let symbols = encoder.finish();
+    let mut writer = Writer::default();
+    chunk.write(&mut writer);
+    writer.bytes.extend_from_slice(&encoder.finish());
     if let Some(expected) = expected {
-        let mut writer = Writer::default();
-        chunk.write(&mut writer, 2);
-        writer.bytes.extend_from_slice(&symbols);
         let mut decoded = zeros();
-        decode(&writer.bytes, 2, columns, 0, Rows::all(&mut decoded)).expect("an encoded chunk decodes");
+        decode(&writer.bytes, columns, 0, Rows::all(&mut decoded)).expect("an encoded chunk decodes");
         assert!(decoded == expected, "the decoder returns the rows that the encoder computed");
     }
-    symbols
+    writer.bytes
 }
 
 /// Half octaves from a sensitivity up to 1.
-fn half_octaves_below_1<A: Arithmetic>(sensitivity: f32) -> f64 {
+fn half_octaves_below_1(sensitivity: f32) -> f64 {
     let x = f64::from(sensitivity).clamp(1e-12, 1e12);
-    -2.0 * A::ln(x) / std::f64::consts::LN_2
+    -2.0 * math::ln(x) / std::f64::consts::LN_2
 }
 
 /// `2^(halves / 2)`.
@@ -251,23 +208,23 @@ fn half_octaves_signed(halves: i32) -> f64 {
 }
 
 /// The multiple of `step` nearest to `number`.
-fn multiple<A: Arithmetic>(number: f64, step: f64) -> f64 {
-    A::round(number / step) * step
+fn multiple(number: f64, step: f64) -> f64 {
+    math::round(number / step) * step
 }
 
 /// Converts row `i` to the coordinates that are coded, for a geometry step of `step`, without
 /// quantiser indices.
-fn target<'a, A: Arithmetic>(field: &'a Field, i: usize, step: f64, columns: Columns) -> Target<'a> {
-    let opacity_number = opacity_number::<A>(f64::from(field.opacities[i]), row::opacity_step(step));
+fn target<'a>(field: &'a Field, i: usize, step: f64, columns: Columns) -> Target<'a> {
+    let opacity_number = opacity_number(f64::from(field.opacities[i]), row::opacity_step(step));
     let mut window = [opacity_number, 0.0, 0.0];
     let (mut rotation, mut rate) = (field.rotations[i].map(f64::from), [0.0; 4]);
     let mut trajectory = [[0.0; 3]; 4];
     trajectory[0] = field.centers[i].map(f64::from);
     if let (Some(temporal), Some(_)) = (&field.temporal, columns.temporal) {
-        let CodedWindow { numbers, tau, decoded_tau, decoded_s } = coded_window::<A>(temporal, i, step);
+        let CodedWindow { numbers, tau, decoded_tau, decoded_s } = coded_window(temporal, i, step);
         [window[1], window[2]] = numbers;
-        let opacity = f64::from(row::decoded_opacity::<A>(opacity_number));
-        let span = Span::new::<A>(opacity, decoded_tau, decoded_s);
+        let opacity = f64::from(row::decoded_opacity(opacity_number));
+        let span = Span::new(opacity, decoded_tau, decoded_s);
         for axis in 0..3 {
             let mut powers = [trajectory[0][axis], 0.0, 0.0, 0.0];
             for (power, v) in powers[1..].iter_mut().zip(temporal.motion_of(i)) {
@@ -307,10 +264,10 @@ fn target<'a, A: Arithmetic>(field: &'a Field, i: usize, step: f64, columns: Col
 
 /// The coded number of an opacity: a multiple of `step`. Rounding makes no visible Gaussian
 /// invisible, and no invisible one visible.
-fn opacity_number<A: Arithmetic>(opacity: f64, step: f64) -> f64 {
+fn opacity_number(opacity: f64, step: f64) -> f64 {
     // All invisible opacities are coded as half the least visible one.
-    let number = multiple::<A>(-A::ln(opacity.max(0.5 * ALPHA_MIN)), step);
-    let is_visible = f64::from(row::decoded_opacity::<A>(number)) >= ALPHA_MIN;
+    let number = multiple(-math::ln(opacity.max(0.5 * ALPHA_MIN)), step);
+    let is_visible = f64::from(row::decoded_opacity(number)) >= ALPHA_MIN;
     match (opacity >= ALPHA_MIN, is_visible) {
         (true, false) => number - step,
         (false, true) => number + step,
@@ -328,11 +285,10 @@ struct CodedWindow {
     decoded_s: f64,
 }
 
-fn coded_window<A: Arithmetic>(temporal: &Temporal, i: usize, step: f64) -> CodedWindow {
+fn coded_window(temporal: &Temporal, i: usize, step: f64) -> CodedWindow {
     let tau = f64::from(temporal.tau[i]);
-    let width =
-        multiple::<A>(trajectory::width_number::<A>(f64::from(temporal.s[i])), trajectory::width_step(step));
-    let decoded_s = f64::from(trajectory::width::<A>(width) as f32);
+    let width = multiple(trajectory::width_number(f64::from(temporal.s[i])), trajectory::width_step(step));
+    let decoded_s = f64::from(trajectory::width(width) as f32);
     if decoded_s.is_infinite() {
         // No farther than TAU_MAX, where cubic powers keep their precision.
         let tau = tau.clamp(-TAU_MAX, TAU_MAX);
@@ -340,14 +296,14 @@ fn coded_window<A: Arithmetic>(temporal: &Temporal, i: usize, step: f64) -> Code
     }
     // Farther than 4 widths from the clip no opacity is visible.
     let tau = tau.clamp(-4.0 * decoded_s, 1.0 + 4.0 * decoded_s);
-    let center = multiple::<A>(tau - 0.5, trajectory::center_step::<A>(decoded_s, step));
+    let center = multiple(tau - 0.5, trajectory::center_step(decoded_s, step));
     let decoded_tau = f64::from(row::decoded_tau(center));
     CodedWindow { numbers: [width, center], tau, decoded_tau, decoded_s }
 }
 
 /// Chooses the grid of a chunk: a cube around its Gaussians, with cells of a few position steps of a
 /// median Gaussian.
-fn choose_grid<A: Arithmetic>(chunk: &mut Chunk, targets: &[Target]) {
+fn choose_grid(chunk: &mut Chunk, targets: &[Target]) {
     let mut low = [f64::INFINITY; 3];
     let mut high = [f64::NEG_INFINITY; 3];
     for target in targets {
@@ -357,7 +313,7 @@ fn choose_grid<A: Arithmetic>(chunk: &mut Chunk, targets: &[Target]) {
         }
     }
     let size = (0..3).map(|axis| high[axis] - low[axis]).fold(0.0, f64::max);
-    let mut steps: Vec<f64> = targets.iter().map(|target| row::position_step::<A>(chunk, target)).collect();
+    let mut steps: Vec<f64> = targets.iter().map(|target| row::position_step(chunk, target)).collect();
     let median = steps.len() / 2;
     let cell_size = *steps.select_nth_unstable_by(median, f64::total_cmp).1 / CELLS_PER_STEP;
     let mut bits = 0;

@@ -3,11 +3,10 @@
 //! Cells are numbered along a Morton curve, and the counts of every half, quarter, ... of the curve
 //! are coded recursively. So the order of the Gaussians, which has no meaning, takes no bits.
 
-use super::{
-    observer::Attribute,
-    symbols::{Prior, Symbols, Tree},
+use crate::{
+    counters::Work,
+    rans::{Attribute, NibbleTree, Prior, Symbols},
 };
-use crate::counters::Work;
 
 /// Largest number of bits per axis. Format.
 pub(super) const AXIS_BITS_MAX: u32 = 16;
@@ -20,10 +19,10 @@ const UPPER_BITS: u32 = 5;
 
 /// Codes the ascending Morton numbers of the cells of a chunk, `3 * axis_bits` bits each.
 pub(super) fn code<S: Symbols>(symbols: &mut S, axis_bits: u32, cells: &mut [u64]) {
-    let mut small: Vec<S::Tree> =
-        (0..SMALL).map(|n| S::Tree::new(bits_of(n), Prior::AtMost(n as u32))).collect();
-    let mut large: Vec<S::Tree> =
-        (0..=usize::BITS).map(|_| S::Tree::new(UPPER_BITS, Prior::Nothing)).collect();
+    let mut small: Vec<NibbleTree> =
+        (0..SMALL).map(|n| NibbleTree::new(bits_of(n), Prior::AtMost(n as u32))).collect();
+    let mut large: Vec<NibbleTree> =
+        (0..=usize::BITS).map(|_| NibbleTree::new(UPPER_BITS, Prior::Nothing)).collect();
     symbols.begin(Attribute::Cells, 0);
     // Simpler codings store a cell per Gaussian.
     cells.iter().for_each(|_| symbols.choice(f64::from(axis_bits).exp2().powi(3)));
@@ -40,10 +39,10 @@ pub(super) fn code<S: Symbols>(symbols: &mut S, axis_bits: u32, cells: &mut [u64
                 let half = first | 1 << (bits - 1);
                 let lower = if S::ENCODES { rows.partition_point(|&cell| cell < half) } else { 0 };
                 let lower = if n < SMALL {
-                    symbols.tree(&mut small[n], lower as u32) as usize
+                    small[n].code(symbols, lower as u32) as usize
                 } else {
                     let rest = bits_of(n) - UPPER_BITS;
-                    let upper = symbols.tree(&mut large[bits_of(n) as usize], (lower >> rest) as u32);
+                    let upper = large[bits_of(n) as usize].code(symbols, (lower >> rest) as u32);
                     let rest_value = symbols.bypass(rest, lower as u64 & ((1 << rest) - 1));
                     (upper as usize) << rest | rest_value as usize
                 };

@@ -13,10 +13,8 @@
 
 use std::f64::consts::LN_2;
 
-use super::{
-    arithmetic::Arithmetic,
-    row::{GEOMETRY_BITS, GEOMETRY_CONTEXTS, VISIBILITY_BITS, geometry_context},
-};
+use super::row::{GEOMETRY_BITS, GEOMETRY_CONTEXTS, VISIBILITY_BITS, geometry_context};
+use crate::rans::math;
 
 /// Visibility and geometry index of a Gaussian.
 pub(super) type Indices = [u32; 2];
@@ -32,17 +30,16 @@ const SEARCHES: usize = 2;
 const UNSEEN_COUNT: f64 = 0.15;
 
 /// The indices nearest to the `ideal` colour step and geometry step, in half octaves from the finest colour step.
-pub(super) fn nearest<A: Arithmetic>([color, geometry]: [f64; 2]) -> Indices {
-    let visibility = A::round(color).clamp(0.0, VISIBILITY_MAX);
-    [visibility as u32, A::round(geometry - visibility).clamp(0.0, GEOMETRY_MAX) as u32]
+pub(super) fn nearest([color, geometry]: [f64; 2]) -> Indices {
+    let visibility = math::round(color).clamp(0.0, VISIBILITY_MAX);
+    [visibility as u32, math::round(geometry - visibility).clamp(0.0, GEOMETRY_MAX) as u32]
 }
 
 /// Chooses the indices of Gaussians in the order in which they are coded. `ideal` are their steps, as [`nearest`] takes
 /// them; `numbers` is how many numbers of a Gaussian are coded with each of the two steps.
-pub(super) fn choose<A: Arithmetic>(ideal: &[[f64; 2]], numbers: [f64; 2]) -> Vec<Indices> {
-    let first = ideal.iter().map(|&ideal| nearest::<A>(ideal)).collect();
-    (0..SEARCHES)
-        .fold(first, |indices: Vec<Indices>, _| cheapest::<A>(ideal, numbers, &IndexBits::of::<A>(&indices)))
+pub(super) fn choose(ideal: &[[f64; 2]], numbers: [f64; 2]) -> Vec<Indices> {
+    let first = ideal.iter().map(|&ideal| nearest(ideal)).collect();
+    (0..SEARCHES).fold(first, |indices: Vec<Indices>, _| cheapest(ideal, numbers, &IndexBits::of(&indices)))
 }
 
 /// A choice for a Gaussian.
@@ -55,19 +52,19 @@ struct Candidate {
 }
 
 /// The indices of the least cost, given the bits of each.
-fn cheapest<A: Arithmetic>(ideal: &[[f64; 2]], numbers: [f64; 2], bits: &IndexBits) -> Vec<Indices> {
+fn cheapest(ideal: &[[f64; 2]], numbers: [f64; 2], bits: &IndexBits) -> Vec<Indices> {
     // Coding starts as if after a Gaussian with these indices.
     let mut path = vec![Candidate { indices: [0; 2], cost: 0.0, before: 0 }];
     let mut last = 0..1;
     for ideal in ideal {
-        for indices in candidates::<A>(*ideal) {
+        for indices in candidates(*ideal) {
             let costs = last.clone().map(|before| {
                 let Candidate { indices: last, cost, .. } = path[before];
                 (before, cost + bits.of_next(last, indices))
             });
             let (before, cost) = costs.min_by(|a, b| a.1.total_cmp(&b.1)).expect("there are candidates");
             let steps = [f64::from(indices[0]), f64::from(indices[0] + indices[1])];
-            let excess: f64 = (0..2).map(|k| numbers[k] * excess_bits::<A>(steps[k] - ideal[k])).sum();
+            let excess: f64 = (0..2).map(|k| numbers[k] * excess_bits(steps[k] - ideal[k])).sum();
             path.push(Candidate { indices, cost: cost + excess, before });
         }
         last = last.end..path.len();
@@ -83,8 +80,8 @@ fn cheapest<A: Arithmetic>(ideal: &[[f64; 2]], numbers: [f64; 2], bits: &IndexBi
 }
 
 /// The visibility indices next to the ideal one, each with the geometry indices on both sides of the ideal one.
-fn candidates<A: Arithmetic>([color, geometry]: [f64; 2]) -> impl Iterator<Item = Indices> {
-    let rounded = A::round(color).clamp(0.0, VISIBILITY_MAX);
+fn candidates([color, geometry]: [f64; 2]) -> impl Iterator<Item = Indices> {
+    let rounded = math::round(color).clamp(0.0, VISIBILITY_MAX);
     let visibilities = [-1.0, 0.0, 1.0].map(|by| rounded + by).into_iter();
     visibilities.filter(|visibility| (0.0..=VISIBILITY_MAX).contains(visibility)).flat_map(
         move |visibility| {
@@ -96,9 +93,9 @@ fn candidates<A: Arithmetic>([color, geometry]: [f64; 2]) -> impl Iterator<Item 
 }
 
 /// Cost in bits of each number whose step is off by this number of half octaves.
-fn excess_bits<A: Arithmetic>(halves: f64) -> f64 {
+fn excess_bits(halves: f64) -> f64 {
     let x = halves * 0.5 * LN_2;
-    (0.5 * (A::exp(2.0 * x) - 1.0) - x) / LN_2
+    (0.5 * (math::exp(2.0 * x) - 1.0) - x) / LN_2
 }
 
 /// Bits that indices take after others, once models have adapted.
@@ -111,7 +108,7 @@ struct IndexBits {
 
 impl IndexBits {
     /// Bits of indices as frequent as these.
-    fn of<A: Arithmetic>(indices: &[Indices]) -> IndexBits {
+    fn of(indices: &[Indices]) -> IndexBits {
         let mut visibility_counts = vec![vec![UNSEEN_COUNT; 1 << VISIBILITY_BITS]; 1 << VISIBILITY_BITS];
         let mut geometry_counts = vec![vec![UNSEEN_COUNT; 1 << GEOMETRY_BITS]; GEOMETRY_CONTEXTS];
         let mut last = [0; 2];
@@ -123,7 +120,7 @@ impl IndexBits {
         }
         let bits = |counts: Vec<f64>| {
             let total: f64 = counts.iter().sum();
-            counts.iter().map(|count| A::ln(total / count) / LN_2).collect()
+            counts.iter().map(|count| math::ln(total / count) / LN_2).collect()
         };
         IndexBits {
             visibility: visibility_counts.into_iter().map(bits).collect(),
@@ -140,17 +137,16 @@ impl IndexBits {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rans::Math;
 
     /// Bits of indices and of steps that are off.
     fn cost(ideal: &[[f64; 2]], numbers: [f64; 2], indices: &[Indices]) -> f64 {
-        let bits = IndexBits::of::<Math>(indices);
+        let bits = IndexBits::of(indices);
         let mut last = [0; 2];
         let mut sum = 0.0;
         for (ideal, &next) in ideal.iter().zip(indices) {
             sum += bits.of_next(last, next);
-            sum += numbers[0] * excess_bits::<Math>(f64::from(next[0]) - ideal[0]);
-            sum += numbers[1] * excess_bits::<Math>(f64::from(next[0] + next[1]) - ideal[1]);
+            sum += numbers[0] * excess_bits(f64::from(next[0]) - ideal[0]);
+            sum += numbers[1] * excess_bits(f64::from(next[0] + next[1]) - ideal[1]);
             last = next;
         }
         sum
@@ -169,8 +165,8 @@ mod tests {
     fn indices_near_the_ideal_ones_cost_less_than_the_nearest() {
         let ideal = noise(2000);
         let numbers = [3.0, 10.0];
-        let nearest: Vec<Indices> = ideal.iter().map(|&ideal| nearest::<Math>(ideal)).collect();
-        let chosen = choose::<Math>(&ideal, numbers);
+        let nearest: Vec<Indices> = ideal.iter().map(|&ideal| nearest(ideal)).collect();
+        let chosen = choose(&ideal, numbers);
         assert_eq!(chosen.len(), ideal.len());
         let [before, after] = [&nearest, &chosen].map(|indices| cost(&ideal, numbers, indices));
         assert!(after < 0.8 * before, "{before} {after}");
@@ -183,7 +179,7 @@ mod tests {
     #[test]
     fn many_numbers_take_the_best_steps() {
         let ideal = noise(500);
-        for (ideal, [visibility, geometry]) in ideal.iter().zip(choose::<Math>(&ideal, [1e6, 1e6])) {
+        for (ideal, [visibility, geometry]) in ideal.iter().zip(choose(&ideal, [1e6, 1e6])) {
             let off = [f64::from(visibility) - ideal[0], f64::from(visibility + geometry) - ideal[1]];
             // Coarser steps lose a little more than finer ones.
             assert!(off.iter().all(|halves| (-0.6..0.5).contains(halves)), "{ideal:?} {off:?}");
@@ -193,9 +189,9 @@ mod tests {
     #[test]
     fn any_steps_have_indices_in_range() {
         let ideal = [[-3.0, -9.0], [40.0, -9.0], [40.0, 90.0], [0.0, 90.0], [31.0, 31.4]];
-        for [visibility, geometry] in choose::<Math>(&ideal, [3.0, 10.0]) {
+        for [visibility, geometry] in choose(&ideal, [3.0, 10.0]) {
             assert!(visibility < 32 && geometry < 16);
         }
-        assert!(choose::<Math>(&[], [3.0, 10.0]).is_empty());
+        assert!(choose(&[], [3.0, 10.0]).is_empty());
     }
 }

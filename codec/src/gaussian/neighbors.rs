@@ -1,22 +1,7 @@
 //! [`Neighbors`]: the nearest of the Gaussians coded shortly before, which predict the next one.
 
-use super::arithmetic::{Arithmetic, Unit};
-
-/// Number of last Gaussians to search; they come along a Morton curve. Format.
-pub(crate) const WINDOW: usize = 24;
-
-/// Number of nearest Gaussians that predict. Format.
-pub(crate) const NEAREST: usize = 3;
-
-/// Finds the nearest of the last cells in a ring buffer. Format: implementations differ at equal distances.
-pub(crate) trait Search: Default {
-    /// Puts a cell at a position of the ring, below [`WINDOW`].
-    fn put(&mut self, position: usize, cell: [u32; 3]);
-
-    /// Positions of the cells nearest to `cell`, nearest first, of the first `count` of the ring; `next` is the
-    /// position of the oldest one in a full ring. Without as many as [`NEAREST`], the last positions are undefined.
-    fn nearest(&self, cell: [u32; 3], count: usize, next: usize) -> [usize; NEAREST];
-}
+use super::search::{LastCells, NEAREST, WINDOW};
+use crate::rans::math::{self, Unit};
 
 /// Decoded numbers of a Gaussian that predict later ones.
 #[derive(Clone, Copy, Debug, Default)]
@@ -31,8 +16,8 @@ pub(super) struct History {
 
 /// The last Gaussians, and the nearest of them to the current one.
 #[derive(Default)]
-pub(super) struct Neighbors<S> {
-    search: S,
+pub(super) struct Neighbors {
+    cells: LastCells,
     /// Ring buffer of the last [`WINDOW`] Gaussians.
     last: Vec<History>,
     /// Position of the next Gaussian in the ring.
@@ -42,10 +27,10 @@ pub(super) struct Neighbors<S> {
     found: usize,
 }
 
-impl<S: Search> Neighbors<S> {
+impl Neighbors {
     /// Finds the Gaussians nearest to `cell`.
     pub(super) fn find(&mut self, cell: [u32; 3]) {
-        self.nearest = self.search.nearest(cell, self.last.len(), self.next);
+        self.nearest = self.cells.nearest(cell, self.last.len());
         self.found = self.last.len().min(NEAREST);
     }
 
@@ -55,17 +40,17 @@ impl<S: Search> Neighbors<S> {
     }
 
     /// Mean of a number over the nearest Gaussians; `default` without any.
-    pub(super) fn mean<A: Arithmetic>(&self, default: f64, number: impl Fn(&History) -> f64) -> f64 {
+    pub(super) fn mean(&self, default: f64, number: impl Fn(&History) -> f64) -> f64 {
         const COUNTS: [Unit; NEAREST + 1] = [Unit::new(1.0), Unit::new(1.0), Unit::new(2.0), Unit::new(3.0)];
         if self.found == 0 {
             return default;
         }
         let sum: f64 = self.nearest[..self.found].iter().map(|&position| number(&self.last[position])).sum();
-        A::in_units(sum, COUNTS[self.found])
+        math::in_units(sum, COUNTS[self.found])
     }
 
     pub(super) fn push(&mut self, cell: [u32; 3], history: History) {
-        self.search.put(self.next, cell);
+        self.cells.put(self.next, cell);
         if self.last.len() < WINDOW {
             self.last.push(history);
         } else {

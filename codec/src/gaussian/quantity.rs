@@ -3,13 +3,10 @@
 //! A quantity averages the magnitudes of its last numbers in its own unit, and so expects a magnitude
 //! of the next code under any step. That expectation, in half octaves, is the context of the code.
 
-use super::{
-    arithmetic::{Arithmetic, Unit},
-    symbols::{Integer, Symbols},
+use crate::rans::{
+    Symbols, TokenInteger,
+    math::{self, Unit},
 };
-
-/// Contexts of an integer: expected magnitudes of 2^-4, 2^-3.5, ..., 2^15.5. Format.
-pub(crate) const CONTEXTS: usize = 40;
 
 /// Largest magnitude of a code and of its prediction, so that the residual fits an integer. Larger
 /// numbers are cut. Format.
@@ -69,8 +66,8 @@ impl Quantity {
 
     /// Expected distance of the next number from its prediction, in steps.
     #[inline(always)]
-    pub(super) fn expected<A: Arithmetic>(&self, unit: Unit) -> f64 {
-        if self.seen == 0 { FIRST_STEPS } else { A::in_units(0.5 * (self.fast + self.slow), unit) }
+    pub(super) fn expected(&self, unit: Unit) -> f64 {
+        if self.seen == 0 { FIRST_STEPS } else { math::in_units(0.5 * (self.fast + self.slow), unit) }
     }
 
     /// Codes `number` as a multiple of the step, and returns the multiple.
@@ -78,22 +75,22 @@ impl Quantity {
     pub(super) fn code<S: Symbols>(
         &mut self,
         symbols: &mut S,
-        models: &mut [S::Integer],
+        models: &mut [TokenInteger],
         number: f64,
         coding: Coding,
     ) -> i32 {
         let model = &mut models[self.model];
         let Coding { unit, prediction, spread, lambda } = coding;
-        let context = S::Arithmetic::context(self.expected::<S::Arithmetic>(unit), spread);
-        let predicted = S::Arithmetic::round(S::Arithmetic::in_units(prediction, unit));
+        let context = math::context(self.expected(unit), spread);
+        let predicted = math::round(math::in_units(prediction, unit));
         let predicted = predicted.clamp(-CODE_MAX, CODE_MAX);
         let residual = if S::ENCODES {
             let steps = (number / unit.size).clamp(-CODE_MAX, CODE_MAX) - predicted;
-            quantise::<S>(model, steps, context, lambda)
+            quantise(model, steps, context, lambda)
         } else {
             0
         };
-        let residual = symbols.integer(model, context, residual);
+        let residual = model.code(symbols, context, residual);
         let coded = predicted as i32 + residual;
         symbols.number(coded, residual);
 
@@ -102,17 +99,17 @@ impl Quantity {
         }
         self.seen += 1;
         let distance = f64::from(residual.unsigned_abs()) * unit.size;
-        S::Arithmetic::average(&mut self.fast, distance, self.seen + 2, FAST_NUMBERS);
-        S::Arithmetic::average(&mut self.slow, distance, self.seen + 2, SLOW_NUMBERS);
-        S::Arithmetic::average(&mut self.mean, f64::from(coded) * unit.size, self.seen, MEAN_NUMBERS);
+        math::average(&mut self.fast, distance, self.seen + 2, FAST_NUMBERS);
+        math::average(&mut self.slow, distance, self.seen + 2, SLOW_NUMBERS);
+        math::average(&mut self.mean, f64::from(coded) * unit.size, self.seen, MEAN_NUMBERS);
         coded
     }
 }
 
 /// The code of `steps`: the neighbour with the lower sum of squared error and weighted bits.
-fn quantise<S: Symbols>(model: &S::Integer, steps: f64, context: usize, lambda: f64) -> i32 {
+fn quantise(model: &TokenInteger, steps: f64, context: usize, lambda: f64) -> i32 {
     if lambda == 0.0 {
-        return S::Arithmetic::round(steps) as i32;
+        return math::round(steps) as i32;
     }
     let below = steps.floor();
     let cost = |code: f64| (steps - code) * (steps - code) + lambda * model.cost(context, code as i32);

@@ -4,7 +4,7 @@
 //! does not matter, so it lies on a hemisphere: around z, or around the main axis of a neighbour,
 //! which may lie on the same surface. The roll has a period of half a turn.
 
-use super::arithmetic::{Arithmetic, Unit};
+use crate::rans::math::{self, Unit};
 
 use std::f64::consts::PI;
 
@@ -33,13 +33,13 @@ pub(super) struct RotationQuantiser {
 impl RotationQuantiser {
     /// The quantiser for these standard deviations, the widest first. `step` is the allowed error of
     /// the surface in standard deviations.
-    pub(super) fn new<A: Arithmetic>(sigma: [f64; 3], step: f64) -> RotationQuantiser {
+    pub(super) fn new(sigma: [f64; 3], step: f64) -> RotationQuantiser {
         let units = sigma.map(Unit::new);
-        let is_needle = A::in_units(sigma[0], units[1]) > A::in_units(sigma[1], units[2]);
+        let is_needle = math::in_units(sigma[0], units[1]) > math::in_units(sigma[1], units[2]);
         let axes = if is_needle { [1, 2, 0] } else { [0, 1, 2] };
         // Relative change of the covariance per radian of rotation.
         let ratio = |a: usize, b: usize| {
-            (A::in_units(sigma[a], units[b]) - A::in_units(sigma[b], units[a])).abs().max(1e-3)
+            (math::in_units(sigma[a], units[b]) - math::in_units(sigma[b], units[a])).abs().max(1e-3)
         };
         let [a, b, main] = axes;
         let direction_step = (step / ratio(a, main).max(ratio(b, main))).min(DIRECTION_STEP_MAX);
@@ -47,7 +47,7 @@ impl RotationQuantiser {
         RotationQuantiser {
             axes,
             direction_codes: rounded_up((2.0 / direction_step).clamp(1.0, CODES_MAX)),
-            roll_codes: A::round(PI / roll_step).clamp(1.0, CODES_MAX) as u32,
+            roll_codes: math::round(PI / roll_step).clamp(1.0, CODES_MAX) as u32,
             direction_step,
             roll_step,
         }
@@ -66,8 +66,8 @@ fn rounded_up(x: f64) -> u32 {
 }
 
 /// Codes of a direction in the hemisphere around `pole`, by octahedral mapping to a square.
-pub(super) fn direction_codes<A: Arithmetic>(direction: [f64; 3], pole: [f64; 3], codes: u32) -> [u32; 2] {
-    let d = rotate(inverse(arc::<A>(pole)), direction);
+pub(super) fn direction_codes(direction: [f64; 3], pole: [f64; 3], codes: u32) -> [u32; 2] {
+    let d = rotate(inverse(arc(pole)), direction);
     let d = if d[2] < 0.0 { d.map(|x| -x) } else { d };
     let norm = d[0].abs() + d[1].abs() + d[2];
     [d[0] + d[1], d[0] - d[1]].map(|x| {
@@ -77,33 +77,33 @@ pub(super) fn direction_codes<A: Arithmetic>(direction: [f64; 3], pole: [f64; 3]
 }
 
 /// The direction of two codes, with z at least 0.
-pub(super) fn direction<A: Arithmetic>(direction_codes: [u32; 2], pole: [f64; 3], codes: u32) -> [f64; 3] {
+pub(super) fn direction(direction_codes: [u32; 2], pole: [f64; 3], codes: u32) -> [f64; 3] {
     let codes = Unit::new(f64::from(codes));
-    let [u, v] = direction_codes.map(|x| A::in_units(f64::from(x) + 0.5, codes) * 2.0 - 1.0);
+    let [u, v] = direction_codes.map(|x| math::in_units(f64::from(x) + 0.5, codes) * 2.0 - 1.0);
     let (x, y) = ((u + v) * 0.5, (u - v) * 0.5);
-    let d = rotate(arc::<A>(pole), normalized::<A>([x, y, 1.0 - x.abs() - y.abs()]));
+    let d = rotate(arc(pole), normalized([x, y, 1.0 - x.abs() - y.abs()]));
     if d[2] < 0.0 { d.map(|x| -x) } else { d }
 }
 
 /// The axes of roll 0: world axes x and y, rotated by the shortest rotation of z to `direction`.
-pub(super) fn roll_axes<A: Arithmetic>(direction: [f64; 3]) -> [[f64; 3]; 2] {
-    let q = arc::<A>(direction);
+pub(super) fn roll_axes(direction: [f64; 3]) -> [[f64; 3]; 2] {
+    let q = arc(direction);
     [rotate(q, [1.0, 0.0, 0.0]), rotate(q, [0.0, 1.0, 0.0])]
 }
 
 /// Unit quaternion w, x, y, z that rolls about z by `code`, then rotates z to `direction`.
-pub(super) fn quaternion<A: Arithmetic>(direction: [f64; 3], code: u32, codes: u32) -> [f64; 4] {
+pub(super) fn quaternion(direction: [f64; 3], code: u32, codes: u32) -> [f64; 4] {
     let half = (f64::from(code) + 0.5) / f64::from(codes) * (PI * 0.5);
-    let (sin, cos) = A::sin_cos(half);
-    let [w, x, y, _] = arc::<A>(direction);
+    let (sin, cos) = math::sin_cos(half);
+    let [w, x, y, _] = arc(direction);
     [w * cos, x * cos + y * sin, y * cos - x * sin, w * sin]
 }
 
 /// Unit quaternion of the shortest rotation of z to a direction with z >= 0.
-fn arc<A: Arithmetic>([x, y, z]: [f64; 3]) -> [f64; 4] {
+fn arc([x, y, z]: [f64; 3]) -> [f64; 4] {
     let w = 1.0 + z;
     let norm = Unit::new((w * w + x * x + y * y).sqrt());
-    [A::in_units(w, norm), A::in_units(-y, norm), A::in_units(x, norm), 0.0]
+    [math::in_units(w, norm), math::in_units(-y, norm), math::in_units(x, norm), 0.0]
 }
 
 /// Inverse of a unit quaternion.
@@ -121,9 +121,9 @@ pub(super) fn rotate([w, x, y, z]: [f64; 4], v: [f64; 3]) -> [f64; 3] {
     ]
 }
 
-fn normalized<A: Arithmetic>(v: [f64; 3]) -> [f64; 3] {
+fn normalized(v: [f64; 3]) -> [f64; 3] {
     let norm = Unit::new((v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt());
-    v.map(|x| A::in_units(x, norm))
+    v.map(|x| math::in_units(x, norm))
 }
 
 /// Pole of the first Gaussian of a chunk.

@@ -5,8 +5,10 @@
 //! for a wide window, Hermite polynomials for a narrow one, a blend in between. So the squared errors
 //! of the coefficients add up, and each coefficient has the step of a position.
 
-use super::arithmetic::{Arithmetic, Unit};
-use crate::ALPHA_MIN;
+use crate::{
+    ALPHA_MIN,
+    rans::math::{self, Unit},
+};
 
 /// Window width in clip time above which its inverse square is coded, so that infinity has a code.
 /// Format.
@@ -23,8 +25,8 @@ const CENTER_STEP: (f64, f64) = (1.0 / 1_048_576.0, 0.5);
 const SPAN_MIN: f64 = 1e-4;
 
 /// Folded width of code 0, always on.
-fn widest<A: Arithmetic>() -> f64 {
-    A::ln(WIDE.size) + 0.5
+fn widest() -> f64 {
+    math::ln(WIDE.size) + 0.5
 }
 
 /// Quantisation step of window widths.
@@ -34,28 +36,28 @@ pub(super) fn width_step(step: f64) -> f64 {
 
 /// The coded number of a window width; 0 for an infinite one.
 #[cfg(feature = "encode")]
-pub(super) fn width_number<A: Arithmetic>(s: f64) -> f64 {
+pub(super) fn width_number(s: f64) -> f64 {
     let folded = if s < WIDE.size {
-        A::ln(s).max(NARROWEST + 1.0)
+        math::ln(s).max(NARROWEST + 1.0)
     } else {
-        A::ln(WIDE.size) + 0.5 * (1.0 - (WIDE.size / s) * (WIDE.size / s))
+        math::ln(WIDE.size) + 0.5 * (1.0 - (WIDE.size / s) * (WIDE.size / s))
     };
-    widest::<A>() - folded
+    widest() - folded
 }
 
 /// The window width of a coded number.
-pub(super) fn width<A: Arithmetic>(number: f64) -> f64 {
-    let folded = (widest::<A>() - number).max(NARROWEST);
-    if folded < A::ln(WIDE.size) {
-        return A::exp(folded);
+pub(super) fn width(number: f64) -> f64 {
+    let folded = (widest() - number).max(NARROWEST);
+    if folded < math::ln(WIDE.size) {
+        return math::exp(folded);
     }
-    let left = 1.0 - 2.0 * (folded - A::ln(WIDE.size));
+    let left = 1.0 - 2.0 * (folded - math::ln(WIDE.size));
     if left <= 1e-9 { f64::INFINITY } else { WIDE.size / left.sqrt() }
 }
 
 /// Quantisation step of the centre of a window of finite width `s`.
-pub(super) fn center_step<A: Arithmetic>(s: f64, step: f64) -> f64 {
-    (step * s * A::in_units(s, WIDE).max(1.0)).clamp(CENTER_STEP.0, CENTER_STEP.1)
+pub(super) fn center_step(s: f64, step: f64) -> f64 {
+    (step * s * math::in_units(s, WIDE).max(1.0)).clamp(CENTER_STEP.0, CENTER_STEP.1)
 }
 
 /// The alive interval of a Gaussian, and orthogonal polynomials over it.
@@ -75,9 +77,9 @@ pub(super) struct Span {
 
 impl Span {
     /// The span of a Gaussian with these decoded numbers.
-    pub(super) fn new<A: Arithmetic>(opacity: f64, tau: f64, s: f64) -> Span {
+    pub(super) fn new(opacity: f64, tau: f64, s: f64) -> Span {
         let support_radius =
-            s * (2.0 * A::ln(A::in_units(opacity, const { Unit::new(ALPHA_MIN) })).max(0.0)).sqrt();
+            s * (2.0 * math::ln(math::in_units(opacity, const { Unit::new(ALPHA_MIN) })).max(0.0)).sqrt();
         // Infinity times zero is NaN, which max and min ignore.
         let (mut start, mut end) = ((tau - support_radius).max(0.0), (tau + support_radius).min(1.0));
         if start >= end {
@@ -90,7 +92,7 @@ impl Span {
         // The means of u^2, u^4 and u^6 are a, a b and a b c. a, b, c are 1/3, 3/5, 5/7 over an evenly
         // visible span, and 1, 3, 5 halves of the squared width if the window is much narrower.
         let blend = |even: f64, multiple: Unit| {
-            let far = A::in_units(narrow, multiple);
+            let far = math::in_units(narrow, multiple);
             1.0 / (1.0 / (even * even) + far * far).sqrt()
         };
         let (a, b, c) = (
@@ -125,13 +127,13 @@ impl Span {
 
     /// Converts back from `Span::orthogonal`.
     #[inline(always)]
-    pub(super) fn powers<A: Arithmetic>(&self, c: [f64; 4], tau: f64) -> [f64; 4] {
+    pub(super) fn powers(&self, c: [f64; 4], tau: f64) -> [f64; 4] {
         let d = tau - self.center;
         let h = self.half;
         let p0 = c[0] - c[2] * self.a;
-        let p1 = A::in_units(c[1] - c[3] * self.b, h);
-        let p2 = A::in_units(c[2], h.times(h));
-        let p3 = A::in_units(c[3], h.times(h).times(h));
+        let p1 = math::in_units(c[1] - c[3] * self.b, h);
+        let p2 = math::in_units(c[2], h.times(h));
+        let p3 = math::in_units(c[3], h.times(h).times(h));
         [p0 + d * (p1 + d * (p2 + d * p3)), p1 + d * (2.0 * p2 + 3.0 * p3 * d), p2 + 3.0 * p3 * d, p3]
     }
 }

@@ -2,8 +2,7 @@
 //!
 //! Its numbers have 16 bits, so that a decoder compares and moves all 16 in two vectors of 128 bits.
 
-use super::math::Math;
-use crate::gaussian::Arithmetic;
+use super::math::ln;
 
 /// Binary logarithm of the sum of all frequencies. Format.
 pub(super) const SCALE_BITS: u32 = 15;
@@ -35,7 +34,7 @@ const PARTS: [i16; 255 + 1] = {
 /// An adaptive distribution of 16 symbols. Aligned vectors never lie in two cache lines.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(16))]
-pub(super) struct Cdf {
+pub(crate) struct Cdf {
     /// Sum of the frequencies below each symbol, then [`SCALE`], which wraps to a negative number. They rise by at
     /// least 1 from symbol to symbol.
     starts: [i16; SYMBOLS + 1],
@@ -117,7 +116,7 @@ impl Cdf {
 
     /// Bits that coding `symbol` takes.
     pub(super) fn cost(&self, symbol: usize) -> f64 {
-        f64::from(SCALE_BITS) - Math::ln(f64::from(self.part(symbol).frequency)) / std::f64::consts::LN_2
+        f64::from(SCALE_BITS) - ln(f64::from(self.part(symbol).frequency)) / std::f64::consts::LN_2
     }
 }
 

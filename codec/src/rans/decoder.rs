@@ -6,21 +6,17 @@
 
 use super::{
     cdf::{Cdf, SCALE, SCALE_BITS},
-    integer::{NibbleTree, TokenInteger, TokenSymbols},
-    math::Math,
-    search::LastCells,
+    observer::{Attribute, BitObserver},
+    symbols::Symbols,
     uniform::Uniform,
 };
-use crate::{
-    counters::Work,
-    gaussian::{Attribute, BitObserver, Reading, Symbols},
-};
+use crate::counters::Work;
 
 /// Smallest state, and the final one. Format.
 pub(super) const LOW: u64 = 1 << 31;
 
-/// Reads symbols. Past the end it reads zeros, which [`Reading::overrun`] reports.
-pub(super) struct Decoder<'a, O = ()> {
+/// Reads symbols. Past the end it reads zeros, which [`Decoder::overrun`] reports.
+pub(crate) struct Decoder<'a, O = ()> {
     observer: O,
     /// Bytes not read: states take words from the front, bypass bits from the back.
     bytes: &'a [u8],
@@ -33,7 +29,7 @@ pub(super) struct Decoder<'a, O = ()> {
 }
 
 impl<'a, O: BitObserver> Decoder<'a, O> {
-    pub(super) fn new(bytes: &'a [u8], observer: O) -> Decoder<'a, O> {
+    pub(crate) fn new(bytes: &'a [u8], observer: O) -> Decoder<'a, O> {
         let mut decoder = Decoder { observer, bytes, overrun: false, states: [0; 2], bits: 0, bit_count: 0 };
         decoder.states = [0; 2].map(|_| decoder.word() | decoder.word() << 32);
         decoder
@@ -66,9 +62,26 @@ impl<'a, O: BitObserver> Decoder<'a, O> {
     fn slot(&self) -> u32 {
         self.states[0] as u32 & (SCALE - 1)
     }
+
+    /// Whether it has read past the end.
+    pub(crate) fn overrun(&self) -> bool {
+        self.overrun
+    }
+
+    /// Number of bytes not read.
+    pub(crate) fn left(&self) -> usize {
+        self.bytes.len()
+    }
+
+    /// Whether its final state is that of an encoder before the first symbol.
+    pub(crate) fn is_complete(&self) -> bool {
+        self.states == [LOW; 2] && self.bits == 0
+    }
 }
 
-impl<O: BitObserver> TokenSymbols for Decoder<'_, O> {
+impl<O: BitObserver> Symbols for Decoder<'_, O> {
+    const ENCODES: bool = false;
+
     #[inline(always)]
     fn token(&mut self, cdf: &mut Cdf, _: usize) -> usize {
         Work::Symbols.count(1);
@@ -102,25 +115,6 @@ impl<O: BitObserver> TokenSymbols for Decoder<'_, O> {
         self.bit_count -= count;
         value as u32
     }
-}
-
-impl<O: BitObserver> Symbols for Decoder<'_, O> {
-    const ENCODES: bool = false;
-
-    type Arithmetic = Math;
-    type Integer = TokenInteger;
-    type Tree = NibbleTree;
-    type Search = LastCells;
-
-    #[inline(always)]
-    fn integer(&mut self, model: &mut TokenInteger, context: usize, value: i32) -> i32 {
-        model.code(self, context, value)
-    }
-
-    #[inline(always)]
-    fn tree(&mut self, model: &mut NibbleTree, value: u32) -> u32 {
-        model.code(self, value)
-    }
 
     #[inline(always)]
     fn uniform(&mut self, count: u32, _: u32) -> u32 {
@@ -135,11 +129,6 @@ impl<O: BitObserver> Symbols for Decoder<'_, O> {
         (upper << uniform.lower_bits | lower).min(count - 1)
     }
 
-    fn bypass(&mut self, bits: u32, _: u64) -> u64 {
-        let lower = u64::from(self.bits(bits.min(32), 0));
-        lower | u64::from(self.bits(bits.saturating_sub(32), 0)) << 32
-    }
-
     fn begin(&mut self, attribute: Attribute, component: usize) {
         self.observer.begin(attribute, component);
     }
@@ -150,19 +139,5 @@ impl<O: BitObserver> Symbols for Decoder<'_, O> {
 
     fn choice(&mut self, count: f64) {
         self.observer.choice(count);
-    }
-}
-
-impl<O: BitObserver> Reading for Decoder<'_, O> {
-    fn overrun(&self) -> bool {
-        self.overrun
-    }
-
-    fn left(&self) -> usize {
-        self.bytes.len()
-    }
-
-    fn is_complete(&self) -> bool {
-        self.states == [LOW; 2] && self.bits == 0
     }
 }

@@ -5,16 +5,13 @@
 use super::{
     cdf::{Cdf, SCALE_BITS},
     decoder::LOW,
-    integer::{NibbleTree, TokenInteger, TokenSymbols},
-    math::Math,
-    search::LastCells,
+    symbols::Symbols,
     uniform::Uniform,
 };
-use crate::gaussian::{Symbols, Writing};
 
 /// Records symbols.
 #[derive(Default)]
-pub(super) struct Encoder {
+pub(crate) struct Encoder {
     /// Start and frequency of each symbol.
     parts: Vec<(u16, u16)>,
     /// Words of bypass bits.
@@ -24,7 +21,9 @@ pub(super) struct Encoder {
     bit_count: u32,
 }
 
-impl TokenSymbols for Encoder {
+impl Symbols for Encoder {
+    const ENCODES: bool = true;
+
     fn token(&mut self, cdf: &mut Cdf, symbol: usize) -> usize {
         let part = cdf.part(symbol);
         self.parts.push((part.start as u16, part.frequency as u16));
@@ -42,23 +41,6 @@ impl TokenSymbols for Encoder {
         }
         value
     }
-}
-
-impl Symbols for Encoder {
-    const ENCODES: bool = true;
-
-    type Arithmetic = Math;
-    type Integer = TokenInteger;
-    type Tree = NibbleTree;
-    type Search = LastCells;
-
-    fn integer(&mut self, model: &mut TokenInteger, context: usize, value: i32) -> i32 {
-        model.code(self, context, value)
-    }
-
-    fn tree(&mut self, model: &mut NibbleTree, value: u32) -> u32 {
-        model.code(self, value)
-    }
 
     fn uniform(&mut self, count: u32, value: u32) -> u32 {
         let uniform = Uniform::new(count);
@@ -67,16 +49,11 @@ impl Symbols for Encoder {
         self.bits(uniform.lower_bits, value & ((1 << uniform.lower_bits) - 1));
         value
     }
-
-    fn bypass(&mut self, bits: u32, value: u64) -> u64 {
-        self.bits(bits.min(32), value as u32);
-        self.bits(bits.saturating_sub(32), (value >> 32) as u32);
-        value
-    }
 }
 
-impl Writing for Encoder {
-    fn finish(mut self) -> Vec<u8> {
+impl Encoder {
+    /// The bytes of all symbols.
+    pub(crate) fn finish(mut self) -> Vec<u8> {
         if self.bit_count > 0 {
             self.words.push(self.bits as u32);
         }
@@ -101,13 +78,10 @@ impl Writing for Encoder {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{
-        gaussian::Reading,
-        rans::{cdf::Pace, decoder::Decoder},
-    };
+    use crate::rans::{cdf::Pace, decoder::Decoder};
 
     /// Codes the same pseudo-random symbols in either direction.
-    fn run<S: TokenSymbols>(symbols: &mut S, seed: u32, count: usize) -> Vec<u64> {
+    fn run(symbols: &mut impl Symbols, seed: u32, count: usize) -> Vec<u64> {
         let mut state = seed;
         let mut next = move || {
             state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);

@@ -7,31 +7,26 @@ use std::{
 
 use super::{
     cdf::Cdf,
+    math::CONTEXTS,
+    observer::Attribute,
+    start::Prior,
     start::{share, start, tree_pace},
+    symbols::Symbols,
     token::{Form, Split, bypass_bits, joined, split},
 };
-use crate::gaussian::{Attribute, CONTEXTS, Integer, Prior, Symbols, Tree};
 
-/// Codes symbols with adaptive distributions, and bypass bits.
-pub(super) trait TokenSymbols: Symbols {
-    /// Codes a symbol below 16 and adapts its distribution.
-    fn token(&mut self, cdf: &mut Cdf, symbol: usize) -> usize;
-
-    /// Codes up to 32 bypass bits.
-    fn bits(&mut self, count: u32, value: u32) -> u32;
-}
-
-/// Codes signed integers: a token, whose distribution depends on the context, and bypass bits.
+/// Codes signed integers of magnitude below 2^26: a token, whose distribution depends on the context, and bypass bits.
 #[derive(Clone, Debug)]
-pub(super) struct TokenInteger {
+pub(crate) struct TokenInteger {
     form: Form,
     /// By context.
     cdfs: [Cdf; CONTEXTS],
 }
 
-impl Integer for TokenInteger {
-    /// The axes of a power of motion share one, and harmonics of the same degree and channel. Format.
-    fn group(attribute: Attribute, component: usize) -> usize {
+impl TokenInteger {
+    /// Number of the model of a component among those of its attribute. The axes of a power of motion share one, and
+    /// harmonics of the same degree and channel. Format.
+    pub(crate) fn group(attribute: Attribute, component: usize) -> usize {
         match attribute {
             Attribute::Motion => component / 3,
             // Degree d begins with coefficient d^2.
@@ -40,20 +35,21 @@ impl Integer for TokenInteger {
         }
     }
 
-    fn new(attribute: Attribute) -> TokenInteger {
+    /// The initial model of an attribute.
+    pub(crate) fn new(attribute: Attribute) -> TokenInteger {
         let cdfs = std::array::from_fn(|context| start(attribute, context));
         TokenInteger { form: Form::of(attribute), cdfs }
     }
 
-    fn cost(&self, context: usize, value: i32) -> f64 {
+    /// Bits that coding `value` takes.
+    pub(crate) fn cost(&self, context: usize, value: i32) -> f64 {
         self.cdfs[context].cost(split(value, self.form, context).token)
             + f64::from(bypass_bits(value, self.form, context))
     }
-}
 
-impl TokenInteger {
+    /// Codes an integer in a context, and adapts the model.
     #[inline(always)]
-    pub(super) fn code<S: TokenSymbols>(&mut self, symbols: &mut S, context: usize, value: i32) -> i32 {
+    pub(crate) fn code<S: Symbols>(&mut self, symbols: &mut S, context: usize, value: i32) -> i32 {
         let Split { token, mut rest } =
             if S::ENCODES { split(value, self.form, context) } else { Split::default() };
         let token = symbols.token(&mut self.cdfs[context], token);
@@ -68,7 +64,7 @@ impl TokenInteger {
 /// Codes unsigned numbers of up to 8 bits: the upper 4 as a symbol, then the others as one whose distribution depends
 /// on the upper.
 #[derive(Clone, Debug)]
-pub(super) struct NibbleTree {
+pub(crate) struct NibbleTree {
     /// Numbers of bits of both symbols.
     upper_bits: u32,
     lower_bits: u32,
@@ -80,14 +76,13 @@ pub(super) struct NibbleTree {
 /// decoding it.
 static STARTS: Mutex<BTreeMap<(u32, Prior), NibbleTree>> = Mutex::new(BTreeMap::new());
 
-impl Tree for NibbleTree {
-    fn new(bits: u32, prior: Prior) -> NibbleTree {
+impl NibbleTree {
+    /// The initial model of numbers of `bits` bits, at most 8.
+    pub(crate) fn new(bits: u32, prior: Prior) -> NibbleTree {
         let mut starts = STARTS.lock().unwrap_or_else(PoisonError::into_inner);
         starts.entry((bits, prior)).or_insert_with(|| NibbleTree::start(bits, prior)).clone()
     }
-}
 
-impl NibbleTree {
     fn start(bits: u32, prior: Prior) -> NibbleTree {
         let upper_bits = bits.min(4);
         let lower_bits = bits - upper_bits;
@@ -106,8 +101,9 @@ impl NibbleTree {
         NibbleTree { upper_bits, lower_bits, cdfs }
     }
 
+    /// Codes a number, and adapts the model.
     #[inline(always)]
-    pub(super) fn code<S: TokenSymbols>(&mut self, symbols: &mut S, value: u32) -> u32 {
+    pub(crate) fn code(&mut self, symbols: &mut impl Symbols, value: u32) -> u32 {
         if self.upper_bits == 0 {
             return 0;
         }

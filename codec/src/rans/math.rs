@@ -1,11 +1,45 @@
-//! Exponential, logarithm, sine and cosine with few operations: tables of 64 numbers and short polynomials.
+//! The arithmetic with which numbers are computed from symbols. Format.
 //!
-//! Decoded numbers are binary32, so relative errors of 1e-10 do not show in them.
+//! System functions differ in their last bits between machines, which breaks a coder whose steps depend on decoded
+//! numbers. These are IEEE additions, multiplications and divisions in the order written, without fused multiply-add.
+//!
+//! Exponential, logarithm, sine and cosine take few operations: tables of 64 numbers and short polynomials. Decoded
+//! numbers are binary32, so relative errors of 1e-10 do not show in them.
 
-use crate::gaussian::{Arithmetic, Unit};
+/// Contexts of an integer: expected magnitudes of 2^-4, 2^-3.5, ..., 2^15.5. Format.
+pub(crate) const CONTEXTS: usize = 40;
 
-/// The arithmetic of the coder `rans`. Format.
-pub(crate) struct Math;
+/// A quantisation step or another divisor, with its inverse: several quotients then take one division.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Unit {
+    pub(crate) size: f64,
+    pub(crate) inverse: f64,
+}
+
+impl Unit {
+    #[inline(always)]
+    pub(crate) const fn new(size: f64) -> Unit {
+        Unit { size, inverse: 1.0 / size }
+    }
+
+    /// The product of two units.
+    #[inline(always)]
+    pub(crate) fn times(self, factor: Unit) -> Unit {
+        Unit { size: self.size * factor.size, inverse: self.inverse * factor.inverse }
+    }
+
+    /// The quotient of two units.
+    #[inline(always)]
+    pub(crate) fn over(self, divisor: Unit) -> Unit {
+        Unit { size: in_units(self.size, divisor), inverse: self.inverse * divisor.size }
+    }
+}
+
+/// `2^(halves / 2)`.
+pub(crate) fn half_octaves(halves: u32) -> f64 {
+    let octaves = f64::from_bits((1023 + u64::from(halves / 2)) << 52);
+    if halves.is_multiple_of(2) { octaves } else { octaves * std::f64::consts::SQRT_2 }
+}
 
 /// Adding it and subtracting it again rounds a number below 2^51 to an integer, halves to even ones. The lower bits
 /// of the sum are the integer.
@@ -27,68 +61,70 @@ const INVERSES: [f64; 257] = {
     inverses
 };
 
-impl Arithmetic for Math {
-    /// Halves are rounded to even integers.
-    #[inline(always)]
-    fn round(x: f64) -> f64 {
-        (x + ROUNDING) - ROUNDING
-    }
+/// The integer nearest to `x`, halves rounded to even ones.
+#[inline(always)]
+pub(crate) fn round(x: f64) -> f64 {
+    (x + ROUNDING) - ROUNDING
+}
 
-    #[inline(always)]
-    fn exp(x: f64) -> f64 {
-        let x = x.clamp(-700.0, 700.0);
-        let sum = x * STEPS_PER_UNIT + ROUNDING;
-        let (steps, count) = (sum - ROUNDING, sum.to_bits() as i32);
-        let r = (x - steps * STEP_HIGH) - steps * STEP_LOW;
-        let power = POWERS[(count & 63) as usize].wrapping_add(((count >> 6) as u64) << 52);
-        // Taylor series; |r| <= 0.0055.
-        (1.0 + r * (1.0 + r * (1.0 / 2.0 + r * (1.0 / 6.0 + r * (1.0 / 24.0))))) * f64::from_bits(power)
-    }
+/// `e^x` for `x` cut to `[-700, 700]`.
+#[inline(always)]
+pub(crate) fn exp(x: f64) -> f64 {
+    let x = x.clamp(-700.0, 700.0);
+    let sum = x * STEPS_PER_UNIT + ROUNDING;
+    let (steps, count) = (sum - ROUNDING, sum.to_bits() as i32);
+    let r = (x - steps * STEP_HIGH) - steps * STEP_LOW;
+    let power = POWERS[(count & 63) as usize].wrapping_add(((count >> 6) as u64) << 52);
+    // Taylor series; |r| <= 0.0055.
+    (1.0 + r * (1.0 + r * (1.0 / 2.0 + r * (1.0 / 6.0 + r * (1.0 / 24.0))))) * f64::from_bits(power)
+}
 
-    #[inline(always)]
-    fn ln(x: f64) -> f64 {
-        let bits = x.max(f64::MIN_POSITIVE).to_bits();
-        let octaves = (bits >> 52) as i32 - 1023;
-        let m = f64::from_bits(bits & 0x000f_ffff_ffff_ffff | 1023 << 52);
-        let part = (bits >> 46 & 63) as usize;
-        // |f| <= 1 / 128.
-        let f = m * RECIPROCALS[part] - 1.0;
-        let sum = f * (1.0 + f * (-1.0 / 2.0 + f * (1.0 / 3.0 + f * (-1.0 / 4.0 + f * (1.0 / 5.0)))));
-        f64::from(octaves) * std::f64::consts::LN_2 + (f64::from_bits(LOGARITHMS[part]) + sum)
-    }
+/// Natural logarithm of a normal positive `x`; others are replaced by the smallest normal one.
+#[inline(always)]
+pub(crate) fn ln(x: f64) -> f64 {
+    let bits = x.max(f64::MIN_POSITIVE).to_bits();
+    let octaves = (bits >> 52) as i32 - 1023;
+    let m = f64::from_bits(bits & 0x000f_ffff_ffff_ffff | 1023 << 52);
+    let part = (bits >> 46 & 63) as usize;
+    // |f| <= 1 / 128.
+    let f = m * RECIPROCALS[part] - 1.0;
+    let sum = f * (1.0 + f * (-1.0 / 2.0 + f * (1.0 / 3.0 + f * (-1.0 / 4.0 + f * (1.0 / 5.0)))));
+    f64::from(octaves) * std::f64::consts::LN_2 + (f64::from_bits(LOGARITHMS[part]) + sum)
+}
 
-    /// From those of the half angle.
-    #[inline(always)]
-    fn sin_cos(x: f64) -> (f64, f64) {
-        const SIN: [f64; 6] =
-            [1.0, -1.0 / 6.0, 1.0 / 120.0, -1.0 / 5040.0, 1.0 / 362_880.0, -1.0 / 39_916_800.0];
-        const COS: [f64; 6] = [1.0, -1.0 / 2.0, 1.0 / 24.0, -1.0 / 720.0, 1.0 / 40_320.0, -1.0 / 3_628_800.0];
-        let half = 0.5 * x;
-        let square = half * half;
-        let series = |terms: [f64; 6]| terms.iter().rev().fold(0.0, |sum, term| sum * square + term);
-        let (sin, cos) = (half * series(SIN), series(COS));
-        (2.0 * sin * cos, 1.0 - 2.0 * sin * sin)
-    }
+/// Sine and cosine of `x` in `[0, pi / 2]`, from those of the half angle.
+#[inline(always)]
+pub(crate) fn sin_cos(x: f64) -> (f64, f64) {
+    const SIN: [f64; 6] = [1.0, -1.0 / 6.0, 1.0 / 120.0, -1.0 / 5040.0, 1.0 / 362_880.0, -1.0 / 39_916_800.0];
+    const COS: [f64; 6] = [1.0, -1.0 / 2.0, 1.0 / 24.0, -1.0 / 720.0, 1.0 / 40_320.0, -1.0 / 3_628_800.0];
+    let half = 0.5 * x;
+    let square = half * half;
+    let series = |terms: [f64; 6]| terms.iter().rev().fold(0.0, |sum, term| sum * square + term);
+    let (sin, cos) = (half * series(SIN), series(COS));
+    (2.0 * sin * cos, 1.0 - 2.0 * sin * sin)
+}
 
-    #[inline(always)]
-    fn in_units(x: f64, unit: Unit) -> f64 {
-        x * unit.inverse
-    }
+/// `x / unit`.
+#[inline(always)]
+pub(crate) fn in_units(x: f64, unit: Unit) -> f64 {
+    x * unit.inverse
+}
 
-    #[inline(always)]
-    fn average(mean: &mut f64, number: f64, seen: u32, window: u32) {
-        *mean += (number - *mean) * INVERSES[seen.min(window) as usize];
-    }
+/// Adds the `seen`-th number to a moving average over `window` numbers, at most 256.
+#[inline(always)]
+pub(crate) fn average(mean: &mut f64, number: f64, seen: u32, window: u32) {
+    *mean += (number - *mean) * INVERSES[seen.min(window) as usize];
+}
 
-    /// From the difference of the exponents, whose fractions are significands: less than 0.09 octaves off.
-    #[inline(always)]
-    fn context(expected: f64, [numerator, denominator]: [f64; 2]) -> usize {
-        // 4 octaves, and half of a half octave for rounding.
-        const BIAS: i64 = (4 << 52) + (1 << 50);
-        let magnitude = (expected * numerator).min(1e30);
-        let octaves = magnitude.to_bits() as i64 - denominator.to_bits() as i64;
-        ((octaves + BIAS) >> 51).clamp(0, crate::gaussian::CONTEXTS as i64 - 1) as usize
-    }
+/// The context of the magnitude `expected * numerator / denominator`: half octaves above 2^-4, rounded. From the
+/// difference of the exponents, whose fractions are significands: less than 0.09 octaves off.
+#[inline(always)]
+pub(crate) fn context(expected: f64, [numerator, denominator]: [f64; 2]) -> usize {
+    // 4 octaves, and half of a half octave for rounding.
+    const BIAS: i64 = (4 << 52) + (1 << 50);
+    let magnitude = (expected * numerator).min(1e30);
+    let octaves = magnitude.to_bits() as i64 - denominator.to_bits() as i64;
+    ((octaves + BIAS) >> 51).clamp(0, CONTEXTS as i64 - 1) as usize
 }
 
 /// `128 / (129 + 2 j)`: reciprocals of significands.
@@ -241,19 +277,25 @@ pub(super) const LOGARITHMS: [u64; 64] = [
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gaussian::{CONTEXTS, half_octaves};
+
+    #[test]
+    fn half_octaves_are_powers() {
+        for halves in 0..60 {
+            assert!((half_octaves(halves) / 2f64.powf(f64::from(halves) / 2.0) - 1.0).abs() < 4e-16);
+        }
+    }
 
     #[test]
     fn functions_agree_with_the_system() {
         for i in -4000..4000 {
             let x = f64::from(i) * 0.017;
-            assert!((Math::exp(x) / x.exp() - 1.0).abs() < 1e-13, "exp {x}");
+            assert!((exp(x) / x.exp() - 1.0).abs() < 1e-13, "exp {x}");
             let y = x.exp();
-            assert!((Math::ln(y) - y.ln()).abs() <= 1e-13 * y.ln().abs().max(1.0), "ln {y}");
+            assert!((ln(y) - y.ln()).abs() <= 1e-13 * y.ln().abs().max(1.0), "ln {y}");
         }
         for i in 0..=1000 {
             let x = f64::from(i) * std::f64::consts::FRAC_PI_2 / 1000.0;
-            let (sin, cos) = Math::sin_cos(x);
+            let (sin, cos) = sin_cos(x);
             assert!((sin - x.sin()).abs() < 1e-9 && (cos - x.cos()).abs() < 1e-9, "{x}");
         }
     }
@@ -261,27 +303,27 @@ mod tests {
     #[test]
     fn every_argument_has_a_finite_value() {
         for x in [f64::INFINITY, f64::NEG_INFINITY, 0.0, -1.0, 1e300, -1e300, 5e-324] {
-            assert!(Math::exp(x).is_finite(), "exp {x}");
-            assert!(Math::ln(x).is_finite(), "ln {x}");
+            assert!(exp(x).is_finite(), "exp {x}");
+            assert!(ln(x).is_finite(), "ln {x}");
         }
-        assert!(Math::ln(f64::NAN).is_finite());
+        assert!(ln(f64::NAN).is_finite());
         for (a, b) in [(f64::NAN, 1.0), (f64::INFINITY, 0.05), (0.0, f64::MAX), (1e300, 1e-300)] {
-            assert!(Math::context(a, [a, b]) < CONTEXTS);
+            assert!(context(a, [a, b]) < CONTEXTS);
         }
     }
 
     #[test]
     fn halves_round_to_even_integers() {
-        assert_eq!([-1.5, -0.5, 0.5, 1.5, 0.4, -0.6].map(Math::round), [-2.0, 0.0, 0.0, 2.0, 0.0, -1.0]);
+        assert_eq!([-1.5, -0.5, 0.5, 1.5, 0.4, -0.6].map(round), [-2.0, 0.0, 0.0, 2.0, 0.0, -1.0]);
     }
 
     #[test]
     fn contexts_are_half_octaves() {
-        for context in 0..CONTEXTS {
-            let mean = half_octaves(context as u32) / 16.0;
+        for expected in 0..CONTEXTS {
+            let mean = half_octaves(expected as u32) / 16.0;
             for factor in [0.9, 1.0, 1.1] {
-                assert_eq!(Math::context(mean * factor, [1.0; 2]), context);
-                assert_eq!(Math::context(mean, [3.0 * factor, 3.0]), context);
+                assert_eq!(context(mean * factor, [1.0; 2]), expected);
+                assert_eq!(context(mean, [3.0 * factor, 3.0]), expected);
             }
         }
     }

@@ -2,11 +2,24 @@
 
 use super::{
     cdf::{Cdf, Pace, SYMBOLS},
+    observer::Attribute,
     token::Form,
 };
-use crate::gaussian::{Attribute, Prior};
 
-/// Sums of the frequencies below each token, by context, as trained (`training.rs`). From context 11 on, tokens stand for
+/// What is known of a number before the first one is coded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum Prior {
+    Nothing,
+    /// It is near another number.
+    Near(u32),
+    /// It is at most another number.
+    AtMost(u32),
+    /// Its bits are those of two coordinates in turn, and the middle of the square is likely.
+    NearCenterOfSquare,
+}
+
+/// Sums of the frequencies below each token, by context: the frequencies in packages of captured fields, at most 20,000
+/// tokens of an attribute and a package, and 200 tokens of the Laplace distribution of the context's magnitude. From context 11 on, tokens stand for
 /// twice as many numbers in every second context, and the last two rows repeat. Format.
 pub(super) const SIGNED: [[u16; SYMBOLS]; 13] = [
     [

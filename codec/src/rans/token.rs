@@ -4,7 +4,7 @@
 //! the bits that fall off are bypass bits. What remains, mapped 0, -1, 1, -2, 2, ... to 0, 1, 2, 3, 4, ... if it has a
 //! sign, is the base of its token plus extra bits.
 
-use crate::gaussian::Attribute;
+use super::observer::Attribute;
 
 /// Whether integers have a sign.
 #[derive(Clone, Copy, Debug, PartialEq)]

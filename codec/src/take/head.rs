@@ -50,7 +50,6 @@ pub(crate) fn read_take(head: &Head, available: usize, budget: &mut Budget) -> R
     }
     reader.finish()?;
     let take = Take {
-        version_major: head.version_major,
         version_minor: head.version_minor,
         info,
         duration_s,
@@ -115,7 +114,7 @@ mod encode {
         ClipInfo, Contents, EncodeError, PixelFilter,
         bytes::Writer,
         columns::PackageColumns,
-        format::{TAKES_SINCE, VERSION_MINOR},
+        format::VERSION_MINOR,
         preamble::{Preamble, finish_head, u32_of, write_viewpoints},
         take::table::prefixes,
     };
@@ -172,7 +171,7 @@ mod encode {
             plate_len: take.plate_len,
             entry_count: take.segments.len(),
         };
-        let mut w = preamble.write(take.version_major, take.version_minor)?;
+        let mut w = preamble.write(take.version_minor)?;
         w.f64(take.duration_s);
         write_viewpoints(&mut w, &take.info, take.near);
         for segment in &take.segments {
@@ -216,11 +215,6 @@ mod encode {
         overlap.map(|pair| format!("two segments have a plate at {} s", pair[1].start_s))
     }
 
-    /// Whether a segment has sound or a poster.
-    fn has_extra(head: &Contents) -> bool {
-        head.sections.iter().any(|section| section.kind.is_extra())
-    }
-
     /// The take of these segments, without the lengths that its head gives it.
     fn describe(info: &ClipInfo, duration_s: f64, segments: &[SegmentPackage]) -> Result<Take, EncodeError> {
         let refused = |reason: String| Err(EncodeError::Take { reason });
@@ -250,8 +244,7 @@ mod encode {
             layers: prefixes(segment.contents),
         };
         let take = Take {
-            version_major: TAKES_SINCE,
-            version_minor: if heads().any(has_extra) { VERSION_MINOR } else { 0 },
+            version_minor: VERSION_MINOR,
             info,
             duration_s,
             bounds,

@@ -20,7 +20,7 @@ pub enum Package {
 /// # Errors
 /// - [`Error::Format`] if the head is damaged or inconsistent, or bytes follow the last section or segment. With
 ///   [`FormatError::Truncated`](crate::FormatError::Truncated), `bytes` is too short to tell.
-/// - [`Error::Version`] if the major version is none of [`VERSIONS`](crate::VERSIONS).
+/// - [`Error::Version`] if the major version is not [`VERSION_MAJOR`](crate::VERSION_MAJOR).
 /// - [`Error::Limits`] if a clip announces more Gaussians than `limits` allow, or a table of sections or segments
 ///   needs more memory.
 pub fn package(bytes: &[u8], limits: &Limits) -> Result<Package, Error> {

@@ -18,8 +18,6 @@ use crate::{
 /// was put together otherwise and does not.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Take {
-    /// Major version of the format, one of [`VERSIONS`](crate::VERSIONS).
-    pub version_major: u16,
     /// Minor version of the format.
     pub version_minor: u16,
     /// Axes, frames per second, viewpoints. Those in the heads of the segments do not matter.
@@ -244,7 +242,6 @@ impl From<&Contents> for Take {
             layers: prefixes(contents),
         };
         Take {
-            version_major: contents.version_major,
             version_minor: contents.version_minor,
             info: contents.info.clone(),
             duration_s,

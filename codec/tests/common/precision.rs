@@ -1,4 +1,4 @@
-//! Errors of the coders `context` and `rans` at a requested precision.
+//! Errors of the coder `rans` at a requested precision.
 
 use codec::{ALPHA_MIN, Clip, Coder, EncodeOptions, Field, Sensitivity};
 
@@ -15,12 +15,10 @@ pub(crate) fn uniform(coder: Coder, field: &Field, psnr: f64, layers: &[usize]) 
 
 /// Checks the clips of a field at the lowest, the default and the highest PSNR.
 pub(crate) fn each_psnr(source: &Field, check: impl Fn(&Clip)) {
-    for coder in [Coder::Context, Coder::Rans] {
-        for psnr in [0.0, 50.7, 160.0] {
-            let mut options = options(coder, &[]);
-            options.precision.psnr = psnr;
-            check(&valid_clip(&package(source, None, &options)));
-        }
+    for psnr in [0.0, 50.7, 160.0] {
+        let mut options = options(Coder::Rans, &[]);
+        options.precision.psnr = psnr;
+        check(&valid_clip(&package(source, None, &options)));
     }
 }
 

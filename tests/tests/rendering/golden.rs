@@ -27,7 +27,7 @@ fn demo_scene(gpu: &Gpu) -> Result<(), String> {
     let (field, info) = juggler::clip();
     let source = Source { info: &info, field: &field, plate: None };
     let precision = Precision { psnr: EXACT_DB, ..Precision::default() };
-    let options = EncodeOptions { coder: Coder::Context, precision, ..EncodeOptions::default() };
+    let options = EncodeOptions { coder: Coder::Rans, precision, ..EncodeOptions::default() };
     let bytes = codec::encode(&source, &options).map_err(|error| error.to_string())?;
     let clip = codec::decode(&bytes, &Limits::default()).map_err(|error| error.to_string())?;
     let camera = clip.info.viewpoints.first().ok_or("no viewpoint")?.camera(clip.info.up, 192, 192);

@@ -9,10 +9,10 @@ use crate::commands;
 
 /// The version of the program, and those of the files that it reads and writes.
 pub static VERSION: LazyLock<String> = LazyLock::new(|| {
-    let (first, last, minor) = (codec::VERSIONS.start(), codec::VERSIONS.end(), codec::VERSION_MINOR);
+    let (major, minor) = (codec::VERSION_MAJOR, codec::VERSION_MINOR);
     let field = crate::import::FIELD_FILE_VERSION;
     format!(
-        "{}\nwrites packages (.aarc) of versions {first}.{minor} and {last}.{minor}, reads {first}.x and {last}.x\nwrites and reads field \
+        "{}\nwrites packages (.aarc) of version {major}.{minor}, reads {major}.x\nwrites and reads field \
          files (.ply) of version {field}",
         env!("CARGO_PKG_VERSION")
     )

@@ -1,7 +1,7 @@
 //! The optional parts that a package lacks, and the bytes that it saves without them.
 //!
 //! Saved package bytes are the size of the columns if they were present and zero. With the coder `fixed` that is their
-//! size before entropy coding. The coders `context` and `rans` learn that a column is zero, so there it is a few bytes. Saved
+//! size before entropy coding. The coder `rans` learns that a column is zero, so there it is a few bytes. Saved
 //! GPU bytes are the part's share of the player's records.
 
 use std::collections::BTreeMap;
@@ -29,7 +29,7 @@ const ROTATION_RATES: Columns = Columns { numbers: 4, bits: 8 };
 /// Coefficients of one spherical harmonic.
 const SH_FUNCTION: Columns = Columns { numbers: 3, bits: 8 };
 
-/// Bytes of a column of zeros in a chunk of the coders `context` and `rans`, until its model has learned the zeros; measured, for
+/// Bytes of a column of zeros in a chunk of the coder `rans`, until its model has learned the zeros; measured, for
 /// chunks of any size.
 const ZEROS_BYTES: usize = 5;
 
@@ -133,7 +133,7 @@ pub(crate) fn left_out(contents: &Contents, clip: &Clip) -> Vec<LeftOut> {
             gaussians,
             bytes_saved: match contents.coder {
                 Coder::Fixed => gaussians * bits / 8,
-                Coder::Context | Coder::Rans => chunks * numbers * ZEROS_BYTES,
+                Coder::Rans => chunks * numbers * ZEROS_BYTES,
             },
             gpu_bytes_saved: gaussians * gpu_words * 4,
         });

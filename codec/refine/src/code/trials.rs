@@ -18,7 +18,6 @@ const SMALL_ROWS: usize = 16_384;
 #[derive(Debug)]
 pub(super) struct Trials<'a> {
     pub(super) source: &'a Source<'a>,
-    pub(super) coder: Coder,
     pub(super) layers: &'a [usize],
     pub(super) by_device: bool,
     /// All but [`Precision::psnr`].
@@ -42,13 +41,12 @@ pub(super) struct Trial {
 impl<'a> Trials<'a> {
     pub(super) fn new(
         source: &'a Source<'a>,
-        coder: Coder,
         layers: &'a [usize],
         precision: Precision,
         judge: &'a Pictures,
     ) -> Trials<'a> {
         let errors = vec![f64::INFINITY; judge.len()];
-        Trials { source, coder, layers, by_device: false, precision, judge, known: BTreeMap::new(), errors }
+        Trials { source, layers, by_device: false, precision, judge, known: BTreeMap::new(), errors }
     }
 
     /// Whether the PSNR of a package may jump between neighbouring precisions.
@@ -64,7 +62,7 @@ impl<'a> Trials<'a> {
     /// The options of a package at a precision.
     pub(super) fn options(&self, precision: Precision) -> EncodeOptions {
         EncodeOptions {
-            coder: self.coder,
+            coder: Coder::Rans,
             layers: self.layers.to_vec(),
             precision,
             by_device: self.by_device,

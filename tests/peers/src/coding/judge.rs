@@ -4,7 +4,7 @@ use std::num::NonZero;
 use std::time::Instant;
 
 use anyhow::anyhow;
-use codec::{ClipInfo, Coder, Field, Limits, Source};
+use codec::{ClipInfo, Field, Limits, Source};
 use indicatif::ProgressBar;
 use refine::code::{CodeError, Coded, JOINT_ROUNDS, JointRounding, PackageTarget, code};
 use refine::fit::Cpu;
@@ -77,7 +77,7 @@ impl<'a> Judge<'a> {
         let mut backend = Cpu::default();
         let mut joint =
             NonZero::new(JOINT_ROUNDS).map(|rounds| JointRounding::new(views, rounds, &mut backend));
-        let target = PackageTarget { coder: Coder::Rans, layers: &LAYERS, psnr_db, by_device: false };
+        let target = PackageTarget { layers: &LAYERS, psnr_db, by_device: false };
         let coded = code(&source, target, &self.coding_views, &self.pictures, joint.as_mut(), tick);
         coded.map_err(|error| match error {
             CodeError::Encode(error) => anyhow!(error),

@@ -27,9 +27,6 @@ const BYTES_MAX: u64 = 64 << 20;
 /// Bytes of GPU memory per Gaussian: its record, its sort key, and scratch space for sorting.
 const BYTES_PER_GAUSSIAN: u64 = 1 << 10;
 
-/// The coders of packages.
-const CODERS: [Coder; 3] = Coder::ALL;
-
 /// Alpha in 255ths above which a pixel is not blank.
 const SHOWS: f64 = 10.0;
 
@@ -88,7 +85,7 @@ pub fn run(case: &StabilityCase, gpu: &Gpu) -> CaseResult {
             match drawn {
                 Ok(deviations) => {
                     packaged = deviations.iter().copied().fold(0.0, f64::max);
-                    let list: Vec<String> = CODERS
+                    let list: Vec<String> = Coder::ALL
                         .iter()
                         .zip(deviations)
                         .map(|(coder, deviation)| format!("{} {deviation:.3}", coder.name()))
@@ -142,7 +139,7 @@ fn packages(scene: &StabilityScene) -> Result<Vec<Clip>, String> {
         let bytes = codec::encode(&source, &options).map_err(|error| error.to_string())?;
         codec::decode(&bytes, &Limits::default()).map_err(|error| error.to_string())
     };
-    CODERS.into_iter().map(package).collect()
+    Coder::ALL.into_iter().map(package).collect()
 }
 
 /// The largest deviation over all views of `clip`: the scene's clip, or one decoded from a package of it.

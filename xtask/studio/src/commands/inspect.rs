@@ -12,7 +12,7 @@ use crate::left_out::{LeftOut, gpu_bytes, left_out};
 use crate::messages::{bad_package, decimal};
 use crate::segments::TakeFile;
 use anyhow::bail;
-use codec::{AttributeSize, Clip, Contents, Field, Limits, Region, SectionKind};
+use codec::{AttributeSize, Clip, Contents, Field, Limits, Region, SectionKind, VERSION_MAJOR};
 use program::Fault;
 use serde::Serialize;
 
@@ -93,7 +93,7 @@ struct Inspection {
     segments: [OnlySegment; 1],
     left_out: Vec<LeftOut>,
     gpu_bytes: usize,
-    /// Where the bytes of the coders `context` and `rans` go; empty for the coder `fixed`.
+    /// Where the bytes of the coder `rans` go; empty for the coder `fixed`.
     attributes: Vec<Attribute>,
     alive: Vec<Alive>,
     head_bytes: usize,
@@ -162,7 +162,7 @@ fn inspect(bytes: &[u8], contents: Contents, clip: &Clip, attributes: Vec<Attrib
     let poster = codec::poster(bytes, &limits).map_err(|error| error.to_string());
     let poster = Damage::note(&mut damaged, "poster", poster).map(PosterRow::from);
     Inspection {
-        format_version: format!("{}.{}", contents.version_major, contents.version_minor),
+        format_version: format!("{VERSION_MAJOR}.{}", contents.version_minor),
         coder: contents.coder.name(),
         bytes: bytes.len(),
         bytes_announced: contents.sections.last().map_or(contents.head_bytes, codec::Section::end),

@@ -102,7 +102,7 @@ pub struct Args {
     /// Coder of the Gaussians
     #[arg(long, value_enum, default_value_t = Coder::Rans)]
     coder: Coder,
-    /// Target PSNR of the coders rans and context against the field before coding, in dB: 20 to 100; of a take in every segment
+    /// Target PSNR of the coder rans against the field before coding, in dB: 20 to 100; of a take in every segment
     #[arg(long, value_name = "DB", default_value_t = QUALITY_DB, value_parser = quality)]
     quality: f64,
     /// Rounds in which the numbers of all Gaussians are rounded jointly, so that their errors cancel in pictures; 0
@@ -157,10 +157,8 @@ fn rank(text: &str) -> Result<Rank, String> {
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum Coder {
-    /// Quantisation below visibility, fast adaptive entropy coder; needs players that read version 2
+    /// Quantisation below visibility, adaptive entropy coder
     Rans,
-    /// Quantisation below visibility, adaptive range coder: decodes in twice the time of rans
-    Context,
     /// FP16 and INT8 attributes, motion at 10 bits, zstd
     Fixed,
 }
@@ -315,8 +313,9 @@ impl Args {
             fragments: self.fragments,
             recolor: self.recolor,
             coding: match self.coder {
-                Coder::Rans => self.to_quality(codec::Coder::Rans),
-                Coder::Context => self.to_quality(codec::Coder::Context),
+                Coder::Rans => {
+                    Coding::ToQuality { quality_db: self.quality, joint_rounds: self.joint_rounds }
+                }
                 Coder::Fixed => Coding::Fixed,
             },
             drop: self.drop.clone(),
@@ -337,10 +336,6 @@ impl Args {
             return Err(Fault::Usage(what.into()));
         }
         Ok(backend)
-    }
-
-    fn to_quality(&self, coder: codec::Coder) -> Coding {
-        Coding::ToQuality { coder, quality_db: self.quality, joint_rounds: self.joint_rounds }
     }
 
     /// The options that apply to every take.

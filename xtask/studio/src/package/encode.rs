@@ -88,13 +88,13 @@ pub(crate) fn encode(
             let fidelity = judge.compare(&RenderScene::from(&clip), || ());
             (Coded { bytes, clip, fidelity, miss: None, bytes_alone: None }, 0, 0)
         }
-        Coding::ToQuality { coder, quality_db, joint_rounds } => {
+        Coding::ToQuality { quality_db, joint_rounds } => {
             let source = Source { info: &scene.head_info(), field, plate };
             let rounding = NonZero::new(joint_rounds).map(|rounds| (rounds, rounding_views(scene, field)));
             let rounding_count = rounding.as_ref().map_or(0, |(_, views)| views.len());
             let mut joint = rounding.map(|(rounds, views)| JointRounding::new(views, rounds, backend));
             progress.stage("coding", views.len() + code_steps(joint_rounds));
-            let target = PackageTarget { coder, layers: &LAYERS, psnr_db: quality_db, by_device };
+            let target = PackageTarget { layers: &LAYERS, psnr_db: quality_db, by_device };
             let coded = code(&source, target, &views, &judge, joint.as_mut(), || progress.step())
                 .map_err(|error| refused(scene, error))?;
             (coded, views.len(), rounding_count)

@@ -125,7 +125,7 @@ fn refine_field(
 
 #[cfg(test)]
 mod tests {
-    use codec::{Camera, ClipInfo, Coder, Limits};
+    use codec::{Camera, ClipInfo, Limits};
     use refine::prune::{Pictures, PosedView};
     use refine::reference::RenderScene;
 
@@ -163,7 +163,7 @@ mod tests {
     #[test]
     fn a_room_without_a_viewpoint_is_packaged_for_who_stands_in_it() {
         let scene = Scene::made("room", ball_in_a_room(), ClipInfo::default());
-        let coding = Coding::ToQuality { coder: Coder::Rans, quality_db: QUALITY_DB, joint_rounds: 0 };
+        let coding = Coding::ToQuality { quality_db: QUALITY_DB, joint_rounds: 0 };
         let settings = PackageSettings { coding, ..PackageSettings::default() };
         let Package { bytes, report } = package(&scene, &settings).unwrap();
         let clip = codec::decode(&bytes, &Limits::default()).unwrap();

@@ -49,12 +49,10 @@ pub const QUALITY_DB: f64 = 50.7;
 /// How Gaussians are coded.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Coding {
-    /// The paper's numbers of bits.
+    /// By the coder `fixed`, with the paper's numbers of bits.
     Fixed,
-    /// As coarsely as a PSNR allows.
+    /// By the coder `rans`, as coarsely as a PSNR allows.
     ToQuality {
-        /// Any but [`Coder::Fixed`].
-        coder: Coder,
         /// Target PSNR in dB against the field before coding.
         quality_db: f64,
         /// Number of rounds in which numbers are rounded jointly; 0 rounds each alone.
@@ -64,7 +62,7 @@ pub enum Coding {
 
 impl Default for Coding {
     fn default() -> Coding {
-        Coding::ToQuality { coder: Coder::Rans, quality_db: QUALITY_DB, joint_rounds: JOINT_ROUNDS }
+        Coding::ToQuality { quality_db: QUALITY_DB, joint_rounds: JOINT_ROUNDS }
     }
 }
 
@@ -72,7 +70,7 @@ impl Coding {
     pub(crate) fn coder(self) -> Coder {
         match self {
             Coding::Fixed => Coder::Fixed,
-            Coding::ToQuality { coder, .. } => coder,
+            Coding::ToQuality { .. } => Coder::Rans,
         }
     }
 

@@ -163,11 +163,11 @@ impl Viewer {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use codec::{Coder, Temporal};
+    use codec::Temporal;
     use refine::reference::{Order, RenderScene, render};
 
     fn at(quality_db: f64) -> Coding {
-        Coding::ToQuality { coder: Coder::Rans, quality_db, joint_rounds: 0 }
+        Coding::ToQuality { quality_db, joint_rounds: 0 }
     }
 
     /// Distance of the cameras from the origin.

@@ -623,7 +623,7 @@ fn degenerate_fields_are_packaged() {
         ("all static", rising(40), 39),
     ] {
         write_field(&folder.path().join("field.ply"), &original);
-        for coder in ["rans", "context", "fixed"] {
+        for coder in ["rans", "fixed"] {
             let budget = budget.to_string();
             let args = ["package", "field.ply", "-o", "clip.aarc", "--coder", coder, "--budget", &budget];
             let run = aarc_studio(folder.path(), &args);
@@ -752,7 +752,7 @@ fn what_only_seems_to_move_is_packaged_without_temporal_columns() {
         let without = temporal.map_or(0, |part| count(part, "gaussians"));
         (words, json, decode(&folder.path().join("clip.aarc")), without)
     };
-    for coder in ["fixed", "context", "rans"] {
+    for coder in ["fixed", "rans"] {
         let (words, json, clip, without) = package(&wall, coder);
         assert_eq!(json["snapped"], json!({"made_static": 400, "made_motionless": 0}));
         assert!(words.contains("400 made static, 0 made motionless"), "{words}");

@@ -3,7 +3,7 @@
 //! A segment that is damaged or cut short is named, and the others are listed.
 
 use anyhow::bail;
-use codec::{Segment, Take};
+use codec::{Segment, Take, VERSION_MAJOR};
 use program::Fault;
 use serde::Serialize;
 
@@ -151,7 +151,7 @@ fn inspect(file: &TakeFile) -> TakeInspection {
     let spans: Vec<Span> = take.segments.iter().map(Span::from).collect();
     let info = &take.info;
     TakeInspection {
-        format_version: format!("{}.{}", take.version_major, take.version_minor),
+        format_version: format!("{VERSION_MAJOR}.{}", take.version_minor),
         coder: take.coder.name(),
         bytes: file.bytes(),
         bytes_announced: take.package_bytes(),

@@ -10,9 +10,7 @@ use refine::prune::Pictures;
 use refine::reference::sensitivities;
 use serde::Serialize;
 
-use crate::package::{
-    Coding, LAYERS, compared_views, refused, render_scene, rounding_views, visibility_views,
-};
+use crate::package::{LAYERS, compared_views, refused, render_scene, rounding_views, visibility_views};
 use crate::progress::StagedProgress;
 use crate::report::subject::ReportSubject;
 
@@ -61,7 +59,7 @@ pub(super) fn measure(
     let rounds = NonZero::new(JOINT_ROUNDS).expect("a default above 0");
     let mut backend = Cpu::default();
     let mut joint = JointRounding::new(views, rounds, &mut backend);
-    let mut coder = TargetCoder::new(&source, Coding::default().coder(), &LAYERS, visible, &judge);
+    let mut coder = TargetCoder::new(&source, &LAYERS, visible, &judge);
     progress.stage("rates", (2 * TRIALS + code_steps(JOINT_ROUNDS)) * TARGETS_DB.len());
     let rate = |target_db: f64| {
         let coded = coder.code(target_db, step).map_err(|error| refused(scene, error))?;

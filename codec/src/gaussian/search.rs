@@ -1,9 +1,12 @@
-//! [`LastCells`]: finds the nearest of the last cells without branches.
+//! [`LastCells`]: finds the nearest of the last cells in a ring buffer, without branches.
 
-use crate::{
-    counters::Work,
-    gaussian::{NEAREST, Search, WINDOW},
-};
+use crate::counters::Work;
+
+/// Number of last Gaussians to search; they come along a Morton curve. Format.
+pub(super) const WINDOW: usize = 24;
+
+/// Number of nearest Gaussians that predict. Format.
+pub(super) const NEAREST: usize = 3;
 
 /// Coordinate of a cell that is not there yet: farther than any.
 const FAR: f32 = 1e9;
@@ -22,16 +25,20 @@ impl Default for LastCells {
     }
 }
 
-impl Search for LastCells {
-    fn put(&mut self, position: usize, cell: [u32; 3]) {
+impl LastCells {
+    /// Puts a cell at a position of the ring, below [`WINDOW`].
+    pub(super) fn put(&mut self, position: usize, cell: [u32; 3]) {
         for (axis, x) in self.axes.iter_mut().zip(cell) {
             axis[position] = x as f32;
         }
     }
 
+    /// Positions of the cells nearest to `cell`, nearest first, of the first `count` of the ring. Without as many as
+    /// [`NEAREST`], the last positions are undefined.
+    ///
     /// By keys: the bits of the squared distance plus 1 in binary32, the lower ones replaced by the position. Format.
     #[inline(always)]
-    fn nearest(&self, cell: [u32; 3], count: usize, _: usize) -> [usize; NEAREST] {
+    pub(super) fn nearest(&self, cell: [u32; 3], count: usize) -> [usize; NEAREST] {
         Work::Rows.count(count);
         let cell = cell.map(|x| x as f32);
         let mut keys = [0.0; WINDOW];
@@ -97,7 +104,7 @@ mod tests {
             };
             let mut expected: Vec<usize> = (0..count).collect();
             expected.sort_by_key(|&position| distance(position));
-            let found = cells.nearest(cell, count, 0);
+            let found = cells.nearest(cell, count);
             for (found, expected) in found.into_iter().zip(expected) {
                 // Keys have 18 bits of the distance.
                 let [found, expected] = [found, expected].map(|position| distance(position) as f64);
