@@ -239,9 +239,9 @@ impl<'a> ClipRenderer<'a> {
             upload_ms: *upload_ms,
             gpu_timed: gpu.caps.timestamps,
             f16: gpu.caps.f16,
-            alive_ms: Summary::of(frames.iter().map(|frame| frame.alive_ms)),
-            sort_ms: Summary::of(frames.iter().map(|frame| frame.sort_ms)),
-            draw_ms: Summary::of(frames.iter().map(|frame| frame.draw_ms)),
+            alive_ms: Summary::new(frames.iter().map(|frame| frame.alive_ms)),
+            sort_ms: Summary::new(frames.iter().map(|frame| frame.sort_ms)),
+            draw_ms: Summary::new(frames.iter().map(|frame| frame.draw_ms)),
             frames,
         }
     }

@@ -111,7 +111,7 @@ pub struct Summary {
 
 impl Summary {
     /// Summarises `values` in any order by nearest rank; 0 if there are none.
-    pub fn of(values: impl IntoIterator<Item = f64>) -> Summary {
+    pub fn new(values: impl IntoIterator<Item = f64>) -> Summary {
         let mut sorted: Vec<f64> = values.into_iter().collect();
         sorted.sort_by(f64::total_cmp);
         let at = |fraction: f64| {
@@ -128,8 +128,8 @@ mod tests {
 
     #[test]
     fn summary_by_rank() {
-        assert_eq!(Summary::of((1..=100).rev().map(f64::from)), Summary { median: 50.0, p95: 95.0 });
-        assert_eq!(Summary::of([3.0, 1.0, 2.0]), Summary { median: 2.0, p95: 3.0 });
-        assert_eq!(Summary::of([]), Summary::default());
+        assert_eq!(Summary::new((1..=100).rev().map(f64::from)), Summary { median: 50.0, p95: 95.0 });
+        assert_eq!(Summary::new([3.0, 1.0, 2.0]), Summary { median: 2.0, p95: 3.0 });
+        assert_eq!(Summary::new([]), Summary::default());
     }
 }

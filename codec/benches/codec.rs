@@ -36,9 +36,9 @@ fn benches(criterion: &mut Criterion) {
     let field = field(Shape { rows: 100_000, sh_degree: 0, rotation_rates: false, ..Shape::full(0) }, 1);
     let mut group = criterion.benchmark_group("codec/surroundings");
     group.sample_size(10);
-    let of = || Surroundings::of(black_box(&field), None, info.up);
-    group.bench_function("opening", |b| b.iter(|| of().opening()));
-    group.bench_function("stand points", |b| b.iter(|| of().stand_points(0.0, (640, 480))));
+    let find = || Surroundings::new(black_box(&field), None, info.up);
+    group.bench_function("opening", |b| b.iter(|| find().opening()));
+    group.bench_function("stand points", |b| b.iter(|| find().stand_points(0.0, (640, 480))));
     group.finish();
 }
 

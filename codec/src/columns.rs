@@ -30,7 +30,7 @@ pub(crate) struct PackageColumns {
 
 impl PackageColumns {
     /// The columns of a region.
-    pub(crate) fn of(self, region: Region) -> Columns {
+    pub(crate) fn in_region(self, region: Region) -> Columns {
         match region {
             Region::Static => Columns { sh_degree: self.sh_degree, temporal: None },
             Region::Plate => Columns { sh_degree: self.plate_sh_degree, temporal: None },

@@ -130,7 +130,7 @@ pub(crate) fn decode_further(
         (Region::Dynamic, before.dynamic_count),
         (Region::Plate, contents.plate_len),
     ] {
-        budget.spend(columns.of(region).row_bytes().saturating_mul(rows))?;
+        budget.spend(columns.in_region(region).row_bytes().saturating_mul(rows))?;
     }
     decode_chunks(bytes, contents, columns, first..complete, budget, threads).map(|(layers, _)| layers)
 }
@@ -199,7 +199,7 @@ impl Regions {
     ) -> Result<Regions, Error> {
         let (before, end) =
             (LayerEnd::before(&contents.layers, layers.start), contents.layers[layers.end - 1]);
-        let mut region = |region, rows| columns.of(region).zeros(rows, budget);
+        let mut region = |region, rows| columns.in_region(region).zeros(rows, budget);
         let mut static_field = region(Region::Static, end.static_count - before.static_count)?;
         let mut dynamic_field = region(Region::Dynamic, end.dynamic_count - before.dynamic_count)?;
         let mut plate = region(Region::Plate, if layers.start == 0 { contents.plate_len } else { 0 })?;
@@ -226,7 +226,7 @@ impl Regions {
                 Region::Dynamic => dynamic_rows,
                 Region::Plate => plate,
             };
-            (section, contents.columns().of(planned.region), rest.split_off(planned.rows))
+            (section, contents.columns().in_region(planned.region), rest.split_off(planned.rows))
         };
         try_for_each(chunks().map(with_rows), decoders.into_iter().map(decode).collect())?;
         Ok(Regions { static_field, dynamic_field, plate })

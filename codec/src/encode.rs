@@ -192,7 +192,7 @@ fn encode_sections(
             SectionKind::TimeIndex => time_index_payload(&layer.cells),
             _ => {
                 let start = planned.chunk as usize * CHUNK_ROWS;
-                let columns = contents.columns().of(planned.region);
+                let columns = contents.columns().in_region(planned.region);
                 chunks.encode(&rows[start..start + planned.rows], columns, form)
             }
         }

@@ -256,11 +256,11 @@ impl Field {
             self.opacities[i] = from.opacities[k];
             set_group(&mut self.sh[i * sh..(i + 1) * sh], from.sh_of(k));
             let Some(temporal) = &mut self.temporal else { continue };
-            let of = |column: fn(&Temporal) -> &[f32], default| {
+            let value = |column: fn(&Temporal) -> &[f32], default| {
                 from.temporal.as_ref().map_or(default, |t| column(t)[k])
             };
-            temporal.tau[i] = of(|t| &t.tau, 0.5);
-            temporal.s[i] = of(|t| &t.s, f32::INFINITY);
+            temporal.tau[i] = value(|t| &t.tau, 0.5);
+            temporal.s[i] = value(|t| &t.s, f32::INFINITY);
             let order = usize::from(temporal.motion_order);
             let motion = from.temporal.as_ref().map_or(&[][..], |t| t.motion_of(k));
             set_group(&mut temporal.motion[i * order..(i + 1) * order], motion);

@@ -333,7 +333,7 @@ impl Contents {
             }
             let raw_length = match (planned.kind, self.coder) {
                 (SectionKind::TimeIndex, _) | (_, Coder::Rans) => section.length,
-                (_, Coder::Fixed) => fixed::raw_bytes(self.columns().of(planned.region), planned.rows),
+                (_, Coder::Fixed) => fixed::raw_bytes(self.columns().in_region(planned.region), planned.rows),
             };
             if section.raw_length != raw_length {
                 return Err(error(format!("raw length {raw_length}"), format!("{}", section.raw_length)));

@@ -55,7 +55,7 @@ pub fn measure(bytes: &[u8], limits: &Limits) -> Result<Vec<AttributeSize>, Erro
         if usize::from(planned.layer) == complete {
             break;
         }
-        let columns = contents.columns().of(planned.region);
+        let columns = contents.columns().in_region(planned.region);
         let mut field = columns.zeros(planned.rows, &mut budget.clone())?;
         let payload = section.payload(bytes)?;
         let rows = Rows::all(&mut field);

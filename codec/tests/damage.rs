@@ -39,7 +39,7 @@ fn refused(bytes: &[u8], message: &str, offset: usize) {
 #[test]
 fn unchanged_parts_join_to_the_same_package() {
     let bytes = package(40);
-    assert_eq!(Parts::of(&bytes).join(), bytes);
+    assert_eq!(Parts::new(&bytes).join(), bytes);
 }
 
 #[test]
@@ -61,7 +61,7 @@ fn extra_bytes_are_refused() {
 
 #[test]
 fn another_major_version_is_refused_and_another_minor_is_read() {
-    let mut parts = Parts::of(&package(20));
+    let mut parts = Parts::new(&package(20));
     parts.head[6] = 9;
     let minor = contents(&parts.join(), &Limits::default()).unwrap();
     assert_eq!(minor.version_minor, 9);
@@ -99,7 +99,7 @@ fn checksum_errors_name_the_part_and_its_offset() {
 fn unknown_sections_are_skipped_unless_critical() {
     let bytes = package(20);
     let plain = decoded(&bytes).unwrap();
-    let parts = Parts::of(&bytes);
+    let parts = Parts::new(&bytes);
     for position in 0..=parts.table.len() {
         let mut parts = parts.clone();
         let mut entry = [0; 24];
@@ -123,7 +123,7 @@ fn unknown_sections_are_skipped_unless_critical() {
 
 #[test]
 fn numbers_out_of_range_in_the_head_are_refused() {
-    let parts = Parts::of(&package(20));
+    let parts = Parts::new(&package(20));
     let with = |at: usize, bytes: &[u8]| {
         let mut parts = parts.clone();
         parts.head[at..at + bytes.len()].copy_from_slice(bytes);
@@ -168,7 +168,7 @@ fn a_wrong_length_of_the_head_is_refused() {
 
 #[test]
 fn an_inconsistent_table_is_refused() {
-    let parts = Parts::of(&package(20));
+    let parts = Parts::new(&package(20));
     let table_at = parts.head.len();
     let dynamic = parts.find(1, 1);
     let at = table_at + 24 * dynamic;
@@ -230,7 +230,7 @@ fn sections_that_overlap_or_leave_gaps_are_refused() {
 
 #[test]
 fn inconsistent_counts_are_refused() {
-    let parts = Parts::of(&package(20));
+    let parts = Parts::new(&package(20));
     let table_at = parts.head.len();
     // More rows than the chunks hold.
     let mut more = parts.clone();
@@ -274,7 +274,7 @@ fn limits_hold() {
             error => panic!("{error}"),
         }
         // Counts beyond the limits in a small file.
-        let mut parts = Parts::of(&bytes);
+        let mut parts = Parts::new(&bytes);
         let rows = u32_at(&parts.head, 76);
         put_u32(&mut parts.head, 76, rows + 4_000_000);
         assert!(decoded(&parts.join()).is_err());
@@ -284,7 +284,7 @@ fn limits_hold() {
 /// A table that fits and a clip that fits need not fit together.
 #[test]
 fn the_section_table_and_the_clip_share_one_limit() {
-    let mut parts = Parts::of(&package_by(Coder::Fixed, 2_000));
+    let mut parts = Parts::new(&package_by(Coder::Fixed, 2_000));
     let mut entry = [0; 24];
     entry[0] = 200;
     parts.table.resize(parts.table.len() + 20_000, entry);
@@ -309,7 +309,7 @@ fn the_section_table_and_the_clip_share_one_limit() {
 
 #[test]
 fn payloads_that_do_not_expand_as_announced_are_refused() {
-    let parts = Parts::of(&package(20));
+    let parts = Parts::new(&package(20));
     let at = parts.find(1, 1);
     let mut short = parts.clone();
     short.set_raw(at, &parts.raw(at)[1..]);
@@ -327,7 +327,7 @@ fn payloads_that_do_not_expand_as_announced_are_refused() {
 
 #[test]
 fn numbers_out_of_range_in_a_chunk_are_refused() {
-    let parts = Parts::of(&package(40));
+    let parts = Parts::new(&package(40));
     let at = parts.find(1, 1);
     let raw = parts.raw(at);
     let rows = 15;
@@ -363,7 +363,7 @@ fn numbers_out_of_range_in_a_chunk_are_refused() {
 
 #[test]
 fn an_inconsistent_time_index_is_refused() {
-    let parts = Parts::of(&package(40));
+    let parts = Parts::new(&package(40));
     let at = parts.find(2, 1);
     let index = &parts.sections[at];
     assert_eq!(index.len(), 448, "one byte a cell");
@@ -393,7 +393,7 @@ fn an_inconsistent_time_index_is_refused() {
 fn mutations_under_valid_checksums_never_break_the_decoder() {
     let mut rng = Rng(7);
     for (coder, rounds, least) in [(Coder::Fixed, 6_000, 500), (Coder::Rans, 8_000, 50)] {
-        let parts = Parts::of(&package_by(coder, 60));
+        let parts = Parts::new(&package_by(coder, 60));
         let (mut accepted, mut refused) = (0, 0);
         for _ in 0..rounds {
             let mut parts = parts.clone();

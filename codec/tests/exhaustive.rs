@@ -58,7 +58,7 @@ impl Subject {
     fn new(coder: Coder) -> Subject {
         let field = field(Shape { sh_degree: 1, ..Shape::full(8) }, 1);
         let package = package(&field, Some(&static_field(2, 0, 2)), &options(coder, &[4]));
-        let mut parts = Parts::of(&package);
+        let mut parts = Parts::new(&package);
         parts.table.push([200, 0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]);
         parts.sections.push(b"from the future".to_vec());
         let bytes = parts.join();
@@ -159,7 +159,7 @@ impl Subject {
 
     /// Every byte changed before compression, of the coder `fixed`.
     fn flip_under_compression(&self, outcomes: &mut Outcomes) {
-        let parts = Parts::of(&self.bytes);
+        let parts = Parts::new(&self.bytes);
         for (i, section) in self.head.sections.iter().enumerate() {
             if section.kind != SectionKind::Gaussians {
                 continue;
@@ -180,7 +180,7 @@ impl Subject {
     /// Every order of the section table, by itself and with the sections in the same order. Only the
     /// skipped section may move, together with its entry.
     fn reorder(&self, outcomes: &mut Outcomes) {
-        let parts = Parts::of(&self.bytes);
+        let parts = Parts::new(&self.bytes);
         let table_at = parts.head.len();
         let mut read = 0;
         for_each_order(parts.table.len(), |order| {

@@ -60,7 +60,7 @@ impl Subject {
         let Ok(Package::Take(take)) = package(&bytes, &LIMITS) else { panic!("a take") };
         let mut clips = Vec::new();
         check_package(&bytes, |_, clip| clips.push(clip.unwrap()));
-        Subject { take, clips, parts: TakeParts::of(&bytes).unwrap(), bytes }
+        Subject { take, clips, parts: TakeParts::new(&bytes).unwrap(), bytes }
     }
 
     /// Reads a damaged take and all of its segments, checks and counts the outcomes, and returns which segments

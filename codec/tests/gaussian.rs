@@ -20,7 +20,7 @@ fn errors_shrink_with_the_precision() {
     let source = field(Shape::full(250), 3);
     let worst = |psnr| {
         let clip = valid_clip(&package(&source, None, &uniform(Coder::Rans, &source, psnr, &[])));
-        Worst::of(&[&clip.static_field, &clip.dynamic_field], &source)
+        Worst::measure(&[&clip.static_field, &clip.dynamic_field], &source)
     };
     let (coarse, fine) = (worst(35.0), worst(59.0));
     for (coarse, fine) in [
@@ -114,7 +114,7 @@ fn motion_about_a_distant_window_centre_is_preserved() {
         temporal.s[i] = if i % 2 == 0 { f32::INFINITY } else { 5.0 };
     }
     let clip = valid_clip(&package(&source, None, &uniform(Coder::Rans, &source, 80.0, &[])));
-    Worst::of(&[&clip.dynamic_field], &source).check(1e-3);
+    Worst::measure(&[&clip.dynamic_field], &source).check(1e-3);
 }
 
 /// A package with every kind of chunk.
@@ -124,7 +124,7 @@ fn full_package(rows: usize) -> Vec<u8> {
 
 #[test]
 fn payloads_too_short_or_too_long_are_refused() {
-    let parts = Parts::of(&full_package(60));
+    let parts = Parts::new(&full_package(60));
     let at = parts.find(1, 1);
     let payload = parts.sections[at].clone();
     for length in 0..payload.len() {
@@ -144,7 +144,7 @@ fn payloads_too_short_or_too_long_are_refused() {
 
 #[test]
 fn numbers_out_of_range_before_the_symbols_are_refused() {
-    let parts = Parts::of(&full_package(60));
+    let parts = Parts::new(&full_package(60));
     let at = parts.find(1, 1);
     // Step, footprint, origin, size of the cells; then bits of the grid.
     let expected = ["step", "footprint", "origin", "origin", "origin", "size"];
@@ -169,7 +169,7 @@ fn numbers_out_of_range_before_the_symbols_are_refused() {
 #[test]
 fn random_symbols_are_refused() {
     let bytes = package(&field(Shape::full(4096), 1), None, &options(Coder::Rans, &[]));
-    let parts = Parts::of(&bytes);
+    let parts = Parts::new(&bytes);
     let at = parts.find(1, 1);
     let mut rng = Rng(9);
     for fill in 0..40 {
@@ -228,7 +228,7 @@ fn chunks_have_no_neighbours_where_these_mislead() {
     assert_eq!((clip.len(), bright(&clip.static_field)), (8_192, bright(&misled)));
 
     // Any other flag is refused.
-    let mut parts = Parts::of(&bytes);
+    let mut parts = Parts::new(&bytes);
     parts.sections[0][25] = 2;
     let error = decode(&parts.join(), &Limits::default()).unwrap_err().to_string();
     assert!(error.contains("flags of a chunk: 2"), "{error}");

@@ -218,7 +218,7 @@ fn damage_to_a_later_layer_is_an_error_and_leaves_the_clip_as_it_was() {
 /// A time index that contradicts its rows names the row of the clip, not of the layer.
 #[test]
 fn the_time_index_of_a_later_layer_is_checked() {
-    let mut parts = Parts::of(&packages(Coder::Fixed)[0]);
+    let mut parts = Parts::new(&packages(Coder::Fixed)[0]);
     let is_index = |section: &Section| section.kind == SectionKind::TimeIndex;
     let index = head(&parts.join()).sections.iter().rposition(is_index).unwrap();
     let cells = &mut parts.sections[index];
@@ -265,8 +265,8 @@ fn layers_that_do_not_follow_are_refused() {
     let other = &packages(Coder::Fixed)[1];
     let panics = |work: &mut dyn FnMut()| catch_unwind(AssertUnwindSafe(work)).is_err();
     let start = whole(&bytes[..head(bytes).layer_bytes()[1]]);
-    for (of, first) in [(bytes, 1), (bytes, 3), (other, 2)] {
-        let further = layers(&head(of), of, first).unwrap();
+    for (package, first) in [(bytes, 1), (bytes, 3), (other, 2)] {
+        let further = layers(&head(package), package, first).unwrap();
         let mut clip = start.clone();
         assert!(panics(&mut || clip.append(further.clone())), "layer {first}");
         assert!(clip == start, "it stays as it was");

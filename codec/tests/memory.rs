@@ -165,7 +165,7 @@ fn memory_is_bounded() {
     assert!(peak <= limits.max_bytes + 3 * bomb.len(), "peak {peak}");
 
     // A payload that expands to far more than the table announces.
-    let mut parts = Parts::of(&bomb);
+    let mut parts = Parts::new(&bomb);
     parts.set_raw(0, &vec![0; 1 << 28]);
     let expanding = parts.join();
     let (result, peak) = peak_of(|| decode(&expanding, &Limits::default()));
@@ -173,7 +173,7 @@ fn memory_is_bounded() {
     assert!(peak <= 16 << 20, "peak {peak}");
 
     // Counts at the limit in a file of a few hundred bytes.
-    let mut parts = Parts::of(&package(&static_field(3, 0, 4), None, &options));
+    let mut parts = Parts::new(&package(&static_field(3, 0, 4), None, &options));
     common::put_u32(&mut parts.head, 76, 4_000_000);
     let (result, peak) = peak_of(|| decode(&parts.join(), &Limits::default()));
     assert!(result.is_err());

@@ -117,7 +117,7 @@ fn every_combination_of_columns_round_trips() {
                     check_static_columns(dynamic, &source);
                     check_temporal_columns(dynamic, &source);
                 }
-                Coder::Rans => Worst::of(&[fixed, dynamic], &source).check(1e-3),
+                Coder::Rans => Worst::measure(&[fixed, dynamic], &source).check(1e-3),
             }
             let rows = source_rows(&clip, LayerEnd::default(), clip.layers[0]);
             assert!(rows.into_iter().eq(0..250), "{shape:?}: every row once");
@@ -138,7 +138,7 @@ fn a_plate_round_trips_and_an_empty_one_is_none() {
         match coder {
             Coder::Fixed => check_static_columns(decoded, &plate),
             // Detail below the footprint is lost.
-            Coder::Rans => Worst::of(&[decoded], &plate).check(0.05),
+            Coder::Rans => Worst::measure(&[decoded], &plate).check(0.05),
         }
         let without = valid_clip(&package(&source, None, &options));
         assert_eq!(Clip { plate: None, ..with_plate }, without, "a plate changes nothing else");
@@ -565,7 +565,7 @@ fn a_near_distance_is_stored_where_there_is_one() {
 #[test]
 fn damaged_near_distances_are_refused() {
     let field = Field { near: 0.5, ..field(Shape::full(40), 1) };
-    let parts = Parts::of(&package(&field, None, &options(Coder::Rans, &[])));
+    let parts = Parts::new(&package(&field, None, &options(Coder::Rans, &[])));
     let at = parts.head.len() - 4;
     assert_eq!(parts.head[at..], 0.5f32.to_le_bytes());
     for (near, found) in [(f32::NAN, "NaN"), (-0.5, "-0.5"), (0.0, "0.0"), (f32::INFINITY, "inf")] {
@@ -585,7 +585,7 @@ fn damaged_near_distances_are_refused() {
 #[test]
 fn flags_of_filters_are_refused_where_they_mean_nothing() {
     let field = Field { filter: PixelFilter::Mip, ..field(Shape::full(40), 1) };
-    let parts = Parts::of(&package(&field, None, &options(Coder::Fixed, &[])));
+    let parts = Parts::new(&package(&field, None, &options(Coder::Fixed, &[])));
     let refused = |flags: u8| {
         let mut parts = parts.clone();
         parts.head[63] = flags;

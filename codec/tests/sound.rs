@@ -90,7 +90,7 @@ fn the_sound_arrives_with_the_first_layer() {
 #[test]
 fn readers_that_know_no_sound_skip_it() {
     // To them kind 3 is what kind 200 is to this one.
-    let mut parts = Parts::of(&with_sound(&package(), Some(&sound())).unwrap());
+    let mut parts = Parts::new(&with_sound(&package(), Some(&sound())).unwrap());
     parts.table[0][0] = 200;
     let bytes = parts.join();
     assert_eq!(decoded(&bytes), decoded(&package()));
@@ -114,7 +114,7 @@ fn damaged_sound_is_refused_alone() {
 
 #[test]
 fn every_change_under_a_valid_checksum_is_refused_with_an_offset_or_is_another_sound() {
-    let parts = Parts::of(&with_sound(&package(), Some(&sound())).unwrap());
+    let parts = Parts::new(&with_sound(&package(), Some(&sound())).unwrap());
     let payload = parts.sections[0].clone();
     let mut outcomes = [0, 0];
     for at in 0..payload.len() {
@@ -151,7 +151,7 @@ fn every_change_under_a_valid_checksum_is_refused_with_an_offset_or_is_another_s
 
 #[test]
 fn numbers_out_of_range_are_named() {
-    let parts = Parts::of(&with_sound(&package(), Some(&sound())).unwrap());
+    let parts = Parts::new(&with_sound(&package(), Some(&sound())).unwrap());
     let changed = |at: usize, bytes: &[u8]| {
         let mut payload = parts.sections[0].clone();
         payload[at..at + bytes.len()].copy_from_slice(bytes);
@@ -189,7 +189,7 @@ fn numbers_out_of_range_are_named() {
 
 #[test]
 fn a_table_with_sound_elsewhere_is_refused() {
-    let parts = Parts::of(&with_sound(&package(), Some(&sound())).unwrap());
+    let parts = Parts::new(&with_sound(&package(), Some(&sound())).unwrap());
     let refused = |parts: &Parts| contents(&parts.join(), &Limits::default()).unwrap_err().to_string();
     for (at, value) in [(1, 1), (2, 1), (3, 1), (4, 1), (16, 1)] {
         let mut parts = parts.clone();
@@ -221,7 +221,7 @@ fn limits_bound_the_memory_of_sound() {
     assert_eq!((needed(all), needed(all - 1)), (None, Some(all)));
     assert!(needed(0).is_some());
     // A number of packets that the section cannot hold is refused before anything is allocated for it.
-    let parts = Parts::of(&bytes);
+    let parts = Parts::new(&bytes);
     let mut payload = parts.sections[0].clone();
     put_u32(&mut payload, 12, 4_000_000_000);
     let error = read(&parts.with_payload(0, payload)).unwrap_err().to_string();

@@ -99,7 +99,7 @@ struct Bound {
 }
 
 impl Bound {
-    fn of(field: &Field, row: usize, t: f64, segment: &SplitSegment) -> Bound {
+    fn new(field: &Field, row: usize, t: f64, segment: &SplitSegment) -> Bound {
         let Some(temporal) = &field.temporal else {
             return Bound { position: [0.0; 3], opacity: 0.0, rotation: 0.0 };
         };
@@ -126,7 +126,8 @@ impl Bound {
         let exact = window(distance / s);
         let opacity = (nearest - exact).max(exact - farthest) + F64_ERROR;
         let rotation = temporal.rotation_rates.as_ref().map_or(0.0, |rates| {
-            let square = |of: &dyn Fn(usize) -> f64| (0..4).map(|k| of(k) * of(k)).sum::<f64>().sqrt();
+            let square =
+                |value: &dyn Fn(usize) -> f64| (0..4).map(|k| value(k) * value(k)).sum::<f64>().sqrt();
             let signed = (t - f64::from(temporal.tau[row])) / scale;
             let sum =
                 square(&|k| f64::from(field.rotations[row][k]) + f64::from(rates[row][k]) * scale * signed);
@@ -162,7 +163,7 @@ fn a_field_of_many_lifetimes_is_the_union_of_its_segments() {
             let u = (t_s - segment.start_s) / segment.duration_s;
             for (i, &row) in segment.rows.iter().enumerate() {
                 missing[row] = false;
-                let bound = Bound::of(&field, row, t, segment);
+                let bound = Bound::new(&field, row, t, segment);
                 let (exact, split) = (field.position_at(row, t), segment.field.position_at(i, u));
                 for axis in 0..3 {
                     let off = (exact[axis] - split[axis]).abs();

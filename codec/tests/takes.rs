@@ -160,7 +160,7 @@ fn all_segments_of_a_take_have_its_near_distance() {
             }
         }
         for bad in [f32::NAN, -0.5, 0.0, f32::INFINITY] {
-            let mut parts = TakeParts::of(&made([0.5; 3])).unwrap();
+            let mut parts = TakeParts::new(&made([0.5; 3])).unwrap();
             let at = parts.head.len() - 4;
             parts.head[at..].copy_from_slice(&bad.to_le_bytes());
             let error = package(&parts.join(), &Limits::default()).unwrap_err().to_string();
@@ -194,7 +194,7 @@ fn a_take_is_no_clip_and_no_segment() {
     assert_eq!(decode(&bytes, &Limits::default()).unwrap_err(), is_take(64));
     assert_eq!(contents(&bytes, &Limits::default()).unwrap_err(), is_take(64));
     assert_eq!(is_take(64).to_string(), "the package is a take of several segments, not a clip, at byte 64");
-    let mut outer = TakeParts::of(&bytes).unwrap();
+    let mut outer = TakeParts::new(&bytes).unwrap();
     outer.segments[1] = bytes;
     let outer = outer.join();
     let take = take_of(&outer);
@@ -367,14 +367,14 @@ fn segments_that_make_no_take_are_refused_by_the_writer() {
 
 /// The error of reading a take whose parts are `change`d.
 fn read_error(change: impl FnOnce(&mut TakeParts)) -> String {
-    let mut parts = TakeParts::of(&small_take(Coder::Fixed)).unwrap();
+    let mut parts = TakeParts::new(&small_take(Coder::Fixed)).unwrap();
     change(&mut parts);
     package(&parts.join_as_they_are(), &Limits::default()).unwrap_err().to_string()
 }
 
 #[test]
 fn tables_that_break_a_rule_are_refused_at_their_entry() {
-    let parts = TakeParts::of(&small_take(Coder::Fixed)).unwrap();
+    let parts = TakeParts::new(&small_take(Coder::Fixed)).unwrap();
     let [first, second, third, end] = [0, 1, 2, 3].map(|i| parts.entry_at(i));
     let put_f64 = |entry: &mut [u8], at: usize, x: f64| entry[at..at + 8].copy_from_slice(&x.to_le_bytes());
     assert_eq!(read_error(|p| put_f64(&mut p.head, 76, 3.6)), "bad exact duration: 3.6, at byte 76");
@@ -477,7 +477,7 @@ fn a_segment_in_place_of_another_is_refused() {
 fn a_segment_that_contradicts_the_head_of_the_take_is_refused() {
     let mip = |field: Field| Field { filter: PixelFilter::Mip, ..field };
     let coder = Coder::Fixed;
-    let parts = TakeParts::of(&small_take(coder)).unwrap();
+    let parts = TakeParts::new(&small_take(coder)).unwrap();
     let plate = |plate: Field| segment(coder, &static_field(4, 0, 1), Some(&plate), 3.5);
     for (index, package, expected) in [
         (
@@ -561,7 +561,7 @@ fn errors_of_segments_count_from_the_start_of_the_take() {
             }
         }
         // A segment of a version that does not exist yet.
-        let mut parts = TakeParts::of(&bytes).unwrap();
+        let mut parts = TakeParts::new(&bytes).unwrap();
         parts.segments[1][4] = 9;
         let bytes = parts.join();
         let take = take_of(&bytes);

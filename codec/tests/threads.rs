@@ -77,7 +77,7 @@ fn any_number_of_threads_reads_the_same_segment() {
 fn chunks_decode_alone_to_the_rows_of_the_clip() {
     for coder in Coder::ALL {
         let bytes = package(coder, NonZero::new(3).unwrap());
-        let (head, parts) = (contents(&bytes, &Limits::default()).unwrap(), Parts::of(&bytes));
+        let (head, parts) = (contents(&bytes, &Limits::default()).unwrap(), Parts::new(&bytes));
         let clip = decode_parallel(&bytes, &Limits::default(), NonZero::new(7).unwrap()).unwrap();
         let plate = clip.plate.unwrap();
         let mut cells = Vec::new();

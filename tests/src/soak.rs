@@ -102,8 +102,8 @@ impl Account {
             ("the heap", |sample| sample.heap_bytes, &|_| HEAP_GROWTH_BYTES),
             ("the graphics device", |sample| sample.gpu_bytes, &pooled),
         ];
-        for (what, of, growth) in kinds {
-            let least = |samples: &[Sample]| samples.iter().map(of).min().unwrap_or(0);
+        for (what, measure, growth) in kinds {
+            let least = |samples: &[Sample]| samples.iter().map(measure).min().unwrap_or(0);
             let (before, after) = (least(first), least(second));
             if after > before + growth(before) {
                 return Err(format!("memory of {what} grew from {before} to {after} bytes"));

@@ -115,7 +115,7 @@ mod tests {
     }
 
     fn cameras(clip: &Clip, standpoint: Standpoint) -> [Camera; 2] {
-        let subject = Subject::of(clip);
+        let subject = Subject::from_clip(clip);
         let head = standpoint.camera(&subject, clip.info.up);
         Lens::Quest3.cameras(&head, subject.metres_per_unit, Lens::Quest3.size())
     }
@@ -153,7 +153,7 @@ mod tests {
     #[test]
     fn standpoints_are_as_far_as_they_say() {
         let clip = person();
-        let subject = Subject::of(&clip);
+        let subject = Subject::from_clip(&clip);
         let axis = |height_m| subject.in_clip(dvec3(0.0, height_m, 0.0));
         for (standpoint, distance_m) in
             [(Standpoint::Near, 0.7), (Standpoint::Standing, 2.0), (Standpoint::Inside, 0.0)]

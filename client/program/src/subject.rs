@@ -22,7 +22,7 @@ pub struct Subject {
 
 impl Subject {
     /// The subject of a clip. Takes a tenth of a second and more.
-    pub fn of(clip: &Clip) -> Subject {
+    pub fn from_clip(clip: &Clip) -> Subject {
         Subject::new(&clip.info, &clip.surroundings())
     }
 

@@ -48,7 +48,7 @@ impl ClipVersion {
 
     /// The upright frame of the clip. Found by the first call, which belongs on a thread that loads.
     pub(crate) fn subject(&self) -> Subject {
-        *self.subject.get_or_init(|| Subject::of(&self.clip))
+        *self.subject.get_or_init(|| Subject::from_clip(&self.clip))
     }
 }
 

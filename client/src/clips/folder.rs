@@ -28,7 +28,7 @@ pub struct Neighbours {
 impl Neighbours {
     /// Those of the clip `name`, a path of any extension. A URL and the demo have none, and neither has the only
     /// clip of a folder.
-    pub(super) fn of(name: Option<&str>) -> Neighbours {
+    pub(super) fn find(name: Option<&str>) -> Neighbours {
         let Some(path) = name.filter(|name| !is_url(name)).map(Path::new) else {
             return Neighbours::default();
         };
@@ -87,7 +87,7 @@ mod tests {
         }
         std::fs::create_dir(path("d.aarc")).unwrap();
         let beside = |name: &str| {
-            let neighbours = Neighbours::of(path(name).to_str());
+            let neighbours = Neighbours::find(path(name).to_str());
             [Direction::Back, Direction::Forward]
                 .map(|direction| neighbours.get(direction).map(PathBuf::from))
         };
@@ -97,11 +97,11 @@ mod tests {
         assert_eq!(beside("c.aarc"), both(["b.aarc", "a.aarc"]));
         assert_eq!(beside("b.other"), both(["b.aarc", "c.aarc"]), "of whatever name");
         // From step to step as from listing to listing.
-        let mut neighbours = Neighbours::of(path("b.aarc").to_str());
+        let mut neighbours = Neighbours::find(path("b.aarc").to_str());
         for expected in ["a.aarc", "c.aarc", "b.aarc", "a.aarc"] {
             let (name, next) = neighbours.step(Direction::Back).unwrap();
             assert_eq!(Path::new(&name), path(expected));
-            assert_eq!(next, Neighbours::of(Some(&name)));
+            assert_eq!(next, Neighbours::find(Some(&name)));
             neighbours = next;
         }
         for name in ["a.aarc", "b.aarc"] {
@@ -109,7 +109,7 @@ mod tests {
         }
         assert_eq!(beside("c.aarc"), [None, None]);
         for none in [None, Some("/nowhere/a.aarc"), Some("http://host/a.aarc")] {
-            let neighbours = Neighbours::of(none);
+            let neighbours = Neighbours::find(none);
             assert!(
                 neighbours.get(Direction::Back).is_none() && neighbours.step(Direction::Forward).is_none()
             );

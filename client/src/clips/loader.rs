@@ -136,7 +136,7 @@ impl<T: ClipTarget> Loading<'_, T> {
                 self.first_of(&entries)
             }
             Selection::Named(name) => {
-                let neighbours = Neighbours::of(name.as_deref());
+                let neighbours = Neighbours::find(name.as_deref());
                 if (self.report)(LoadEvent::Neighbours(neighbours)).is_break() {
                     return Ok(ControlFlow::Break(()));
                 }

@@ -149,7 +149,7 @@ impl<C> QueueState<C> {
         rest: super::source::Arrival,
     ) {
         if queue.is_none() {
-            self.neighbours = Neighbours::of(named.as_deref());
+            self.neighbours = Neighbours::find(named.as_deref());
         }
         self.named.clone_from(&named);
         self.opened_as = named;
@@ -711,7 +711,7 @@ mod tests {
             state.take_request();
             state.skip(direction);
             assert!(state.take_request().is_none(), "its folder is not known yet");
-            state.on_event(LoadEvent::Neighbours(Neighbours::of(Some(&b))));
+            state.on_event(LoadEvent::Neighbours(Neighbours::find(Some(&b))));
             assert_eq!(short(state.on_event(failed("damaged"))), "failed: damaged");
             assert!(state.has_neighbour(direction) && state.take_request().is_none());
             state.skip(direction);
@@ -739,7 +739,7 @@ mod tests {
         });
         let mut state = State::new(true);
         state.open(Some(a.clone()));
-        state.on_event(LoadEvent::Neighbours(Neighbours::of(Some(&a))));
+        state.on_event(LoadEvent::Neighbours(Neighbours::find(Some(&a))));
         state.on_event(clip(0, true, "a"));
         state.on_event(LoadEvent::Done);
         for event in [LoadEvent::Neighbours(Neighbours::default()), LoadEvent::Playlist(queue(2))] {

@@ -26,7 +26,7 @@ struct Components<'a> {
 
 impl<'a> Components<'a> {
     /// The components of `url`; `None` if it has no scheme and host, as a path.
-    fn of(url: &'a str) -> Option<Components<'a>> {
+    fn parse(url: &'a str) -> Option<Components<'a>> {
         let scheme = scheme(url)?;
         let rest = url[scheme.len()..].strip_prefix("://")?;
         let rest = rest.split('#').next().unwrap_or_default();
@@ -67,13 +67,13 @@ pub(crate) fn is_secure(url: &str) -> bool {
 
 /// Whether `url` holds a user name or password.
 pub(crate) fn has_user_info(url: &str) -> bool {
-    Components::of(url).is_some_and(|url| url.user_info.is_some())
+    Components::parse(url).is_some_and(|url| url.user_info.is_some())
 }
 
 /// The URL of the path `entry` relative to the folder of the URL `base`, without user name, password, query
 /// and fragment of `base`. The path is written as on disk: characters with a meaning in URLs are encoded.
 pub(super) fn join(base: &str, entry: &str) -> String {
-    let Some(base) = Components::of(base) else { return entry.into() };
+    let Some(base) = Components::parse(base) else { return entry.into() };
     let folder = if entry.starts_with('/') { "" } else { base.folder() };
     let entry = entry.split('/').map(|part| match part {
         "" | "." | ".." => part.into(),
@@ -88,7 +88,7 @@ pub(super) fn join(base: &str, entry: &str) -> String {
 #[cfg(feature = "net")]
 pub(crate) fn resolve(base: &str, reference: &str) -> String {
     let reference = reference.split('#').next().unwrap_or_default();
-    let Some(base) = Components::of(base).filter(|_| scheme(reference).is_none()) else {
+    let Some(base) = Components::parse(base).filter(|_| scheme(reference).is_none()) else {
         return reference.into();
     };
     let Components { scheme, host, path, query, .. } = base;
@@ -125,7 +125,7 @@ fn without_dots(path: &str) -> String {
 /// The URL `name` without user name, password, query and fragment, any of which may be secret, for logs,
 /// messages and titles; only its scheme if they cannot be told from the host. A path as it is.
 pub(crate) fn redacted(name: &str) -> String {
-    let Some(Components { scheme, user_info, host, path, .. }) = Components::of(name) else {
+    let Some(Components { scheme, user_info, host, path, .. }) = Components::parse(name) else {
         return name.into();
     };
     let (host_name, port) = match host.rsplit_once(':') {

@@ -60,7 +60,7 @@ pub(crate) fn origin(static_field: &Field, dynamic_field: &Field) -> DVec3 {
     let position = |row: usize| match (row.checked_sub(static_field.len()), &dynamic_field.temporal) {
         (None, _) => static_field.centers[row].map(f64::from),
         (Some(row), None) => dynamic_field.centers[row].map(f64::from),
-        (Some(row), Some(temporal)) => Moment::of(dynamic_field, temporal, row).position,
+        (Some(row), Some(temporal)) => Moment::new(dynamic_field, temporal, row).position,
     };
     let rows = static_field.len() + dynamic_field.len();
     let mut positions: Vec<[f64; 3]> =
@@ -120,7 +120,7 @@ pub(crate) fn pack(run: &LayerRun<'_>, format: &RecordFormat) -> Packed {
         [(run.fields[0], &run.rows[0], None), (run.fields[1], &run.rows[1], temporal)]
     {
         for row in rows.clone() {
-            let moment = temporal.map(|temporal| Moment::of(field, temporal, row));
+            let moment = temporal.map(|temporal| Moment::new(field, temporal, row));
             let (center, rotation) = match &moment {
                 Some(moment) => (moment.position, moment.rotation),
                 None => (field.centers[row].map(f64::from), field.rotations[row].map(f64::from)),

@@ -99,7 +99,7 @@ impl Renderer {
     /// # Panics
     /// If the number of eyes is neither 1 nor 2.
     pub fn new(gpu: &Gpu, clip: Arc<GpuClip>, layout: FrameLayout) -> Result<Renderer, Fault> {
-        Renderer::of(gpu, Drawn::Clip(clip), layout)
+        Renderer::for_drawn(gpu, Drawn::Clip(clip), layout)
     }
 
     /// As [`Renderer::new`], for a take, of which no segment is resident yet.
@@ -110,10 +110,10 @@ impl Renderer {
     /// # Panics
     /// As for [`Renderer::new`].
     pub fn new_take(gpu: &Gpu, take: TakeLayout, layout: FrameLayout) -> Result<Renderer, Fault> {
-        Renderer::of(gpu, Drawn::Take(Box::new(Slots::new(gpu, &take)?)), layout)
+        Renderer::for_drawn(gpu, Drawn::Take(Box::new(Slots::new(gpu, &take)?)), layout)
     }
 
-    fn of(gpu: &Gpu, drawn: Drawn, layout: FrameLayout) -> Result<Renderer, Fault> {
+    fn for_drawn(gpu: &Gpu, drawn: Drawn, layout: FrameLayout) -> Result<Renderer, Fault> {
         let FrameLayout { format, eyes, foveated } = layout;
         assert!((1..=EYES_MAX).contains(&eyes), "one eye or two");
         let eyes_per_pass = if gpu.caps.multiview { eyes as u32 } else { 1 };

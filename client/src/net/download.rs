@@ -220,7 +220,7 @@ impl Download {
     fn open_take(&mut self) -> Flow {
         let Options { cache, retry, limits } = self.options.clone();
         let take = RemoteFile::new(&self.url, retry, cache)
-            .and_then(|file| OpenTake::of(TakeSource::Remote(Box::new(file)), &limits));
+            .and_then(|file| OpenTake::from_source(TakeSource::Remote(Box::new(file)), &limits));
         match take {
             Ok(Some(take)) => {
                 let (note, take) = (take.truncation(), Arc::new(take));

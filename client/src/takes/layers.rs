@@ -91,7 +91,9 @@ impl LayerChoice {
 
     /// Part of the time that loading takes which needs so much.
     fn share(&self, needs: Needs) -> f64 {
-        let sum = |of: fn(&Traffic) -> Duration| self.recent.iter().map(of).sum::<Duration>().as_secs_f64();
+        let sum = |duration: fn(&Traffic) -> Duration| {
+            self.recent.iter().map(duration).sum::<Duration>().as_secs_f64()
+        };
         let bytes: u64 = self.recent.iter().map(|traffic| traffic.bytes).sum();
         let seconds_per_byte = sum(|traffic| traffic.elapsed) / bytes as f64;
         let delay = sum(|traffic| traffic.delay) / self.recent.len() as f64;

@@ -52,14 +52,14 @@ impl OpenTake {
     /// # Errors
     /// [`Fault::Data`] if it is a take that cannot be read, or one too large for `limits`.
     pub fn open(path: &Path, limits: &Limits) -> Result<Option<OpenTake>, Fault> {
-        OpenTake::of(TakeSource::open(path)?, limits)
+        OpenTake::from_source(TakeSource::open(path)?, limits)
     }
 
     /// As [`OpenTake::open`], of any source.
     ///
     /// # Errors
     /// As there; [`Fault::Network`] if its head does not arrive.
-    pub(crate) fn of(source: TakeSource, limits: &Limits) -> Result<Option<OpenTake>, Fault> {
+    pub(crate) fn from_source(source: TakeSource, limits: &Limits) -> Result<Option<OpenTake>, Fault> {
         let fault = |reason: String| Fault::Data(format!("{}: {reason}", source.name()));
         let mut head = source.read(0..HEAD_BYTES)?;
         let found = match package(&head, limits) {

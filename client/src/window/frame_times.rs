@@ -27,7 +27,7 @@ impl FrameTimes {
 
     /// Summary of the intervals in milliseconds; `None` before the first.
     pub(crate) fn summary(&self) -> Option<Summary> {
-        (!self.intervals_ms.is_empty()).then(|| Summary::of(self.intervals_ms.iter().copied()))
+        (!self.intervals_ms.is_empty()).then(|| Summary::new(self.intervals_ms.iter().copied()))
     }
 }
 

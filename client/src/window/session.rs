@@ -115,7 +115,7 @@ struct WindowTarget {
 }
 
 impl WindowTarget {
-    fn of(screen: &Screen, proxy: &EventLoopProxy<Event>) -> WindowTarget {
+    fn new(screen: &Screen, proxy: &EventLoopProxy<Event>) -> WindowTarget {
         WindowTarget {
             gpu: Arc::downgrade(&screen.gpu),
             format: screen.surface.format(),
@@ -273,7 +273,7 @@ impl Session {
         if let Some(name) = &start.named {
             library.remember(name);
         }
-        let target = WindowTarget::of(&screen, &proxy);
+        let target = WindowTarget::new(&screen, &proxy);
         clips.adopt(target, uploaded, start.named, start.entry, start.queue, start.rest);
         let mut speaker = Speaker::new(folders::state());
         speaker.change_track(playing.sound.clone(), false);
@@ -704,7 +704,7 @@ impl Session {
         (self.playing.renderer, self.playing.take) = (None, None);
         self.drawn = None;
         self.last_frame = None;
-        self.clips.set_target(WindowTarget::of(&self.screen, &self.proxy), self.viewer.player.position_s());
+        self.clips.set_target(WindowTarget::new(&self.screen, &self.proxy), self.viewer.player.position_s());
         self.set_message(Message::Working("Loading the clip for another graphics device".into()));
         Ok(())
     }

@@ -42,7 +42,7 @@ enum Length {
 }
 
 impl Length {
-    fn of(args: &Args) -> Length {
+    fn from_args(args: &Args) -> Length {
         match (&args.frames, args.seconds) {
             (Some(frames), _) => {
                 Length::Frames { skipped: u64::from(frames.start), last: u64::from(frames.end) }
@@ -133,7 +133,7 @@ impl Latest {
     }
 
     fn summary(&self) -> Summary {
-        Summary::of(self.values.iter().copied())
+        Summary::new(self.values.iter().copied())
     }
 }
 
@@ -145,7 +145,7 @@ impl Report {
     /// A run as `args` ask for, of a program that was started at `started`.
     pub(super) fn new(args: &Args, started: Instant) -> Report {
         Report {
-            length: Length::of(args),
+            length: Length::from_args(args),
             measures: args.stats.is_some(),
             captures: args.out.is_some(),
             started,

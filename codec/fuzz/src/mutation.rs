@@ -44,7 +44,7 @@ pub fn mutate(data: &mut [u8], size: usize, max_size: usize, seed: u32) -> usize
 
 /// The package with one or two mutated parts; nothing if it cannot be taken apart.
 fn mutated_package(package: &[u8], rng: &mut Rng) -> Option<Vec<u8>> {
-    if let Some(mut take) = TakeParts::of(package) {
+    if let Some(mut take) = TakeParts::new(package) {
         for _ in 0..1 + rng.below(2) {
             mutate_take(&mut take, rng);
         }
@@ -54,7 +54,7 @@ fn mutated_package(package: &[u8], rng: &mut Rng) -> Option<Vec<u8>> {
     if !is_splittable(package) {
         return None;
     }
-    let mut parts = Parts::of(package);
+    let mut parts = Parts::new(package);
     for _ in 0..1 + rng.below(2) {
         mutate_part(&mut parts, rng);
     }
@@ -92,7 +92,7 @@ fn mutate_take(take: &mut TakeParts, rng: &mut Rng) {
     }
 }
 
-/// Whether [`Parts::of`] can take `package` apart: all lengths and offsets lie within it.
+/// Whether [`Parts::new`] can take `package` apart: all lengths and offsets lie within it.
 fn is_splittable(package: &[u8]) -> bool {
     if package.len() < FIXED_BYTES + 4 {
         return false;

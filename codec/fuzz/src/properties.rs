@@ -457,7 +457,7 @@ fn check_rows(coder: Coder, source: &Field, parts: &[&Field]) {
     if coder != Coder::Fixed {
         return;
     }
-    let bounds = ErrorBounds::of(source);
+    let bounds = ErrorBounds::new(source);
     let decoded = || parts.iter().flat_map(|&part| (0..part.len()).map(move |i| (part, i)));
     for i in 0..source.len() {
         let found = decoded().any(|(part, j)| bounds.hold(source, i, part, j));
@@ -484,7 +484,7 @@ struct ErrorBounds {
 }
 
 impl ErrorBounds {
-    fn of(rows: &Field) -> ErrorBounds {
+    fn new(rows: &Field) -> ErrorBounds {
         let extent = (0..3).map(|axis| span(rows.centers.iter().map(|c| c[axis]))).fold(0.0, f64::max);
         let log_scales = || rows.log_scales.as_flattened().iter().copied();
         let band = |degree: u8| {

@@ -27,7 +27,7 @@ impl SoundlessPackage {
     /// A package of one Gaussian.
     pub fn small() -> SoundlessPackage {
         let package = package(&static_field(1, 0, 1), None, &options(Coder::Fixed, &[]));
-        SoundlessPackage(Parts::of(&with_sound(&package, Some(&sound(None))).expect("a whole package")))
+        SoundlessPackage(Parts::new(&with_sound(&package, Some(&sound(None))).expect("a whole package")))
     }
 
     /// The package with `payload` as the section of sound.
@@ -39,7 +39,7 @@ impl SoundlessPackage {
     pub fn seeds() -> Vec<(String, Vec<u8>)> {
         let payload = |position| {
             let package = package(&static_field(1, 0, 1), None, &options(Coder::Fixed, &[]));
-            Parts::of(&with_sound(&package, Some(&sound(position))).expect("a whole package")).sections[0]
+            Parts::new(&with_sound(&package, Some(&sound(position))).expect("a whole package")).sections[0]
                 .clone()
         };
         vec![("stereo".into(), payload(None)), ("placed".into(), payload(Some([0.5, -1.0, 2.0])))]

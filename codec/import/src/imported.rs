@@ -32,7 +32,7 @@ impl Imported {
     pub(crate) fn with_near(mut self) -> Imported {
         let near = self.hints.near.unwrap_or_else(|| {
             let up = self.hints.up.unwrap_or(DEFAULT_UP);
-            (NEAR_OF_SIZE * 2.0 * Surroundings::of(&self.field, None, up).content_radius()) as f32
+            (NEAR_OF_SIZE * 2.0 * Surroundings::new(&self.field, None, up).content_radius()) as f32
         });
         self.field.near = if near.is_finite() { near } else { 0.0 };
         self

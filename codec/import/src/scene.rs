@@ -141,7 +141,7 @@ impl ImportedScene {
         if viewpoints.is_empty() {
             assumed.push("viewpoints");
             let background = plate.as_ref().map(|plate| &plate.field);
-            viewpoints.push(Surroundings::of(&subject.field, background, up).opening());
+            viewpoints.push(Surroundings::new(&subject.field, background, up).opening());
         }
         let fps = overrides.fps.or(hints.fps);
         let duration_s = overrides.duration_s.or_else(|| duration_of(hints, overrides.fps));

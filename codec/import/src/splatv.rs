@@ -215,7 +215,7 @@ fn hints_of(field: &Field, cameras: &serde_json::Value, budget: &mut ImportBudge
     let own: Vec<(String, Camera)> =
         named.filter(|(_, camera)| probe.shows(camera)).take(VIEWPOINTS_MAX).collect();
     let up = up_of(own.iter().map(|(_, camera)| camera)).unwrap_or(UP);
-    let surroundings = Surroundings::of(field, None, up);
+    let surroundings = Surroundings::new(field, None, up);
     let mut viewpoints: Vec<Viewpoint> =
         own.iter().map(|(name, camera)| surroundings.viewpoint(name, camera)).collect();
     if viewpoints.is_empty() {

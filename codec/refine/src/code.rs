@@ -257,11 +257,17 @@ impl<'a> TargetCoder<'a> {
 
 /// The root mean square of `rows`, which are at least one, for each of them: equal precision.
 fn equal_sensitivities(rows: &[Sensitivity]) -> Vec<Sensitivity> {
-    let of = |number: fn(&Sensitivity) -> f32| {
+    let root_mean_square = |number: fn(&Sensitivity) -> f32| {
         let squares: f64 = rows.iter().map(|row| f64::from(number(row)).powi(2)).sum();
         (squares / rows.len() as f64).sqrt() as f32
     };
-    vec![Sensitivity { color: of(|row| row.color), geometry: of(|row| row.geometry) }; rows.len()]
+    vec![
+        Sensitivity {
+            color: root_mean_square(|row| row.color),
+            geometry: root_mean_square(|row| row.geometry)
+        };
+        rows.len()
+    ]
 }
 
 /// Where joint rounding begins.

@@ -24,7 +24,7 @@ impl TemporalMedian {
     ///
     /// # Panics
     /// If sizes differ.
-    pub fn of(pictures: &[Vec<u8>]) -> Option<TemporalMedian> {
+    pub fn from_pictures(pictures: &[Vec<u8>]) -> Option<TemporalMedian> {
         let [first, _, ..] = pictures else { return None };
         assert!(pictures.iter().all(|picture| picture.len() == first.len()), "pictures of one size");
         let half = pictures.len() / 2;
@@ -69,7 +69,7 @@ mod tests {
     }
 
     fn median_of(photos: &[Photo]) -> Option<TemporalMedian> {
-        TemporalMedian::of(&photos.iter().map(|photo| photo.image.to_rgb8()).collect::<Vec<_>>())
+        TemporalMedian::from_pictures(&photos.iter().map(|photo| photo.image.to_rgb8()).collect::<Vec<_>>())
     }
 
     #[test]

@@ -53,7 +53,7 @@ impl ImageMetrics {
     ///
     /// # Panics
     /// If the sizes differ, or are too small for `lpips`, see [`Lpips::check_size`].
-    pub fn of(picture: &Image, photo: &Photo, lpips: Option<&Lpips<f32>>) -> ImageMetrics {
+    pub fn measure(picture: &Image, photo: &Photo, lpips: Option<&Lpips<f32>>) -> ImageMetrics {
         ImageMetrics::with_sums(picture, photo, None, lpips).0
     }
 
@@ -73,7 +73,7 @@ impl ImageMetrics {
             *pixel = [0.0; 4];
         }
         let taken = &photo.image;
-        let sums = ImageSums::of(&saved, photo, median);
+        let sums = ImageSums::measure(&saved, photo, median);
         let metrics = ImageMetrics {
             psnr_fg: sums.subject.psnr(),
             psnr_full: sums.seen.psnr().unwrap_or(f64::INFINITY),
@@ -91,7 +91,7 @@ impl ImageMetrics {
 }
 
 impl ImageSums {
-    fn of(picture: &Image, photo: &Photo, median: Option<&TemporalMedian>) -> ImageSums {
+    fn measure(picture: &Image, photo: &Photo, median: Option<&TemporalMedian>) -> ImageSums {
         let taken = &photo.image.pixels;
         assert_eq!(picture.pixels.len(), taken.len(), "images of one size");
         let moving = median.map(|median| median.moving(photo));
@@ -114,18 +114,18 @@ impl ImageSums {
 impl AlignedPsnr {
     /// The PSNR of each picture of a camera, given the sums of all of them.
     pub fn of_camera(sums: &[ImageSums]) -> Vec<AlignedPsnr> {
-        let transform = |of: fn(&ImageSums) -> &ColorSums| {
+        let transform = |choose: fn(&ImageSums) -> &ColorSums| {
             let mut total = ColorSums::ZERO;
-            sums.iter().for_each(|sums| total += of(sums));
+            sums.iter().for_each(|sums| total += choose(sums));
             total.transform()
         };
         let (subject, seen) = (transform(|sums| &sums.subject), transform(|sums| &sums.seen));
-        let of = |sums: &ImageSums| AlignedPsnr {
+        let aligned = |sums: &ImageSums| AlignedPsnr {
             fg: sums.subject.psnr_after(&subject),
             full: sums.seen.psnr_after(&seen).unwrap_or(f64::INFINITY),
             moving: sums.moving.psnr_after(&seen),
         };
-        sums.iter().map(of).collect()
+        sums.iter().map(aligned).collect()
     }
 }
 
@@ -169,7 +169,7 @@ mod tests {
     fn equal_images_are_alike() {
         let waves = image(|x, y| [(0.5 * x).sin().abs(), (0.3 * y).cos().abs(), 0.5]);
         let saved = rounded(&waves);
-        let metrics = ImageMetrics::of(&waves, &photo(saved), None);
+        let metrics = ImageMetrics::measure(&waves, &photo(saved), None);
         assert_eq!((metrics.psnr_fg, metrics.psnr_full), (Some(f64::INFINITY), f64::INFINITY));
         assert!((metrics.ssim - 1.0).abs() < 1e-12);
     }
@@ -192,7 +192,7 @@ mod tests {
             *pixel = if i % 24 < 6 { [0.4, 0.4, 0.4, 1.0] } else { [0.0; 4] };
         }
         let drawn = image(|x, _| if x < 6.0 { [0.6; 3] } else { [0.2; 3] });
-        let metrics = ImageMetrics::of(&drawn, &taken, None);
+        let metrics = ImageMetrics::measure(&drawn, &taken, None);
         let psnr = |mse: f64| -10.0 * mse.log10();
         assert!((metrics.psnr_fg.unwrap() - psnr(0.04)).abs() < 1e-9);
         assert!((metrics.psnr_full - psnr(0.04)).abs() < 1e-9);
@@ -201,7 +201,7 @@ mod tests {
         for (pixel, seen) in taken.image.pixels.iter_mut().zip(&taken.seen) {
             *pixel = if *seen { [0.6, 0.6, 0.6, 1.0] } else { [0.0; 4] };
         }
-        let metrics = ImageMetrics::of(&drawn, &taken, None);
+        let metrics = ImageMetrics::measure(&drawn, &taken, None);
         assert_eq!(metrics.psnr_full, f64::INFINITY);
         assert!((metrics.ssim - 1.0).abs() < 1e-12);
     }
@@ -211,7 +211,7 @@ mod tests {
         let black = image(|_, _| [0.0; 3]);
         let mut empty = photo(black.clone());
         empty.image.pixels.fill([0.0; 4]);
-        assert_eq!(ImageMetrics::of(&black, &empty, None).psnr_fg, None);
+        assert_eq!(ImageMetrics::measure(&black, &empty, None).psnr_fg, None);
     }
 
     /// A picture of colours from 0.2 to 0.6, and the photograph that is brighter by `offset`.
@@ -256,7 +256,8 @@ mod tests {
         // By a third, in a column of the picture.
         moved.image.pixels.iter_mut().step_by(24).for_each(|pixel| pixel[1] += 0.3);
         let median =
-            TemporalMedian::of(&[&still, &moved, &still].map(|photo| photo.image.to_rgb8())).unwrap();
+            TemporalMedian::from_pictures(&[&still, &moved, &still].map(|photo| photo.image.to_rgb8()))
+                .unwrap();
         let (metrics, sums) = ImageMetrics::with_sums(&picture, &moved, Some(&median), None);
         // Two channels are off by 0.1 and one by 0.4.
         let expected = -10.0 * ((0.01 + 0.01 + 0.16) / 3.0f64).log10();
@@ -267,6 +268,6 @@ mod tests {
         let moving = aligned[0].moving.unwrap();
         assert!((moving - -10.0 * (0.09 / 3.0f64).log10()).abs() < 1.0, "{moving}");
         assert_eq!((at_rest.psnr_moving, aligned[1].moving), (None, None), "nothing moves there");
-        assert_eq!(ImageMetrics::of(&picture, &moved, None).psnr_moving, None);
+        assert_eq!(ImageMetrics::measure(&picture, &moved, None).psnr_moving, None);
     }
 }

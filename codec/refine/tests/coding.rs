@@ -53,7 +53,7 @@ fn coded(field: &Field, filter: PixelFilter, precision: &Precision) -> (Field, u
 #[test]
 fn compensated_needles_are_right_at_8_times_the_resolution() {
     let field = needles(0.05);
-    let cameras = Surroundings::of(&field, None, [0.0, 1.0, 0.0]).stand_points(0.0, SIZE).content;
+    let cameras = Surroundings::new(&field, None, [0.0, 1.0, 0.0]).stand_points(0.0, SIZE).content;
     let pixel = 3.0 / cameras[0].k[0][0];
     assert!((0.02..0.1).contains(&pixel), "{pixel}");
     let (rows, footprint) = sensitivities(&field, None, &posed_views(&cameras, &[0.0]), || ()).unwrap();

@@ -242,14 +242,14 @@ fn gradients_of_views(mut gpu: Gpu) -> Result<(), DeviceError> {
         vec![squares.collect(), weights]
     };
     for parameters in [cloud(20, 500, 2), cloud(21, 500, 2)] {
-        let of = |backend: &mut dyn Backend| -> Result<_, DeviceError> {
+        let results = |backend: &mut dyn Backend| -> Result<_, DeviceError> {
             let (mut images, mut gradients) = (Vec::new(), Vec::new());
             backend.load(parameters.clone().into())?;
             backend.render_each(&views, &mut |image| images.push(image))?;
             backend.gradients(&views, &of_pixels, &mut |of_view| gradients.push(of_view))?;
             Ok((images, gradients))
         };
-        let (found, expected) = (of(&mut gpu)?, of(&mut Cpu::default())?);
+        let (found, expected) = (results(&mut gpu)?, results(&mut Cpu::default())?);
         for (i, (found, expected)) in found.0.iter().zip(&expected.0).enumerate() {
             assert!(largest_difference(found, expected) <= 1e-4, "view {i}");
         }

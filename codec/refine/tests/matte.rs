@@ -54,12 +54,12 @@ type Layer = Vec<([u8; 3], u8)>;
 /// The knight in the frames of a camera.
 fn knight(camera: &str) -> Option<Vec<Layer>> {
     let folder = data("stage-knight")?;
-    let of = |frame: usize| {
+    let masked = |frame: usize| {
         let read = |kind: &str| image::open(folder.join(format!("{kind}/{camera}/{frame:06}.png"))).unwrap();
         let (colors, mask) = (read("images").into_rgb8(), read("masks").into_luma8());
         colors.pixels().map(|p| p.0).zip(mask.pixels().map(|p| p.0[0])).collect()
     };
-    Some((0..FRAMES).map(of).collect())
+    Some((0..FRAMES).map(masked).collect())
 }
 
 /// A composite: what is before the room, how many pixels to the right, how bright all of it is.
@@ -150,9 +150,10 @@ fn mattes_of_a_walking_knight_are_right() {
         };
         let pictures: Vec<Vec<[u8; 3]>> = (0..FRAMES).map(|i| composite(i).picture()).collect();
         let clean = Composite { knight: &[], gain: 1.02, seed: 9, ..composite(0) }.picture();
-        for (kind, plate) in
-            [("median", Plate::of(&pictures, WIDTH)), ("picture", Plate::of(&[clean], WIDTH))]
-        {
+        for (kind, plate) in [
+            ("median", Plate::from_pictures(&pictures, WIDTH)),
+            ("picture", Plate::from_pictures(&[clean], WIDTH)),
+        ] {
             let (mut ious, mut errors, mut milliseconds) = (Vec::new(), Vec::new(), Vec::new());
             for i in (0..FRAMES).step_by(STEP) {
                 let start = Instant::now();
@@ -185,7 +186,7 @@ fn a_knight_that_stays_is_part_of_the_plate() {
     let composite =
         |seed: u64| Composite { room: &room, knight: &knight[0], shift: 0, gain: 1.0, sigma: 3.0, seed };
     let pictures: Vec<Vec<[u8; 3]>> = (0..9).map(|seed| composite(seed).picture()).collect();
-    let matte = Plate::of(&pictures, WIDTH).matte(&pictures[4]);
+    let matte = Plate::from_pictures(&pictures, WIDTH).matte(&pictures[4]);
     let found = matte.iter().filter(|alpha| **alpha >= 128).count();
     assert_eq!(found, 0);
 }

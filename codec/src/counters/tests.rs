@@ -142,7 +142,7 @@ fn many_sections_and_viewpoints() {
     info.viewpoints = vec![viewpoint; VIEWPOINTS_MAX];
     for coder in Coder::ALL {
         let source = Source { info: &info, field: &field(Shape::full(300), 1), plate: None };
-        let parts = Parts::of(&encode(&source, &options(coder, &[100])).unwrap());
+        let parts = Parts::new(&encode(&source, &options(coder, &[100])).unwrap());
         // Unknown sections after, before and between the others.
         for at in [parts.table.len(), 0, 1] {
             let of_sections = |count: usize| {
@@ -170,7 +170,7 @@ fn deep_trees() {
         let precision = Precision { footprint: Some(1e-9), ..Precision::default() };
         let options = EncodeOptions { precision, ..options(Coder::Rans, &[]) };
         let bytes = package(&both, None, &options);
-        let axis_bits = Parts::of(&bytes).sections[0][24];
+        let axis_bits = Parts::new(&bytes).sections[0][24];
         assert_eq!(axis_bits, 16, "the grid is as fine as it can be");
         work(&bytes)
     };
@@ -183,7 +183,7 @@ fn deep_trees() {
 #[test]
 fn foreign_symbols() {
     let bytes = package(&field(Shape::full(2 * CHUNK_ROWS), 1), None, &options(Coder::Rans, &[]));
-    let parts = Parts::of(&bytes);
+    let parts = Parts::new(&bytes);
     let mut rng = Rng(9);
     for at in 0..parts.sections.len() {
         for length in [0, 1, 100, 300_000] {
@@ -202,7 +202,7 @@ fn foreign_symbols() {
 fn damage_under_valid_checksums() {
     for coder in Coder::ALL {
         let field = field(Shape { sh_degree: 1, ..Shape::full(CHUNK_ROWS + 500) }, 1);
-        let parts = Parts::of(&package(&field, Some(&static_field(50, 1, 2)), &options(coder, &[1000])));
+        let parts = Parts::new(&package(&field, Some(&static_field(50, 1, 2)), &options(coder, &[1000])));
         let mut rng = Rng(4);
         let change = |bytes: &mut [u8], rng: &mut Rng| {
             let at = rng.below(bytes.len());
@@ -233,7 +233,7 @@ fn many_segments() {
     // As many segments as may hold an instant, and one after the other.
     for overlap in [1.0, RESIDENT_MAX as f64] {
         let of_segments = |count: usize| {
-            let mut parts = TakeParts::of(&small_take(Coder::Fixed)).unwrap();
+            let mut parts = TakeParts::new(&small_take(Coder::Fixed)).unwrap();
             let entry = parts.entries[1].clone();
             parts.segments = Vec::new();
             parts.head[12..16].copy_from_slice(&1e5f32.to_le_bytes());

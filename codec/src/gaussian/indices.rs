@@ -39,7 +39,7 @@ pub(super) fn nearest([color, geometry]: [f64; 2]) -> Indices {
 /// them; `numbers` is how many numbers of a Gaussian are coded with each of the two steps.
 pub(super) fn choose(ideal: &[[f64; 2]], numbers: [f64; 2]) -> Vec<Indices> {
     let first = ideal.iter().map(|&ideal| nearest(ideal)).collect();
-    (0..SEARCHES).fold(first, |indices: Vec<Indices>, _| cheapest(ideal, numbers, &IndexBits::of(&indices)))
+    (0..SEARCHES).fold(first, |indices: Vec<Indices>, _| cheapest(ideal, numbers, &IndexBits::new(&indices)))
 }
 
 /// A choice for a Gaussian.
@@ -108,7 +108,7 @@ struct IndexBits {
 
 impl IndexBits {
     /// Bits of indices as frequent as these.
-    fn of(indices: &[Indices]) -> IndexBits {
+    fn new(indices: &[Indices]) -> IndexBits {
         let mut visibility_counts = vec![vec![UNSEEN_COUNT; 1 << VISIBILITY_BITS]; 1 << VISIBILITY_BITS];
         let mut geometry_counts = vec![vec![UNSEEN_COUNT; 1 << GEOMETRY_BITS]; GEOMETRY_CONTEXTS];
         let mut last = [0; 2];
@@ -140,7 +140,7 @@ mod tests {
 
     /// Bits of indices and of steps that are off.
     fn cost(ideal: &[[f64; 2]], numbers: [f64; 2], indices: &[Indices]) -> f64 {
-        let bits = IndexBits::of(indices);
+        let bits = IndexBits::new(indices);
         let mut last = [0; 2];
         let mut sum = 0.0;
         for (ideal, &next) in ideal.iter().zip(indices) {

@@ -38,7 +38,7 @@ impl TokenInteger {
     /// The initial model of an attribute.
     pub(crate) fn new(attribute: Attribute) -> TokenInteger {
         let cdfs = std::array::from_fn(|context| start(attribute, context));
-        TokenInteger { form: Form::of(attribute), cdfs }
+        TokenInteger { form: Form::new(attribute), cdfs }
     }
 
     /// Bits that coding `value` takes.

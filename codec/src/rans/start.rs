@@ -84,7 +84,7 @@ pub(super) fn row(form: Form, context: usize) -> usize {
 
 /// The distribution from which the tokens of an attribute start in a context.
 pub(super) fn start(attribute: Attribute, context: usize) -> Cdf {
-    let form = Form::of(attribute);
+    let form = Form::new(attribute);
     let row = row(form, context);
     let starts = match form {
         Form::Natural => NATURAL[row],

@@ -15,7 +15,7 @@ pub(super) enum Form {
 
 impl Form {
     /// The form of the integers of an attribute. Opacities and widths are coded as distances from the largest. Format.
-    pub(super) fn of(attribute: Attribute) -> Form {
+    pub(super) fn new(attribute: Attribute) -> Form {
         match attribute {
             Attribute::Opacity | Attribute::WindowWidth => Form::Natural,
             _ => Form::Signed,

@@ -80,7 +80,7 @@ pub(super) struct Ball {
 impl Content {
     /// The content of the field of `discs`, and the box of all of the field where there may be nothing but content. A ball
     /// of radius 1 at the origin without discs. `up` is a unit vector.
-    pub(super) fn of(discs: &Discs, up: [f64; 3]) -> (Content, Option<[[f64; 3]; 2]>) {
+    pub(super) fn find(discs: &Discs, up: [f64; 3]) -> (Content, Option<[[f64; 3]; 2]>) {
         let (masses, grain) = masses(discs);
         let total: f64 = masses.iter().map(|mass| mass.weight).sum();
         if total <= 0.0 {
@@ -217,8 +217,8 @@ pub(super) fn bounds_along(
 /// The smallest box around a box and `points`.
 fn with_points(bounds: [[f64; 3]; 2], points: impl Iterator<Item = [f64; 3]>) -> [[f64; 3]; 2] {
     points.fold(bounds, |[low, high], point| {
-        let outer = |corner: [f64; 3], of: fn(f64, f64) -> f64| {
-            std::array::from_fn(|axis| of(corner[axis], point[axis]))
+        let outer = |corner: [f64; 3], outermost: fn(f64, f64) -> f64| {
+            std::array::from_fn(|axis| outermost(corner[axis], point[axis]))
         };
         [outer(low, f64::min), outer(high, f64::max)]
     })

@@ -122,7 +122,7 @@ impl SurroundingsBuilder {
 
     /// The surroundings that all of them make; `up` points up in their axes.
     pub fn build(self, up: [f32; 3]) -> Surroundings {
-        Surroundings::of_discs(self.0.build(), up)
+        Surroundings::from_discs(self.0.build(), up)
     }
 }
 
@@ -146,12 +146,12 @@ impl Look {
 
 impl Surroundings {
     /// The surroundings that a field and its static background make; `up` points up in the axes of the field.
-    pub fn of(field: &Field, plate: Option<&Field>, up: [f32; 3]) -> Surroundings {
-        Surroundings::of_parts(&[(field, [0.0, 1.0])], plate, up)
+    pub fn new(field: &Field, plate: Option<&Field>, up: [f32; 3]) -> Surroundings {
+        Surroundings::from_parts(&[(field, [0.0, 1.0])], plate, up)
     }
 
     /// The surroundings that fields make which are shown at once, each in a range of its clip time.
-    pub fn of_parts(parts: &[(&Field, [f64; 2])], plate: Option<&Field>, up: [f32; 3]) -> Surroundings {
+    pub fn from_parts(parts: &[(&Field, [f64; 2])], plate: Option<&Field>, up: [f32; 3]) -> Surroundings {
         let mut builder = SurroundingsBuilder::new(parts.iter().map(|(field, _)| field.len()).sum());
         parts.iter().for_each(|(field, range)| builder.add(field, *range));
         plate.into_iter().for_each(|plate| builder.add_plate(plate));
@@ -159,17 +159,17 @@ impl Surroundings {
     }
 
     /// The surroundings that `clips` make which are shown at once, each in a range of its clip time.
-    pub(crate) fn of_clips(clips: &[(&Clip, [f64; 2])], up: [f32; 3]) -> Surroundings {
+    pub(crate) fn from_clips(clips: &[(&Clip, [f64; 2])], up: [f32; 3]) -> Surroundings {
         let parts: Vec<(&Field, [f64; 2])> = clips
             .iter()
             .flat_map(|&(clip, range)| [(&clip.static_field, range), (&clip.dynamic_field, range)])
             .collect();
         let plate = clips.iter().find_map(|(clip, _)| clip.plate.as_ref());
-        Surroundings::of_parts(&parts, plate, up)
+        Surroundings::from_parts(&parts, plate, up)
     }
 
     /// The surroundings of a field of which nothing but its box is known: all of it is content.
-    pub(crate) fn of_box(bounds: [[f32; 3]; 2], up: [f32; 3]) -> Surroundings {
+    pub(crate) fn from_box(bounds: [[f32; 3]; 2], up: [f32; 3]) -> Surroundings {
         let bounds = bounds.map(|corner| corner.map(f64::from));
         let [low, high] = bounds;
         let half_diagonal = 0.5 * norm(sub(high, low));
@@ -179,9 +179,9 @@ impl Surroundings {
         Surroundings { content, is_alone: true, discs: DiscsBuilder::new(0, 0).build(), up: unit_up(up) }
     }
 
-    fn of_discs(discs: Discs, up: [f32; 3]) -> Surroundings {
+    fn from_discs(discs: Discs, up: [f32; 3]) -> Surroundings {
         let up = unit_up(up);
-        let (content, whole) = Content::of(&discs, up);
+        let (content, whole) = Content::find(&discs, up);
         let mut near = Surroundings { content, is_alone: false, discs, up };
         let (_, radius) = near.center_and_radius();
         near.discs.thin_out(radius, SIZE);
@@ -419,7 +419,7 @@ impl Surroundings {
 impl Clip {
     /// Where the content is, and where people stand to look at it. Takes a tenth of a second and more.
     pub fn surroundings(&self) -> Surroundings {
-        Surroundings::of_clips(&[(self, [0.0, 1.0])], self.info.up)
+        Surroundings::from_clips(&[(self, [0.0, 1.0])], self.info.up)
     }
 
     /// The viewpoints, or [`Surroundings::opening`] if there are none. Never empty.

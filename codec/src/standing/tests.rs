@@ -61,7 +61,7 @@ fn field(rows: &[Row]) -> Field {
 }
 
 fn surroundings(rows: &[Row]) -> Surroundings {
-    Surroundings::of(&field(rows), None, UP)
+    Surroundings::new(&field(rows), None, UP)
 }
 
 /// The rows in another unit and around another origin, in that unit.
@@ -246,7 +246,7 @@ fn odd_fields_get_places_and_an_opening() {
         ("extreme", extreme),
     ] {
         for up in [UP, [0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0; 3]] {
-            let surroundings = Surroundings::of(&field, None, up);
+            let surroundings = Surroundings::new(&field, None, up);
             let (radius, bounds) = (surroundings.content_radius(), surroundings.content_bounds());
             let numbers = [bounds[0], bounds[1], [radius; 3]];
             assert!(
@@ -306,7 +306,7 @@ fn a_moving_field_is_seen_at_all_times() {
         motion: vec![[8.0, 0.0, 0.0]; COUNT],
         rotation_rates: None,
     });
-    let surroundings = Surroundings::of(&moving, None, UP);
+    let surroundings = Surroundings::new(&moving, None, UP);
     let [low, high] = surroundings.content.bounds;
     assert!(low[0] < -2.5 && high[0] > 2.5 && low[1] > -1.3 && high[1] < 1.3, "{low:?} {high:?}");
     for camera in surroundings.stand_points(0.0, (64, 48)).content {
@@ -316,20 +316,20 @@ fn a_moving_field_is_seen_at_all_times() {
     let mut leaves = moving;
     leaves.temporal.as_mut().unwrap().s.fill(0.1);
     leaves.temporal.as_mut().unwrap().tau.fill(0.2);
-    let [low, high] = Surroundings::of(&leaves, None, UP).content_bounds();
+    let [low, high] = Surroundings::new(&leaves, None, UP).content_bounds();
     assert!(low[0] > -2.0 && high[0] < 2.5, "{low:?} {high:?}");
 }
 
 #[test]
 fn a_background_plate_is_in_the_way_and_never_content() {
     let (ball, room) = (field(&ball(300, 1.0)), field(&room(COUNT, 3.0)));
-    let surroundings = Surroundings::of(&ball, Some(&room), UP);
+    let surroundings = Surroundings::new(&ball, Some(&room), UP);
     assert_is_unit_ball(&surroundings.content, "in a plate");
     let StandPoints { content, around } = surroundings.stand_points(0.0, (64, 48));
     assert!(content.iter().all(|camera| norm(camera.position()) < 3.0));
     assert!(!around.is_empty());
     // What fades before the eye hides nothing, and yet nobody stands in it.
-    let faded = Surroundings::of(&Field { near: 1.2, ..ball }, Some(&Field { near: 1.2, ..room }), UP);
+    let faded = Surroundings::new(&Field { near: 1.2, ..ball }, Some(&Field { near: 1.2, ..room }), UP);
     let content = faded.stand_points(0.0, (64, 48)).content;
     assert!(content.iter().all(|camera| norm(camera.position()) > 1.0), "nobody stands in the ball");
 }
@@ -339,7 +339,7 @@ fn rows_that_nothing_shows_are_counted() {
     let below = |rows: Vec<Row>, y: f64| placed(&rows, 1.0, [0.0, -y, 0.0]);
     let closed = room(COUNT, 1.0).into_iter().map(|(center, _)| (center, 0.15)).collect();
     let field = field(&[closed, ball(100, 0.3), below(ball(50, 0.1), 500.0)].concat());
-    let surroundings = Surroundings::of(&field, None, UP);
+    let surroundings = Surroundings::new(&field, None, UP);
     let ring = &surroundings.stand_points(0.0, (64, 48)).content[..8];
     let of_sphere = unseen_rows(&field.select(&(0..COUNT).collect::<Vec<_>>()), None, ring);
     assert!(of_sphere.len() < COUNT / 4, "its lower side: {}", of_sphere.len());
@@ -354,7 +354,7 @@ fn one_disc_stands_for_several_that_are_wide_and_translucent() {
     let haze: Vec<Row> = ball(ROWS - COUNT, 1.0).into_iter().map(|(center, _)| (center, 0.5)).collect();
     let mut field = field(&[ball(COUNT, 0.3), haze].concat());
     field.opacities[COUNT..].fill(0.02);
-    let hazy = Surroundings::of(&field, None, UP);
+    let hazy = Surroundings::new(&field, None, UP);
     let (narrow, wide): (Vec<&Disc>, Vec<&Disc>) =
         hazy.discs.instants[0].iter().partition(|disc| disc.row < COUNT);
     assert_eq!(narrow.len(), COUNT);
@@ -362,7 +362,7 @@ fn one_disc_stands_for_several_that_are_wide_and_translucent() {
     let opacity: f64 = wide.iter().map(|disc| disc.opacity).sum();
     assert!((opacity / (0.02 * (ROWS - COUNT) as f64) - 1.0).abs() < 0.01, "{opacity}");
     field.opacities[COUNT..].fill(0.9);
-    assert_eq!(Surroundings::of(&field, None, UP).discs.instants[0].len(), ROWS, "opaque ones stay");
+    assert_eq!(Surroundings::new(&field, None, UP).discs.instants[0].len(), ROWS, "opaque ones stay");
 }
 
 #[test]
@@ -445,7 +445,7 @@ fn a_body_stands_on_its_feet_in_a_room() {
         assert!(low[0] > -1.2 && high[0] < 1.2 && high[2] < 0.5, "{what}: {low:?} {high:?}");
         // The same body on its side.
         let rolled: Vec<Row> = rows.iter().map(|([x, y, z], scale)| ([-y, *x, *z], *scale)).collect();
-        let [low, high] = Surroundings::of(&field(&rolled), None, [-1.0, 0.0, 0.0]).content_bounds();
+        let [low, high] = Surroundings::new(&field(&rolled), None, [-1.0, 0.0, 0.0]).content_bounds();
         assert!((low[0] + 1.8).abs() < 0.1 && high[0].abs() < 0.05, "{what}: {low:?} {high:?}");
     }
     // What is on a table does not reach through the air below it.
@@ -460,10 +460,10 @@ fn a_body_stands_on_its_feet_in_a_room() {
 #[test]
 fn nobody_opens_in_the_haze_of_a_wall() {
     let ball = field(&ball(COUNT, 1.0));
-    let z = f64::from(Surroundings::of(&ball, None, UP).opening().position[2]);
+    let z = f64::from(Surroundings::new(&ball, None, UP).opening().position[2]);
     let mut haze = field(&room(COUNT, 0.95 * z));
     haze.opacities.fill(0.02);
-    let surroundings = Surroundings::of(&ball, Some(&haze), UP);
+    let surroundings = Surroundings::new(&ball, Some(&haze), UP);
     let opening = surroundings.opening();
     let blocked = surroundings.look(opening.camera(UP, SIZE.0, SIZE.1), z).glance.blocked;
     assert!(blocked <= 0.03 && opening.position[2] > 1.5, "{blocked}: {opening:?}");
@@ -543,7 +543,7 @@ fn the_box_along_other_axes_is_that_of_the_content() {
     // The same room on its side, as in a clip whose axes are tilted.
     let tilted = |vector: [f64; 3]| rotate(vector, [0.6, 0.0, 0.8], 0.7);
     let aside: Vec<Row> = rows.iter().map(|(center, scale)| (tilted(*center), *scale)).collect();
-    let found = Surroundings::of(&field(&aside), None, tilted([0.0, 1.0, 0.0]).map(|x| x as f32));
+    let found = Surroundings::new(&field(&aside), None, tilted([0.0, 1.0, 0.0]).map(|x| x as f32));
     let bounds = found.content_bounds_along(axes.map(tilted));
     let expected = [[0.75, 0.0, -0.15], [1.25, 1.8, 0.15]];
     for (corner, expected) in bounds.into_iter().zip(expected) {
@@ -555,11 +555,11 @@ fn the_box_along_other_axes_is_that_of_the_content() {
 #[test]
 fn a_box_alone_is_its_own_content() {
     let bounds = [[1.0, 2.0, 3.0], [3.0, 8.0, 6.0]];
-    let surroundings = Surroundings::of_box(bounds, UP);
+    let surroundings = Surroundings::from_box(bounds, UP);
     assert_eq!(surroundings.opening(), Viewpoint::framing(bounds, UP));
     let along = surroundings.content_bounds_along([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]);
     assert_eq!(along, [[3.0, 2.0, -3.0], [6.0, 8.0, -1.0]]);
-    let point = Surroundings::of_box([[4.0; 3]; 2], UP);
+    let point = Surroundings::from_box([[4.0; 3]; 2], UP);
     assert!(point.content_radius() > 0.0 && point.opening().position != point.opening().target);
 }
 
@@ -583,16 +583,16 @@ fn a_clip_is_looked_at_in_a_range_of_its_time() {
     for (range, [from, to]) in
         [([0.0, 0.1], [-2.0, -1.6]), ([0.9, 1.0], [1.6, 2.0]), ([0.45, 0.55], [-0.2, 0.2])]
     {
-        let [low, high] = Surroundings::of_clips(&[(&clip, range)], UP).content_bounds();
+        let [low, high] = Surroundings::from_clips(&[(&clip, range)], UP).content_bounds();
         assert!((low[0] - from).abs() < 0.35 && (high[0] - to).abs() < 0.35, "{range:?}: {low:?} {high:?}");
         assert!(low[1].abs() < 0.1 && (high[1] - 1.8).abs() < 0.1, "{range:?}: {low:?} {high:?}");
     }
-    let [all, merged] = [clip.surroundings(), Surroundings::of(&clip.merged(), None, UP)];
+    let [all, merged] = [clip.surroundings(), Surroundings::new(&clip.merged(), None, UP)];
     assert_eq!(all.content, merged.content, "both regions are one field");
     // Clips that are shown at once, each in its own time.
     let still = Clip { dynamic_field: Field::default(), ..clip.clone() };
     let walker = Clip { static_field: Field::default(), ..clip };
-    let parts = Surroundings::of_clips(&[(&still, [0.0, 0.5]), (&walker, [0.9, 1.0])], UP);
+    let parts = Surroundings::from_clips(&[(&still, [0.0, 0.5]), (&walker, [0.9, 1.0])], UP);
     let [low, high] = parts.content_bounds();
     assert!((low[0] - 1.6).abs() < 0.35 && (high[0] - 2.0).abs() < 0.35, "{low:?} {high:?}");
 }

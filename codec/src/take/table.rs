@@ -133,14 +133,14 @@ impl Take {
     /// If there is no segment of such a number.
     pub fn surroundings(&self, clips: &[(usize, Clip)]) -> Surroundings {
         if clips.is_empty() {
-            return Surroundings::of_box(self.bounds, self.info.up);
+            return Surroundings::from_box(self.bounds, self.info.up);
         }
         let ends = clips.iter().map(|(number, _)| self.segments[*number].end_s());
         let end_s = ends.fold(f64::INFINITY, f64::min);
         let ranges = clips
             .iter()
             .map(|(number, clip)| (clip, [0.0, end_s].map(|t_s| self.segments[*number].clip_time(t_s))));
-        Surroundings::of_clips(&ranges.collect::<Vec<_>>(), self.info.up)
+        Surroundings::from_clips(&ranges.collect::<Vec<_>>(), self.info.up)
     }
 
     /// Length of the whole package in bytes.

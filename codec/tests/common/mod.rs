@@ -150,7 +150,7 @@ pub(crate) struct Parts {
 }
 
 impl Parts {
-    pub(crate) fn of(package: &[u8]) -> Parts {
+    pub(crate) fn new(package: &[u8]) -> Parts {
         let head_length = u32_at(package, 8);
         let count = u32_at(package, 72);
         let table_at = head_length - 4 - 24 * count;
@@ -227,7 +227,7 @@ pub(crate) struct TakeParts {
 
 impl TakeParts {
     /// The parts of a take; nothing if a length or a count leads out of it.
-    pub(crate) fn of(package: &[u8]) -> Option<TakeParts> {
+    pub(crate) fn new(package: &[u8]) -> Option<TakeParts> {
         if package.get(64) != Some(&0) || package.len() < 88 {
             return None;
         }

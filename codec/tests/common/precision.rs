@@ -45,7 +45,7 @@ pub(crate) struct Worst {
 }
 
 impl Worst {
-    pub(crate) fn of(decoded: &[&Field], source: &Field) -> Worst {
+    pub(crate) fn measure(decoded: &[&Field], source: &Field) -> Worst {
         let mut worst = Worst::default();
         for &field in decoded {
             (0..field.len()).for_each(|i| worst.compare(field, i, source, source_row(field, i)));

@@ -41,7 +41,7 @@ impl ComparedField {
         let ReportSubject { mut scene, mut field, .. } = ReportSubject::load(path)?;
         let info = &mut scene.info;
         if info.viewpoints.is_empty() {
-            info.viewpoints.push(Surroundings::of(&field, None, info.up).opening());
+            info.viewpoints.push(Surroundings::new(&field, None, info.up).opening());
         }
         if let Some(budget) = budget.filter(|&budget| budget < field.len()) {
             progress.set_message("ranking");

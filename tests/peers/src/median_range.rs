@@ -12,7 +12,7 @@ pub(crate) struct MedianRange {
 
 impl MedianRange {
     /// The median and range of at least one number.
-    pub(crate) fn of(values: impl IntoIterator<Item = f64>) -> MedianRange {
+    pub(crate) fn new(values: impl IntoIterator<Item = f64>) -> MedianRange {
         let mut sorted: Vec<f64> = values.into_iter().collect();
         sorted.sort_by(f64::total_cmp);
         let (first, last) = (sorted[0], sorted[sorted.len() - 1]);
@@ -26,7 +26,7 @@ impl MedianRange {
 
     /// The median and range of the ratios `over[i] / under[i]`, each within one round.
     pub(crate) fn of_ratios(over: &[f64], under: &[f64]) -> MedianRange {
-        MedianRange::of(over.iter().zip(under).map(|(over, under)| over / under))
+        MedianRange::new(over.iter().zip(under).map(|(over, under)| over / under))
     }
 }
 
@@ -43,8 +43,8 @@ mod tests {
 
     #[test]
     fn medians_and_ranges() {
-        assert_eq!(MedianRange::of([3.0, 1.0, 2.0]), MedianRange { median: 2.0, least: 1.0, most: 3.0 });
-        assert_eq!(MedianRange::of([4.0, 1.0]).median, 2.5);
+        assert_eq!(MedianRange::new([3.0, 1.0, 2.0]), MedianRange { median: 2.0, least: 1.0, most: 3.0 });
+        assert_eq!(MedianRange::new([4.0, 1.0]).median, 2.5);
         assert_eq!(
             MedianRange::of_ratios(&[2.0, 6.0], &[1.0, 2.0]),
             MedianRange { median: 2.5, least: 2.0, most: 3.0 }

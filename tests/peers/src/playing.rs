@@ -66,7 +66,7 @@ pub(crate) fn compare(
     for round in 0..rounds {
         for i in in_turn(round, players.len()) {
             progress.set_message(format!("{}: playing, round {} of {rounds}", kinds[i].name(), round + 1));
-            frame_ms[i].push(MedianRange::of(players[i].play()?.frames_ms).median);
+            frame_ms[i].push(MedianRange::new(players[i].play()?.frames_ms).median);
         }
     }
 
@@ -75,9 +75,9 @@ pub(crate) fn compare(
     let row = |i: usize| PlayerRow {
         player: kinds[i].name(),
         device: devices[i].clone(),
-        frame_ms: MedianRange::of(frame_ms[i].clone()),
+        frame_ms: MedianRange::new(frame_ms[i].clone()),
         frame_ratio: MedianRange::of_ratios(&frame_ms[i], &frame_ms[0]),
-        first_ms: MedianRange::of(first_ms[i].clone()),
+        first_ms: MedianRange::new(first_ms[i].clone()),
         first_ratio: MedianRange::of_ratios(&first_ms[i], &first_ms[0]),
         fragments: fragments(kinds[i], clip, work),
         psnr_db: psnrs[i],

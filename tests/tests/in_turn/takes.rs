@@ -94,10 +94,10 @@ struct Played {
 impl Played {
     fn open(path: &Path, duration_s: f64) -> Result<Played, String> {
         let opened = OpenTake::open(path, &Limits::default()).map_err(text)?.ok_or("it is a take")?;
-        Played::of(Arc::new(opened), duration_s)
+        Played::play(Arc::new(opened), duration_s)
     }
 
-    fn of(opened: Arc<OpenTake>, duration_s: f64) -> Result<Played, String> {
+    fn play(opened: Arc<OpenTake>, duration_s: f64) -> Result<Played, String> {
         let gpu = Gpu::new_headless().map_err(text)?;
         let layout = FrameLayout::plain(ChannelDepth::Eight.format(), 1);
         let (renderer, take) = TakePlayer::new(&gpu, opened, layout, || ()).map_err(text)?;
@@ -360,7 +360,7 @@ fn slow() -> Result<(), String> {
     if slow > 0.8 * all as f64 {
         return Err(format!("a segment has {first} and {all} bytes"));
     }
-    let mut played = Played::of(fetched(&server)?, 41.0 * UNIT_S)?;
+    let mut played = Played::play(fetched(&server)?, 41.0 * UNIT_S)?;
     played.settle()?;
     rate.store(slow as u64, Ordering::Relaxed);
     // In real time: the network is.
@@ -404,7 +404,7 @@ fn slow() -> Result<(), String> {
 fn seeks() -> Result<(), String> {
     let rate = Arc::new(AtomicU64::new(BYTES_PER_S));
     let (server, [first, all]) = paced_server(24, 20_000, rate, DELAY);
-    let mut played = Played::of(fetched(&server)?, 25.0 * UNIT_S)?;
+    let mut played = Played::play(fetched(&server)?, 25.0 * UNIT_S)?;
     played.player.set_playing(false);
     played.settle()?;
     let mut times: [Vec<f64>; 2] = Default::default();
@@ -451,7 +451,7 @@ fn hour() -> Result<(), String> {
         let opened = fetched(&server)?;
         times.push(start.elapsed().as_secs_f64());
         requests = server.requests().len() - before;
-        let player = Played::of(opened, 4001.0 * UNIT_S)?;
+        let player = Played::play(opened, 4001.0 * UNIT_S)?;
         if player.take.counts().segments != 4000 {
             return Err(format!("{:?}", player.take.counts()));
         }
@@ -472,7 +472,7 @@ fn failing() -> Result<(), String> {
         0 | 1 => answer.part(request, &file, "\"one\""),
         _ => answer.head(404, &[("Content-Length", "0")]),
     });
-    let mut played = Played::of(fetched(&server)?, 3.0 * UNIT_S)?;
+    let mut played = Played::play(fetched(&server)?, 3.0 * UNIT_S)?;
     let (mut notes, start) = (Vec::new(), Instant::now());
     let before = server.requests().len();
     while server.requests().len() < before + 3 {

@@ -87,9 +87,9 @@ fn install(folder: &Folder, deb: &str) -> Result<Completion, String> {
     let root = folder.path("root");
     fs::create_dir_all(root.join("var/lib/dpkg/updates")).map_err(|error| error.to_string())?;
     folder.write("root/var/lib/dpkg/status", b"");
-    let dpkg = |action: &str, of: &str| {
+    let dpkg = |action: &str, package: &str| {
         let mut dpkg = folder.command(Path::new("dpkg"), "--force-depends --log=/dev/null");
-        dpkg.arg(format!("--root={}", root.display())).arg(action).arg(of);
+        dpkg.arg(format!("--root={}", root.display())).arg(action).arg(package);
         run(&mut dpkg)
     };
     let installed = dpkg("--install", &format!("first/{deb}"));

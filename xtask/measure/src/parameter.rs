@@ -88,7 +88,7 @@ pub struct Quartiles {
 
 impl Quartiles {
     /// Quartiles of `values`, in any order; 0 if empty.
-    pub fn of(values: impl IntoIterator<Item = f64>) -> Quartiles {
+    pub fn new(values: impl IntoIterator<Item = f64>) -> Quartiles {
         let mut sorted: Vec<f64> = values.into_iter().collect();
         sorted.sort_by(f64::total_cmp);
         let at = |part: f64| {
@@ -229,8 +229,8 @@ mod tests {
 
     #[test]
     fn spreads_by_rank() {
-        let spread = Quartiles::of([7.0, 1.0, 3.0, 5.0]);
+        let spread = Quartiles::new([7.0, 1.0, 3.0, 5.0]);
         assert_eq!(spread, Quartiles { low: 1.0, median: 3.0, high: 5.0 });
-        assert_eq!(Quartiles::of([]), Quartiles::exactly(0.0));
+        assert_eq!(Quartiles::new([]), Quartiles::exactly(0.0));
     }
 }

@@ -157,8 +157,8 @@ mod tests {
         let trunk = write(&folder, "trunk.safetensors", &tensors);
         tensors.append(&mut read(&fixture("alex.pth")).unwrap());
         let both = write(&folder, "both.safetensors", &tensors);
-        let of = |files: &[PathBuf]| distance(&load_lpips(files).unwrap());
-        assert_eq!(of(&[both]), of(&[trunk, fixture("alex.pth")]));
+        let distance_by = |files: &[PathBuf]| distance(&load_lpips(files).unwrap());
+        assert_eq!(distance_by(&[both]), distance_by(&[trunk, fixture("alex.pth")]));
         assert!(tensors.keys().all(|name| !name.starts_with("classifier")), "left on disk");
     }
 

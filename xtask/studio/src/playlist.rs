@@ -13,7 +13,7 @@ pub const FILE: &str = "playlist.json";
 ///
 /// # Errors
 /// [`Fault::Data`] if a path has control characters or the playlist is too large for the player.
-pub fn of(clips: impl IntoIterator<Item = String>) -> Result<Vec<u8>, Fault> {
+pub fn from_clips(clips: impl IntoIterator<Item = String>) -> Result<Vec<u8>, Fault> {
     let clips: Vec<String> = clips.into_iter().collect();
     if let Some(clip) = clips.iter().find(|clip| clip.chars().any(char::is_control)) {
         return Err(Fault::Data(format!(
@@ -36,10 +36,10 @@ mod tests {
 
     #[test]
     fn what_players_refuse_is_not_written() {
-        let long = |count: usize| of((0..count).map(|_| "x".repeat(1000)));
+        let long = |count: usize| from_clips((0..count).map(|_| "x".repeat(1000)));
         assert!(long(1000).is_ok_and(|bytes| bytes.len() > 1_000_000));
         assert!(long(1100).unwrap_err().to_string().contains("make several lists"));
-        let error = of(["a\tb.aarc".to_owned()]).unwrap_err().to_string();
+        let error = from_clips(["a\tb.aarc".to_owned()]).unwrap_err().to_string();
         assert!(error.starts_with("\"a\\tb.aarc\": "), "{error}");
     }
 }

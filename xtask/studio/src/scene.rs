@@ -87,7 +87,7 @@ impl Scene {
         let plate = plate.map(|plate| import_plate(plate, limits)).transpose().map_err(fault)?;
         let of_take = Overrides { duration_s: Some(duration_s), fps: Some(fps), ..Overrides::default() };
         let parts = ImportedScene::new(field, import(field)?, plate, of_take).map_err(fault)?;
-        Ok(Scene { is_segment: true, ..Scene::of(name_of_file(field), parts) })
+        Ok(Scene { is_segment: true, ..Scene::new(name_of_file(field), parts) })
     }
 
     /// Whether `path` is a folder with a field file.
@@ -100,10 +100,10 @@ impl Scene {
         if let FieldPath::File(path) = &files.field {
             check_record(path, &parts.subject.hints)?;
         }
-        Ok(Scene::of(name, parts))
+        Ok(Scene::new(name, parts))
     }
 
-    fn of(name: String, parts: ImportedScene) -> Scene {
+    fn new(name: String, parts: ImportedScene) -> Scene {
         let ImportedScene { subject, plate, info, assumed } = parts;
         let surroundings = OnceLock::new();
         Scene { name, subject, plate, info, assumed, is_segment: false, surroundings }
@@ -127,14 +127,14 @@ impl Scene {
 
     /// The photographs that the field was fitted to, as far as its file records them.
     pub(crate) fn fit_record(&self) -> FitRecord {
-        FitRecord::of(&self.subject.hints).unwrap_or_default()
+        FitRecord::from_hints(&self.subject.hints).unwrap_or_default()
     }
 
     /// A scene of a field in memory.
     pub fn made(name: &str, field: Field, info: ClipInfo) -> Scene {
         let (hints, repairs) = (Hints::default(), Repairs::default());
         let subject = Imported { field, hints, repairs, format: "made up", notes: Vec::new() };
-        Scene::of(name.to_owned(), ImportedScene { subject, plate: None, info, assumed: Vec::new() })
+        Scene::new(name.to_owned(), ImportedScene { subject, plate: None, info, assumed: Vec::new() })
     }
 
     /// Where its content is and where people stand, in the field as it is when this is called for the first time; of a segment,
@@ -142,7 +142,7 @@ impl Scene {
     pub(crate) fn surroundings(&self) -> &Arc<Surroundings> {
         self.surroundings.get_or_init(|| {
             let plate = self.plate.as_ref().map(|plate| &plate.field);
-            Arc::new(Surroundings::of(&self.subject.field, plate, self.info.up))
+            Arc::new(Surroundings::new(&self.subject.field, plate, self.info.up))
         })
     }
 

@@ -76,7 +76,7 @@ impl Moment {
     }
 
     /// Row `row` of `field`, whose temporal columns are `temporal`.
-    pub(in crate::gpu) fn of(field: &Field, temporal: &Temporal, row: usize) -> Moment {
+    pub(in crate::gpu) fn new(field: &Field, temporal: &Temporal, row: usize) -> Moment {
         let Some((start, end)) = field.alive_interval(row) else {
             return Moment { z: i16::MAX, ..Moment::default() };
         };

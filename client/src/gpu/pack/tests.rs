@@ -251,7 +251,7 @@ fn records_are_off_by_no_more_than_their_rounding_at_any_instant() {
     let temporal = field.temporal.as_ref().expect("temporal columns");
     let mut compared = 0;
     for row in 0..field.len() {
-        let moment = Moment::of(&field, temporal, row);
+        let moment = Moment::new(&field, temporal, row);
         let z0 = f64::from(moment.z) / Z_STEPS;
         for t in instants_alive(&field, row) {
             compared += 1;
@@ -299,7 +299,7 @@ fn windows_from_a_millionth_to_a_million_of_the_clip() {
             temporal.motion = vec![v(1), v(2), v(3)];
             let origin = DVec3::from_array(field.position_at(0, tau.clamp(0.0, 1.0).into()));
             let packed = pack(&Field::default(), &field, origin);
-            let moment = Moment::of(&field, field.temporal.as_ref().expect("temporal columns"), 0);
+            let moment = Moment::new(&field, field.temporal.as_ref().expect("temporal columns"), 0);
             for t in instants_alive(&field, 0) {
                 let found = evaluate(&packed, 0, t);
                 let exact = field.opacity_at(0, t);
@@ -347,7 +347,7 @@ fn far_from_the_origin_nothing_is_lost() {
     let packed = pack(&Field::default(), &far, origin);
     let temporal = far.temporal.as_ref().expect("temporal columns");
     for row in (0..500).filter(|&row| row != 7 && far.alive_interval(row).is_some()) {
-        let exact = DVec3::from_array(Moment::of(&far, temporal, row).position) - origin;
+        let exact = DVec3::from_array(Moment::new(&far, temporal, row).position) - origin;
         let stored = packed.gaussians[row].center.map(|bits| f64::from(f32::from_bits(bits)));
         let off = DVec3::from_array(stored) - exact;
         assert!(off.length() <= 1e-7 * exact.length(), "row {row}: off by {off}");

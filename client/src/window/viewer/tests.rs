@@ -526,8 +526,8 @@ fn menus_fit_the_window_and_their_lists_scroll() {
             check_overlaps(&texts);
             texts
         };
-        let count = |texts: &[(String, Rect)], of: &str| {
-            texts.iter().filter(|(text, _)| text.starts_with(of)).count()
+        let count = |texts: &[(String, Rect)], start: &str| {
+            texts.iter().filter(|(text, _)| text.starts_with(start)).count()
         };
         let texts = opened("Clips");
         assert_eq!(count(&texts, "Open a file"), 1, "{texts:?}");

@@ -48,13 +48,13 @@ enum Hold {
 }
 
 impl Hold {
-    fn of(hands: [Option<Pose>; 2], placement: Placement) -> Hold {
+    fn new(hands: [Option<Pose>; 2], placement: Placement) -> Hold {
         match hands {
             [None, None] => Hold::Nothing,
             [Some(hand), None] => Hold::One { side: Side::Left, hand, placement },
             [None, Some(hand)] => Hold::One { side: Side::Right, hand, placement },
             [Some(left), Some(right)] => {
-                let Span { center, apart_m, level } = Span::of(left, right);
+                let Span { center, apart_m, level } = Span::new(left, right);
                 Hold::Two { center, apart_m, placement, level, turned: 0.0 }
             }
         }
@@ -78,7 +78,7 @@ struct Span {
 }
 
 impl Span {
-    fn of(left: Pose, right: Pose) -> Span {
+    fn new(left: Pose, right: Pose) -> Span {
         let (left, right) = (left.position.as_dvec3(), right.position.as_dvec3());
         let level = DVec2::new(right.x - left.x, right.z - left.z);
         Span {
@@ -107,7 +107,7 @@ impl Grab {
         }
         let same_hands = Side::BOTH.map(|side| self.hold.holds(side)) == hands.map(|hand| hand.is_some());
         if !same_hands || placement != self.placement {
-            self.hold = Hold::of(hands, placement);
+            self.hold = Hold::new(hands, placement);
         }
         self.placement = self.carry(hands).unwrap_or(placement);
         self.placement
@@ -132,7 +132,7 @@ impl Grab {
                 Some(carried)
             }
             (Hold::Two { center, apart_m, placement, level, turned }, [Some(left), Some(right)]) => {
-                let span = Span::of(left, right);
+                let span = Span::new(left, right);
                 if let (Some(before), Some(now)) = (*level, span.level) {
                     // The angle about +y goes from z to x.
                     *turned += now.perp_dot(before).atan2(now.dot(before));

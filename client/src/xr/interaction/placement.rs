@@ -183,7 +183,7 @@ mod tests {
     /// The subject of a clip of `rows`, with y up, that states `viewpoint`.
     fn subject(rows: &[Row], metres_per_unit: f32, viewpoint: Viewpoint) -> Subject {
         let info = ClipInfo { metres_per_unit, viewpoints: vec![viewpoint], ..y_up() };
-        Subject::new(&info, &Surroundings::of(&field(rows), None, info.up))
+        Subject::new(&info, &Surroundings::new(&field(rows), None, info.up))
     }
 
     /// A person of 1.8 units in a clip with y down, standing on y = 1 at (3, z = 5), seen from
@@ -194,7 +194,7 @@ mod tests {
         let strays = (0..5).map(|i| (dvec3(500.0, 40.0 * f64::from(i), -90.0), 0.03));
         let rows: Vec<Row> = body.chain(strays).collect();
         let info = ClipInfo { viewpoints: vec![viewpoint([3.0, 0.0, 2.0])], ..ClipInfo::default() };
-        Subject::new(&info, &Surroundings::of(&field(&rows), None, info.up))
+        Subject::new(&info, &Surroundings::new(&field(&rows), None, info.up))
     }
 
     fn viewpoint(position: [f32; 3]) -> Viewpoint {
@@ -259,7 +259,7 @@ mod tests {
         let around = [Vec::new(), room(), sky(30.0), [room(), sky(1000.0)].concat()];
         for (i, around) in around.into_iter().enumerate() {
             let rows = [test_fields::person(feet), around].concat();
-            let surroundings = Surroundings::of(&field(&rows), None, y_up().up);
+            let surroundings = Surroundings::new(&field(&rows), None, y_up().up);
             let subject = Subject::new(&y_up(), &surroundings);
             let placement = Placement::start(&subject, &head);
             let stage_from_clip = placement.stage_from_clip(&subject);
@@ -325,7 +325,7 @@ mod tests {
                 viewpoints: vec![viewpoint(position)],
                 ..ClipInfo::default()
             };
-            let subject = Subject::new(&info, &Surroundings::of(&Field::default(), None, up));
+            let subject = Subject::new(&info, &Surroundings::new(&Field::default(), None, up));
             let start = Placement::start(&subject, &Pose::IDENTITY);
             assert!(start.stage_from_clip(&subject).matrix().is_finite(), "{subject:?}");
         }

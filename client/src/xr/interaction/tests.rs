@@ -71,7 +71,7 @@ fn subject() -> Subject {
         target: [0.0, 1.0, 0.0],
         fov_y: 0.9,
     }];
-    Subject::of(&clip)
+    Subject::from_clip(&clip)
 }
 
 #[test]

@@ -128,7 +128,7 @@ impl Canvas {
             xr::CompositionLayerFlags::EMPTY
         };
         let layer = xr::CompositionLayerProjection::new().layer_flags(alpha).space(stage).views(&projections);
-        let sharpening = Sharpening::of(self.eyes.swapchain().instance(), size != self.size);
+        let sharpening = Sharpening::new(self.eyes.swapchain().instance(), size != self.size);
         let layer = match &sharpening {
             Some(sharpening) => sharpening.apply(layer),
             None => layer,

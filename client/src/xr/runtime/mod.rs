@@ -83,7 +83,7 @@ impl Runtime {
         let blends =
             instance.enumerate_environment_blend_modes(system, EYES).fault("asking how it blends")?;
         Ok(Runtime {
-            blends: Blends::of(&blends),
+            blends: Blends::new(&blends),
             eye_size: sizes.fold(UVec2::ONE, UVec2::max),
             instance,
             system,
@@ -135,7 +135,7 @@ pub(in crate::xr) struct Blends {
 
 impl Blends {
     /// Chooses from the modes that a runtime offers, its preferred one first.
-    fn of(offered: &[xr::EnvironmentBlendMode]) -> Blends {
+    fn new(offered: &[xr::EnvironmentBlendMode]) -> Blends {
         use xr::EnvironmentBlendMode as Mode;
         let usual = [Mode::OPAQUE].into_iter().find(|mode| offered.contains(mode));
         let passthrough = [Mode::ALPHA_BLEND].into_iter().find(|mode| offered.contains(mode));
@@ -263,12 +263,12 @@ mod tests {
 
     #[test]
     fn images_are_opaque_unless_passthrough_is_requested_and_offered() {
-        let blends = Blends::of(&[Mode::ALPHA_BLEND, Mode::OPAQUE]);
+        let blends = Blends::new(&[Mode::ALPHA_BLEND, Mode::OPAQUE]);
         assert!(blends.has_passthrough());
         assert_eq!([blends.mode(false), blends.mode(true)], [Mode::OPAQUE, Mode::ALPHA_BLEND]);
-        let blends = Blends::of(&[Mode::OPAQUE]);
+        let blends = Blends::new(&[Mode::OPAQUE]);
         assert!(!blends.has_passthrough());
         assert_eq!([blends.mode(false), blends.mode(true)], [Mode::OPAQUE; 2]);
-        assert_eq!(Blends::of(&[Mode::ADDITIVE]).mode(true), Mode::ADDITIVE);
+        assert_eq!(Blends::new(&[Mode::ADDITIVE]).mode(true), Mode::ADDITIVE);
     }
 }

@@ -50,7 +50,7 @@ impl<'d> Column<'d> {
     /// # Errors
     /// One sentence with the number: it is not there, sparse, without a buffer view or vertices, of another type or other
     /// components.
-    pub(super) fn of<const N: usize>(document: &'d Document, number: usize) -> Result<Column<'d>, String> {
+    pub(super) fn new<const N: usize>(document: &'d Document, number: usize) -> Result<Column<'d>, String> {
         let wrong = |what: String| format!("glTF: accessor {number} {what}");
         let accessor = document.accessors.get(number).ok_or_else(|| wrong("is not there".into()))?;
         if accessor.sparse.is_some() {
@@ -136,7 +136,7 @@ pub(super) struct Numbers<'b> {
 }
 
 impl Numbers<'_> {
-    /// The rows; `N` is that of [`Column::of`].
+    /// The rows; `N` is that of [`Column::new`].
     pub(super) fn rows<const N: usize>(&self) -> impl Iterator<Item = [f32; N]> + '_ {
         (0..self.rows).map(|row| {
             std::array::from_fn(|k| {

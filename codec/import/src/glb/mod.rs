@@ -61,7 +61,7 @@ fn read(
         .iter()
         .flat_map(|(mesh, place)| document.meshes[*mesh].primitives.iter().map(move |one| (one, *place)))
         .filter(|(primitive, _)| primitive.extensions.contains_key(EXTENSION))
-        .map(|(primitive, place)| Ok((Gaussians::of(&document, primitive)?, place)))
+        .map(|(primitive, place)| Ok((Gaussians::new(&document, primitive)?, place)))
         .collect::<Result<_, String>>()?;
     let others = placed.iter().flat_map(|(mesh, _)| &document.meshes[*mesh].primitives).count() - parts.len();
     if parts.is_empty() {
@@ -75,7 +75,7 @@ fn read(
     let sh_degree = parts.iter().map(|(part, _)| part.sh_degree).max().unwrap_or(0);
     // A mesh may stand in many places: their rows are counted before any is read.
     let mut field = budget.field(rows, sh_degree)?;
-    let form = ScaleForm::of(&parts.iter().map(|(part, _)| part).collect::<Vec<_>>(), &buffers)?;
+    let form = ScaleForm::detect(&parts.iter().map(|(part, _)| part).collect::<Vec<_>>(), &buffers)?;
     let mut repairs = Repairs::default();
     for (part, place) in &parts {
         let mut one = budget.field(part.rows, part.sh_degree)?;

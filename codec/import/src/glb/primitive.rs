@@ -42,7 +42,7 @@ impl<'d> Gaussians<'d> {
     ///
     /// # Errors
     /// One sentence: another kernel or colour space, compressed, an attribute missing or of another form.
-    pub(super) fn of(document: &'d Document, primitive: &'d Primitive) -> Result<Gaussians<'d>, String> {
+    pub(super) fn new(document: &'d Document, primitive: &'d Primitive) -> Result<Gaussians<'d>, String> {
         let extension = &primitive.extensions[EXTENSION];
         if let Some(name) = extension["extensions"]
             .as_object()
@@ -75,16 +75,16 @@ impl<'d> Gaussians<'d> {
         let sh_degree = (1..=SH_DEGREE_MAX).rev().find(has_degree).unwrap_or(0);
         let sh = (0..=sh_degree)
             .flat_map(|degree| (0..2 * degree + 1).map(move |k| format!("SH_DEGREE_{degree}_COEF_{k}")))
-            .map(|name| Column::of::<3>(document, own(&name)?))
+            .map(|name| Column::new::<3>(document, own(&name)?))
             .collect::<Result<Vec<_>, String>>()?;
-        let positions = Column::of::<3>(document, needed("POSITION".into())?)?;
+        let positions = Column::new::<3>(document, needed("POSITION".into())?)?;
         let gaussians = Gaussians {
             rows: usize::try_from(positions.rows()).unwrap_or(usize::MAX),
             sh_degree,
             is_linear,
-            rotations: Column::of::<4>(document, own("ROTATION")?)?,
-            scales: Column::of::<3>(document, own("SCALE")?)?,
-            opacities: Column::of::<1>(document, own("OPACITY")?)?,
+            rotations: Column::new::<4>(document, own("ROTATION")?)?,
+            scales: Column::new::<3>(document, own("SCALE")?)?,
+            opacities: Column::new::<1>(document, own("OPACITY")?)?,
             positions,
             sh,
         };
@@ -154,7 +154,7 @@ impl ScaleForm {
     ///
     /// # Errors
     /// One sentence, if an attribute extends beyond its buffer.
-    pub(super) fn of(parts: &[&Gaussians], buffers: &Buffers) -> Result<ScaleForm, String> {
+    pub(super) fn detect(parts: &[&Gaussians], buffers: &Buffers) -> Result<ScaleForm, String> {
         for part in parts {
             if part.scales.numbers(buffers)?.rows::<3>().flatten().any(|scale| scale < 0.0) {
                 return Ok(ScaleForm::Logarithm);

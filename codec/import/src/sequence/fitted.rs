@@ -89,7 +89,7 @@ pub(super) fn fitted(frames: &Frames, budget: &mut ImportBudget) -> Result<(Fiel
     let mut temporal = budget.temporal(rows, 3)?;
     let mut rates = budget.vec(rows)?;
     let coefficients = sh_coefficients(frames.sh_degree);
-    let filled = Filled::of(&frames.times, frames.steps);
+    let filled = Filled::new(&frames.times, frames.steps);
     let fit = |row: usize| {
         let samples = Samples::of_row(&filled, &frames.frames, row);
         Track::fit(&samples, TOLERANCE * size, frames.steps)
@@ -126,14 +126,14 @@ pub(super) fn fitted(frames: &Frames, budget: &mut ImportBudget) -> Result<(Fiel
 }
 
 /// The results of `of` for each of `rows`, in order, with a thread for every [`ROWS_PER_THREAD`].
-fn in_parallel<T: Send>(rows: Range<usize>, of: &(impl Fn(usize) -> T + Sync)) -> Vec<T> {
+fn in_parallel<T: Send>(rows: Range<usize>, result: &(impl Fn(usize) -> T + Sync)) -> Vec<T> {
     let parts: Vec<Range<usize>> = rows
         .clone()
         .step_by(ROWS_PER_THREAD)
         .map(|first| first..rows.end.min(first + ROWS_PER_THREAD))
         .collect();
     thread::scope(|scope| {
-        let part = |part: Range<usize>| scope.spawn(move || part.map(of).collect::<Vec<T>>());
+        let part = |part: Range<usize>| scope.spawn(move || part.map(result).collect::<Vec<T>>());
         let running: Vec<_> = parts.into_iter().map(part).collect();
         let result = |thread: thread::ScopedJoinHandle<Vec<T>>| {
             thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
@@ -144,7 +144,7 @@ fn in_parallel<T: Send>(rows: Range<usize>, of: &(impl Fn(usize) -> T + Sync)) -
 
 /// Diagonal of the box around the content; its radius where all of it is at one point.
 fn size_of(field: &Field) -> f64 {
-    let surroundings = Surroundings::of(field, None, DEFAULT_UP);
+    let surroundings = Surroundings::new(field, None, DEFAULT_UP);
     let [low, high] = surroundings.content_bounds();
     let diagonal = (0..3).map(|axis| (high[axis] - low[axis]).powi(2)).sum::<f64>().sqrt();
     if diagonal > 0.0 { diagonal } else { surroundings.content_radius() }

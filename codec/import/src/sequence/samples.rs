@@ -25,7 +25,7 @@ pub(super) struct Filled {
 
 impl Filled {
     /// Fills frames at `times`, of a clip of `steps` steps.
-    pub(super) fn of(times: &[f64], steps: usize) -> Filled {
+    pub(super) fn new(times: &[f64], steps: usize) -> Filled {
         let last = (steps - 1).max(1) as f64;
         let mut filled = Filled { times: Vec::new(), places: Vec::new() };
         for (frame, &time) in times.iter().enumerate() {
@@ -55,8 +55,9 @@ impl Filled {
 impl<'a> Samples<'a> {
     /// Row `row` of all frames, `filled` where some are missing.
     pub(super) fn of_row(filled: &'a Filled, frames: &[Field], row: usize) -> Samples<'a> {
-        let column = |of: fn(&Field, usize) -> [f32; 3]| -> Vec<[f64; 3]> {
-            let of_frames: Vec<[f64; 3]> = frames.iter().map(|frame| of(frame, row).map(f64::from)).collect();
+        let column = |value: fn(&Field, usize) -> [f32; 3]| -> Vec<[f64; 3]> {
+            let of_frames: Vec<[f64; 3]> =
+                frames.iter().map(|frame| value(frame, row).map(f64::from)).collect();
             filled.values(&of_frames)
         };
         let mut rotations: Vec<[f64; 4]> =
@@ -99,13 +100,13 @@ mod tests {
 
     #[test]
     fn missing_frames_lie_between_their_neighbours() {
-        let filled = Filled::of(&[0.0, 0.1, 0.5, 1.0], 11);
+        let filled = Filled::new(&[0.0, 0.1, 0.5, 1.0], 11);
         let expected: Vec<f64> = (0..=10).map(|k| f64::from(k) / 10.0).collect();
         assert_eq!(filled.times.len(), 11, "{:?}", filled.times);
         assert!(filled.times.iter().zip(&expected).all(|(a, b)| (a - b).abs() < 1e-12), "{:?}", filled.times);
         let values = filled.values(&[[0.0], [1.0], [5.0], [10.0]]);
         assert!(values.iter().zip(&expected).all(|([a], b)| (a - 10.0 * b).abs() < 1e-12), "{values:?}");
-        let whole = Filled::of(&[0.0, 0.5, 1.0], 3);
+        let whole = Filled::new(&[0.0, 0.5, 1.0], 3);
         assert_eq!(whole.values(&[[1.0], [4.0], [2.0]]), [[1.0], [4.0], [2.0]]);
     }
 }

@@ -19,8 +19,8 @@ impl DepthMap {
     /// Takes the nearest pixel of the map. Interpolation would invent depths between the subject's
     /// edge and the background.
     pub fn at(&self, [x, y]: [u32; 2], size: [u32; 2]) -> Option<f32> {
-        let scaled = |at: u32, of: u32, to: u32| {
-            ((2 * u64::from(at) + 1) * u64::from(to) / (2 * u64::from(of))).min(u64::from(to.max(1)) - 1)
+        let scaled = |at: u32, from: u32, to: u32| {
+            ((2 * u64::from(at) + 1) * u64::from(to) / (2 * u64::from(from))).min(u64::from(to.max(1)) - 1)
         };
         let column = scaled(x, size[0], self.width) as usize;
         let row = scaled(y, size[1], self.height) as usize;

@@ -119,7 +119,9 @@ impl Hull {
         let pinholes: Vec<Pinhole> = self.silhouettes.iter().map(|s| s.pinhole.clone()).collect();
         let farthest =
             |from: DVec3| pinholes.iter().map(|pinhole| pinhole.position.distance(from)).fold(0.0, f64::max);
-        let mean = |of: fn(&Pinhole) -> DVec3| pinholes.iter().map(of).sum::<DVec3>() / pinholes.len() as f64;
+        let mean = |vector: fn(&Pinhole) -> DVec3| {
+            pinholes.iter().map(vector).sum::<DVec3>() / pinholes.len() as f64
+        };
         let (center, half) = match common_point(&pinholes) {
             Some(center) => (center, farthest(center)),
             // Parallel cameras: beyond about ten times their baseline, silhouettes do not bound depth.

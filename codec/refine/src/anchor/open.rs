@@ -72,7 +72,7 @@ pub(super) fn sweep(views: &[(&Pinhole, &Photograph)], grounding: &[bool]) -> Op
 
 /// What the cameras look at.
 fn focus(pinholes: &[Pinhole]) -> Option<Focus> {
-    Focus::of_axes(&pinholes.iter().map(Pinhole::axis).collect::<Vec<_>>())
+    Focus::from_axes(&pinholes.iter().map(Pinhole::axis).collect::<Vec<_>>())
 }
 
 /// The depths that are tried.

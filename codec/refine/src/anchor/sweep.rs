@@ -301,9 +301,9 @@ pub(super) fn scores(
         }
     }
     let best = BEST.min(neighbors.len().max(1));
-    let score = |mut of: [f32; NEIGHBORS_MAX]| {
-        of.sort_by(|a, b| b.total_cmp(a));
-        of[..best].iter().sum::<f32>() / best as f32
+    let score = |mut scores: [f32; NEIGHBORS_MAX]| {
+        scores.sort_by(|a, b| b.total_cmp(a));
+        scores[..best].iter().sum::<f32>() / best as f32
     };
     scores.into_iter().map(score).collect()
 }

@@ -26,12 +26,12 @@ pub struct Focus {
 impl Focus {
     /// The focus of `cameras`: the point nearest to their optical axes, or, where these are parallel or have it behind
     /// them, a point before the rig at three times its radius. `None` if all cameras are at one place.
-    pub fn of<'a>(cameras: impl IntoIterator<Item = &'a Camera>) -> Option<Focus> {
-        let axes: Vec<Axis> = cameras.into_iter().map(Axis::of).collect();
-        Focus::of_axes(&axes)
+    pub fn from_cameras<'a>(cameras: impl IntoIterator<Item = &'a Camera>) -> Option<Focus> {
+        let axes: Vec<Axis> = cameras.into_iter().map(Axis::new).collect();
+        Focus::from_axes(&axes)
     }
 
-    pub(crate) fn of_axes(axes: &[Axis]) -> Option<Focus> {
+    pub(crate) fn from_axes(axes: &[Axis]) -> Option<Focus> {
         let count = axes.len().max(1) as f64;
         let middle = axes.iter().map(|axis| axis.position).sum::<DVec3>() / count;
         let distances = |from: DVec3| axes.iter().map(move |axis| axis.position.distance(from));
@@ -62,7 +62,7 @@ pub(crate) struct Axis {
 }
 
 impl Axis {
-    fn of(camera: &Camera) -> Axis {
+    fn new(camera: &Camera) -> Axis {
         Axis {
             position: DVec3::from_array(camera.position()),
             forward: DVec3::from_slice(&camera.camera_from_world[2]),
@@ -104,7 +104,7 @@ mod tests {
     #[test]
     fn a_ring_looks_at_its_centre_in_any_unit_and_anywhere() {
         for unit in [1e-3, 1.0, 1e6] {
-            let focus = Focus::of(&ring(3.0 * unit, 7.0 * unit)).unwrap();
+            let focus = Focus::from_cameras(&ring(3.0 * unit, 7.0 * unit)).unwrap();
             assert!((focus.distance / unit - 3.0).abs() < 1e-6, "{focus:?}");
             assert!((focus.near() / unit - 3.0 * NEAR_SHARE).abs() < 1e-6, "{focus:?}");
         }
@@ -114,15 +114,15 @@ mod tests {
     fn a_camera_close_to_its_subject_brings_the_near_distance_with_it() {
         let mut cameras = ring(3.0, 0.0);
         cameras.push(at([0.5, 0.0, 0.0], [0.0; 3]));
-        assert!((Focus::of(&cameras).unwrap().near() - 0.2).abs() < 1e-6);
+        assert!((Focus::from_cameras(&cameras).unwrap().near() - 0.2).abs() < 1e-6);
     }
 
     #[test]
     fn parallel_cameras_look_ahead_and_one_camera_nowhere() {
         let parallel = [at([0.0; 3], [0.0, 0.0, 1.0]), at([1.0, 0.0, 0.0], [1.0, 0.0, 1.0])];
-        let focus = Focus::of(&parallel).unwrap();
+        let focus = Focus::from_cameras(&parallel).unwrap();
         assert!(focus.center.distance(DVec3::new(0.5, 0.0, 1.5)) < 1e-9, "{focus:?}");
-        assert!(Focus::of(&parallel[..1]).is_none() && Focus::of(&[]).is_none());
+        assert!(Focus::from_cameras(&parallel[..1]).is_none() && Focus::from_cameras(&[]).is_none());
     }
 
     #[test]
@@ -131,7 +131,7 @@ mod tests {
             .iter()
             .map(|camera| at(camera.position(), camera.position().map(|x| 2.0 * x)))
             .collect();
-        let focus = Focus::of(&outwards).unwrap();
+        let focus = Focus::from_cameras(&outwards).unwrap();
         assert!(focus.near() > 0.0 && focus.near() <= NEAR_SHARE * 2.0 + 1e-9, "{focus:?}");
     }
 }

@@ -174,13 +174,13 @@ impl Photo {
 /// For each of `to` pixels along an axis, the source pixels that it covers out of `from`, and their weights.
 fn covered(from: u32, to: u32) -> Vec<Vec<(usize, f64)>> {
     let ratio = f64::from(from) / f64::from(to);
-    let of = |pixel: u32| {
+    let parts_of_pixel = |pixel: u32| {
         let (start, end) = (f64::from(pixel) * ratio, f64::from(pixel + 1) * ratio);
         let part = |i: u32| (f64::from(i + 1).min(end) - f64::from(i).max(start)) / ratio;
         // Rounding can leave a sliver of a pixel at either end.
         (start as u32..from).map(|i| (i as usize, part(i))).take_while(|(_, part)| *part > 1e-9).collect()
     };
-    (0..to).map(of).collect()
+    (0..to).map(parts_of_pixel).collect()
 }
 
 /// Bilinear sample at a point, in pixels from the centre of the first one; `None` outside the image.

@@ -67,7 +67,7 @@ impl Split {
         matches!(self, Split::InterpA | Split::InterpB)
     }
 
-    fn of(held_camera: bool, held_frame: bool) -> Split {
+    fn new(held_camera: bool, held_frame: bool) -> Split {
         match (held_camera, held_frame) {
             (false, false) => Split::Train,
             (false, true) => Split::InterpB,
@@ -83,7 +83,7 @@ impl Split {
     /// [`SplitError`] if no training photograph is left.
     pub fn assign(capture: &Capture, holdout: Holdout) -> Result<Vec<(PhotoId, Split)>, SplitError> {
         let split = |photo: &PhotoId| {
-            (*photo, Split::of(capture.cameras[photo.camera].held, holdout.holds(photo.frame)))
+            (*photo, Split::new(capture.cameras[photo.camera].held, holdout.holds(photo.frame)))
         };
         let splits: Vec<_> = capture.photos.iter().map(split).collect();
         match splits.iter().any(|(_, split)| *split == Split::Train) {

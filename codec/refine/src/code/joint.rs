@@ -238,12 +238,12 @@ fn move_targets(
 ) {
     let means = curvature.means();
     gradient.for_each_in(targets, field, |k, i, target, number| {
-        let of = |numbers: &Numbers| numbers.columns[k][i];
+        let number_in = |numbers: &Numbers| numbers.columns[k][i];
         // A number in none of the pictures that the curvature is taken from is assumed to have the mean.
-        let curvature = if of(curvature) > 0.0 { of(curvature) } else { means[k] };
-        let step = share * of(gradient) / (curvature + DAMPING * means[k]);
+        let curvature = if number_in(curvature) > 0.0 { number_in(curvature) } else { means[k] };
+        let step = share * number_in(gradient) / (curvature + DAMPING * means[k]);
         if step.is_finite() {
-            let (move_max, distance) = (MOVE_MAX * of(errors), DISTANCE_MAX * of(errors));
+            let (move_max, distance) = (MOVE_MAX * number_in(errors), DISTANCE_MAX * number_in(errors));
             let moved = f64::from(*target) - step.clamp(-move_max, move_max);
             let number = f64::from(number);
             *target = moved.clamp(number - distance, number + distance) as f32;

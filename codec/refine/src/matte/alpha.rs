@@ -43,7 +43,7 @@ impl Plate {
     pub fn matte(&self, picture: &[[u8; 3]]) -> Vec<u8> {
         let (width, pixels) = (self.width, picture.len() as f64);
         let gains = self.bounded_gains(picture);
-        let Difference { mut likely, sure, shaded } = Difference::of(self, picture, gains);
+        let Difference { mut likely, sure, shaded } = Difference::new(self, picture, gains);
         let island = ((ISLAND * pixels) as usize).max(1);
         regions::keep(&mut likely, &sure, width, island);
         let is_shaded = |hole: &[u32]| 2 * hole.iter().filter(|i| shaded[**i as usize]).count() > hole.len();
@@ -124,7 +124,7 @@ mod tests {
 
     #[test]
     fn a_square_is_found_and_nothing_without_it() {
-        let plate = Plate::of(&[&picture(90, None)], 90);
+        let plate = Plate::from_pictures(&[&picture(90, None)], 90);
         let matte = plate.matte(&picture(90, Some([20, 200, 40])));
         let area = matte.iter().filter(|alpha| **alpha >= 128).count();
         assert!(area.abs_diff(15 * 15) < 12, "{area}");
@@ -140,7 +140,7 @@ mod tests {
     #[test]
     fn a_subject_in_the_plate_is_not_found() {
         let with = picture(90, Some([20, 200, 40]));
-        let plate = Plate::of(&[&with; 5], 90);
+        let plate = Plate::from_pictures(&[&with; 5], 90);
         assert!(plate.matte(&with).iter().all(|alpha| *alpha == 0));
         // Its place is found once it has gone.
         assert_eq!(plate.matte(&picture(90, None))[37 * 90 + 37], 255);
@@ -148,9 +148,9 @@ mod tests {
 
     #[test]
     fn other_light_is_subject_throughout() {
-        let plate = Plate::of(&[&picture(90, None)], 90);
+        let plate = Plate::from_pictures(&[&picture(90, None)], 90);
         assert!(plate.matte(&[[2; 3]; 8100]).iter().all(|alpha| *alpha == 255), "lights off");
-        let black = Plate::of(&[&[[0; 3]; 8100]; 3], 90);
+        let black = Plate::from_pictures(&[&[[0; 3]; 8100]; 3], 90);
         assert!(black.matte(&[[0; 3]; 8100]).iter().all(|alpha| *alpha == 0));
         assert!(black.matte(&[[1; 3]; 8100]).iter().all(|alpha| *alpha == 0), "noise");
         assert!(black.matte(&[[250; 3]; 8100]).iter().all(|alpha| *alpha == 255), "lights on");
@@ -158,13 +158,13 @@ mod tests {
 
     #[test]
     fn the_smallest_pictures_have_mattes() {
-        assert_eq!(Plate::of(&[&[[7; 3]]], 1).matte(&[[7; 3]]), [0]);
-        assert_eq!(Plate::of(&[&[[7; 3]]], 1).matte(&[[200, 0, 0]]), [255]);
-        assert_eq!(Plate::of(&[&[[7; 3]; 3]; 2], 3).matte(&[[7; 3]; 3]), [0; 3]);
-        assert!(Plate::of(&[Vec::new()], 0).matte(&[]).is_empty());
+        assert_eq!(Plate::from_pictures(&[&[[7; 3]]], 1).matte(&[[7; 3]]), [0]);
+        assert_eq!(Plate::from_pictures(&[&[[7; 3]]], 1).matte(&[[200, 0, 0]]), [255]);
+        assert_eq!(Plate::from_pictures(&[&[[7; 3]; 3]; 2], 3).matte(&[[7; 3]; 3]), [0; 3]);
+        assert!(Plate::from_pictures(&[Vec::new()], 0).matte(&[]).is_empty());
         let random: Vec<[u8; 3]> = (0..60).map(|i| [(i * 89 % 251) as u8, (i * 7) as u8, 0]).collect();
         for width in [1, 2, 60] {
-            assert_eq!(Plate::of(&[&random], width).matte(&[[255; 3]; 60]).len(), 60);
+            assert_eq!(Plate::from_pictures(&[&random], width).matte(&[[255; 3]; 60]).len(), 60);
         }
     }
 }

@@ -49,7 +49,7 @@ pub(super) struct Difference {
 
 impl Difference {
     /// Compares `picture` with `plate`, which it shows brighter by `gains`.
-    pub(super) fn of(plate: &Plate, picture: &[[u8; 3]], gains: [f64; 3]) -> Difference {
+    pub(super) fn new(plate: &Plate, picture: &[[u8; 3]], gains: [f64; 3]) -> Difference {
         let gains = gains.map(|gain| gain as f32);
         let strengths = strengths(plate, picture, gains);
         let is_shade = shades(plate, picture, gains);
@@ -74,11 +74,12 @@ fn variance(spread: f32, level: f32) -> f32 {
 fn strengths(plate: &Plate, picture: &[[u8; 3]], gains: [f32; 3]) -> Vec<f32> {
     let mut strengths = vec![0.0; picture.len()];
     for (c, gain) in gains.into_iter().enumerate() {
-        let of = |((color, plate), spread): ((&[u8; 3], &[u8; 3]), &f32)| {
+        let deviation = |((color, plate), spread): ((&[u8; 3], &[u8; 3]), &f32)| {
             let level = gain * f32::from(plate[c]);
             (f32::from(color[c]) - level) / variance(*spread, level).sqrt()
         };
-        let deviations: Vec<f32> = picture.iter().zip(&plate.colors).zip(&plate.spread).map(of).collect();
+        let deviations: Vec<f32> =
+            picture.iter().zip(&plate.colors).zip(&plate.spread).map(deviation).collect();
         let means = box_mean(&deviations, plate.width, MEAN_RADIUS);
         strengths.iter_mut().zip(means).for_each(|(strength, mean)| *strength += mean * mean);
     }
@@ -91,7 +92,7 @@ fn strengths(plate: &Plate, picture: &[[u8; 3]], gains: [f32; 3]) -> Vec<f32> {
 struct Products([f32; 3]);
 
 impl Products {
-    fn of(color: [u8; 3], plate: [u8; 3], spread: f32, gains: [f32; 3]) -> Products {
+    fn new(color: [u8; 3], plate: [u8; 3], spread: f32, gains: [f32; 3]) -> Products {
         let mut sums = [0.0; 3];
         for c in 0..3 {
             let (shown, level) = (f32::from(color[c]), gains[c] * f32::from(plate[c]));
@@ -115,7 +116,7 @@ impl Products {
 
 /// Whether each pixel shows the plate, in the open or in a shadow.
 fn shades(plate: &Plate, picture: &[[u8; 3]], gains: [f32; 3]) -> Vec<bool> {
-    let products = |i: usize| Products::of(picture[i], plate.colors[i], plate.spread[i], gains);
+    let products = |i: usize| Products::new(picture[i], plate.colors[i], plate.spread[i], gains);
     let mut planes: [Vec<f32>; 3] = std::array::from_fn(|_| Vec::with_capacity(picture.len()));
     for i in 0..picture.len() {
         planes.iter_mut().zip(products(i).0).for_each(|(plane, sum)| plane.push(sum));
@@ -123,8 +124,9 @@ fn shades(plate: &Plate, picture: &[[u8; 3]], gains: [f32; 3]) -> Vec<bool> {
     let [large, small] = SQUARES.map(|(part, variance_max)| {
         in_squares(&planes, plate.width, radius_of(picture.len(), part), variance_max)
     });
-    let of = |i: usize| (large[i] || small[i]) && products(i).is_shade(SHADE_SLACK, PIXEL_VARIANCE);
-    (0..picture.len()).map(of).collect()
+    let is_subject_pixel =
+        |i: usize| (large[i] || small[i]) && products(i).is_shade(SHADE_SLACK, PIXEL_VARIANCE);
+    (0..picture.len()).map(is_subject_pixel).collect()
 }
 
 /// Whether each pixel is in a square that shows the plate, in the open or in a shadow, by planes of [`Products`].

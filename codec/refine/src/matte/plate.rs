@@ -39,7 +39,7 @@ impl Plate {
     ///
     /// # Panics
     /// If there is no picture, or sizes differ or are no whole rows.
-    pub fn of(pictures: &[impl AsRef<[[u8; 3]]>], width: usize) -> Plate {
+    pub fn from_pictures(pictures: &[impl AsRef<[[u8; 3]]>], width: usize) -> Plate {
         let pictures: Vec<&[[u8; 3]]> = pictures.iter().map(AsRef::as_ref).collect();
         let len = pictures[0].len();
         assert!(pictures.iter().all(|picture| picture.len() == len), "pictures of one size");
@@ -173,7 +173,7 @@ mod tests {
             (0..64).map(|i| if i / 8 == time { [250, 10, 10] } else { [i as u8 + 60, 90, 120] }).collect()
         };
         let pictures: Vec<Vec<[u8; 3]>> = (0..5).map(shown).collect();
-        let plate = Plate::of(&pictures, 8);
+        let plate = Plate::from_pictures(&pictures, 8);
         assert!(plate.colors.iter().enumerate().all(|(i, color)| *color == [i as u8 + 60, 90, 120]));
         assert!(plate.spread.iter().all(|spread| *spread == SPREAD_MIN));
     }
@@ -187,7 +187,7 @@ mod tests {
                 .map(|i| if i < 40 && !time.is_multiple_of(3) { subject } else { [70, 90, 120] })
                 .collect()
         };
-        let plate = Plate::of(&(0..33).map(shown).collect::<Vec<_>>(), 20);
+        let plate = Plate::from_pictures(&(0..33).map(shown).collect::<Vec<_>>(), 20);
         assert!(plate.colors.iter().all(|color| *color == [70, 90, 120]));
     }
 
@@ -202,10 +202,10 @@ mod tests {
                 .collect()
         };
         let pictures: Vec<Vec<[u8; 3]>> = (0..33).map(|i| shown(1.0 + 0.05 * f64::from(i % 3 - 1))).collect();
-        let plate = Plate::of(&pictures, 50);
+        let plate = Plate::from_pictures(&pictures, 50);
         let mean = plate.spread.iter().sum::<f32>() / 2500.0;
         assert!((2.6..3.3).contains(&mean), "{mean}");
         let alone = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
-        assert_eq!(alone.install(|| Plate::of(&pictures, 50)), plate);
+        assert_eq!(alone.install(|| Plate::from_pictures(&pictures, 50)), plate);
     }
 }

@@ -44,7 +44,7 @@ impl Grid {
     /// Strays, walls and a sky would make the voxels coarse, so the grid contains the content of the field and at most the
     /// content's size on either side: a thin arm is not in the box of the content.
     pub(crate) fn around(field: &Field, instants: &[f64], voxels: usize) -> Grid {
-        let content = Surroundings::of(field, None, UP).content_bounds().map(DVec3::from);
+        let content = Surroundings::new(field, None, UP).content_bounds().map(DVec3::from);
         let supports = support_box(field, instants).unwrap_or_default();
         let margin = MARGIN * (content[1] - content[0]).max_element();
         // The content of a field in one point has no size; its Gaussians do.

@@ -163,11 +163,11 @@ mod tests {
         let part = field.select(&(0..50).collect::<Vec<_>>());
         let fidelity = pictures.compare(&RenderScene::from(&part), || ());
         let worst = fidelity.worst.clone().unwrap();
-        let of = |(view, image): &(PosedView, Image)| {
+        let psnr = |(view, image): &(PosedView, Image)| {
             image.psnr(&render(&(&part).into(), &view.camera, view.t, Order::Depth))
         };
-        let lowest = pictures.taken.iter().min_by(|a, b| of(a).total_cmp(&of(b))).unwrap();
-        assert_eq!((worst.view, worst.psnr_db), (lowest.0.clone(), of(lowest)));
+        let lowest = pictures.taken.iter().min_by(|a, b| psnr(a).total_cmp(&psnr(b))).unwrap();
+        assert_eq!((worst.view, worst.psnr_db), (lowest.0.clone(), psnr(lowest)));
         let scene = RenderScene::from(&part);
         let order: Vec<usize> = (0..pictures.len()).rev().collect();
         let at_least = |mean_db, picture_db| {

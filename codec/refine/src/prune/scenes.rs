@@ -4,7 +4,7 @@ use codec::{Camera, Field, Surroundings, Temporal};
 
 /// Cameras of `size` pixels around `field`, which has +y up.
 pub(crate) fn around(field: &Field, turn: f64, size: (u32, u32)) -> Vec<Camera> {
-    Surroundings::of(field, None, [0.0, 1.0, 0.0]).stand_points(turn, size).content
+    Surroundings::new(field, None, [0.0, 1.0, 0.0]).stand_points(turn, size).content
 }
 
 /// Static grey balls with equal standard deviation and opacity.

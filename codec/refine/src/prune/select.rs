@@ -86,7 +86,7 @@ mod tests {
     }
 
     /// Selects among candidates given by PSNR and matched features, two per ranking.
-    fn of(candidates: &[(f64, usize)]) -> (usize, usize) {
+    fn choice(candidates: &[(f64, usize)]) -> (usize, usize) {
         let rankings = &Ranking::ALL[..candidates.len().div_ceil(2)];
         let prune = |ranking| {
             let place = Ranking::ALL.iter().position(|other| *other == ranking).unwrap();
@@ -102,22 +102,22 @@ mod tests {
 
     #[test]
     fn the_highest_psnr_wins_regardless_of_topology() {
-        assert_eq!(of(&[(30.0, 10), (31.0, 0), (30.8, 9), (29.0, 10)]), (1, 1));
-        assert_eq!(of(&[(30.0, 5)]), (0, 0));
+        assert_eq!(choice(&[(30.0, 10), (31.0, 0), (30.8, 9), (29.0, 10)]), (1, 1));
+        assert_eq!(choice(&[(30.0, 5)]), (0, 0));
     }
 
     #[test]
     fn topology_decides_within_the_resolution() {
-        assert_eq!(of(&[(30.0, 4), (29.95, 8), (29.85, 10)]), (1, 0));
-        assert_eq!(of(&[(29.95, 8), (30.0, 4), (29.97, 8)]), (2, 1), "then the higher PSNR");
-        assert_eq!(of(&[(30.0, 4), (30.0, 4)]), (0, 0), "on ties the first");
+        assert_eq!(choice(&[(30.0, 4), (29.95, 8), (29.85, 10)]), (1, 0));
+        assert_eq!(choice(&[(29.95, 8), (30.0, 4), (29.97, 8)]), (2, 1), "then the higher PSNR");
+        assert_eq!(choice(&[(30.0, 4), (30.0, 4)]), (0, 0), "on ties the first");
     }
 
     #[test]
     fn nan_and_infinite_psnr() {
-        assert_eq!(of(&[(f64::NAN, 10), (20.0, 1)]), (1, 1));
-        assert_eq!(of(&[(f64::INFINITY, 3), (60.0, 10), (f64::INFINITY, 4)]), (2, 0));
-        assert_eq!(of(&[(f64::NAN, 3), (f64::NAN, 4)]).1, 0);
+        assert_eq!(choice(&[(f64::NAN, 10), (20.0, 1)]), (1, 1));
+        assert_eq!(choice(&[(f64::INFINITY, 3), (60.0, 10), (f64::INFINITY, 4)]), (2, 0));
+        assert_eq!(choice(&[(f64::NAN, 3), (f64::NAN, 4)]).1, 0);
     }
 
     #[test]

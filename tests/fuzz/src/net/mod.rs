@@ -60,7 +60,7 @@ const READ_BYTES: usize = 64 << 10;
 /// If the downloader hangs, keeps more bytes than its limits, or returns a clip that an honest server
 /// does not have.
 pub fn check_dialogue(bytes: &[u8]) {
-    let script = Script::of(bytes);
+    let script = Script::parse(bytes);
     let (honest, known) = (script.is_honest(), script.known());
     let longest = versions().iter().map(Vec::len).max().unwrap_or(0);
     let limits = Limits { max_bytes: longest + 1000, ..Limits::default() };

@@ -44,7 +44,7 @@ enum Tags {
 
 impl Script {
     /// The script of an input, whose first byte describes the server.
-    pub(super) fn of(bytes: &[u8]) -> Script {
+    pub(super) fn parse(bytes: &[u8]) -> Script {
         Script { bytes: bytes.to_vec(), at: 1 }
     }
 

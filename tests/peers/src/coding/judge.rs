@@ -113,10 +113,10 @@ impl<'a> Judge<'a> {
             bytes: theirs.bytes,
             psnr_db,
             decode_ratio: MedianRange::of_ratios(&their_ms, &our_ms),
-            decode_ms: MedianRange::of(their_ms),
+            decode_ms: MedianRange::new(their_ms),
             our_bytes: ours.bytes.len(),
             our_psnr_db: ours.fidelity.psnr_db,
-            our_decode_ms: MedianRange::of(our_ms),
+            our_decode_ms: MedianRange::new(our_ms),
         })
     }
 }

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use client::clips::load_file;
-use client::gpu::{ChannelDepth, Cutoff, Gpu, GpuClip, Offscreen, RenderSettings, FrameLayout, Renderer};
+use client::gpu::{ChannelDepth, Cutoff, FrameLayout, Gpu, GpuClip, Offscreen, RenderSettings, Renderer};
 use client::view::View;
 
 use super::renderer::PeerRenderer;

@@ -210,7 +210,7 @@ impl<'a> Bench<'a> {
 
     /// The whole clip in the memory of `gpu`; uploads it once.
     fn whole(&mut self, gpu: &'static Gpu) -> Result<Arc<GpuClip>, Fault> {
-        if let Some((_, whole)) = self.wholes.iter().find(|(of, _)| ptr::eq(*of, gpu)) {
+        if let Some((_, whole)) = self.wholes.iter().find(|(device, _)| ptr::eq(*device, gpu)) {
             return Ok(whole.clone());
         }
         let whole = Arc::new(GpuClip::upload(gpu, self.clip)?);

@@ -78,15 +78,15 @@ pub(super) fn parameter(
 
 fn held_point(frames: usize, base: &MeasuredVariant, errors: ImageErrors) -> ParameterValue {
     let share = 1.0 / frames as f64;
-    let of =
-        |value: fn(&FrameTiming) -> f64| Quartiles::of(base.timings.iter().map(value).map(|ms| ms * share));
+    let quartiles =
+        |value: fn(&FrameTiming) -> f64| Quartiles::new(base.timings.iter().map(value).map(|ms| ms * share));
     let saved = |sample: &FrameTiming| (1.0 - share) * (sample.alive_ms + sample.sort_ms);
-    let frame_ms = Quartiles::of(base.timings.iter().map(|sample| sample.frame_ms - saved(sample)));
+    let frame_ms = Quartiles::new(base.timings.iter().map(|sample| sample.frame_ms - saved(sample)));
     let mut point = base.to_value(&frames.to_string(), false);
     point.errors = errors;
     (point.cost, point.run_time_ms) = (frame_ms, Some(frame_ms));
-    point.stages_ms.insert("alive".into(), of(|sample| sample.alive_ms));
-    point.stages_ms.insert("sort".into(), of(|sample| sample.sort_ms));
+    point.stages_ms.insert("alive".into(), quartiles(|sample| sample.alive_ms));
+    point.stages_ms.insert("sort".into(), quartiles(|sample| sample.sort_ms));
     point.counts.entry("sorted_keys".into()).and_modify(|keys| *keys *= share);
     point
 }

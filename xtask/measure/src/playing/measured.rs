@@ -39,7 +39,7 @@ impl MeasuredVariant {
     }
 
     fn quartiles(&self, value: impl Fn(&FrameTiming) -> f64) -> Quartiles {
-        Quartiles::of(self.timings.iter().map(value))
+        Quartiles::new(self.timings.iter().map(value))
     }
 
     /// The variant as a value of a parameter.

@@ -79,8 +79,8 @@ pub fn run(case: &StabilityCase, gpu: &Gpu) -> CaseResult {
         },
         PackageExpectation::Taken => {
             let drawn = packages(&scene).and_then(|clips| {
-                let of = |clip: &Clip| measure(case.measure, &scene, clip, gpu, &mut Meter::default());
-                clips.iter().map(of).collect::<Result<Vec<f64>, String>>()
+                let deviation = |clip: &Clip| measure(case.measure, &scene, clip, gpu, &mut Meter::default());
+                clips.iter().map(deviation).collect::<Result<Vec<f64>, String>>()
             });
             match drawn {
                 Ok(deviations) => {

@@ -76,9 +76,10 @@ mod tests {
         let document = of_selection(&["--package", "codec"]).unwrap();
         let document: Value = serde_json::from_str(&document).unwrap();
         let components = document["components"].as_array().unwrap();
-        let of = |name: &str| components.iter().find(|component| component["name"] == name).expect(name);
-        assert!(of("codec").get("purl").is_none(), "not of a registry");
-        let crc = of("crc32fast");
+        let component =
+            |name: &str| components.iter().find(|component| component["name"] == name).expect(name);
+        assert!(component("codec").get("purl").is_none(), "not of a registry");
+        let crc = component("crc32fast");
         assert!(crc["purl"].as_str().unwrap().starts_with("pkg:cargo/crc32fast@"), "{crc}");
         assert_eq!(crc["hashes"][0]["content"].as_str().unwrap().len(), 64);
         for component in components {

@@ -9,7 +9,7 @@ pub(super) struct Clocks {
 
 impl Clocks {
     /// Reads the lines that Meta's runtime logs once a second, the last `seconds` of them; `None` without any.
-    pub(super) fn of(log: &str, seconds: f64) -> Option<Clocks> {
+    pub(super) fn parse(log: &str, seconds: f64) -> Option<Clocks> {
         let lines = log.lines().rev().filter_map(Clocks::of_line).take(seconds.ceil() as usize);
         let (mut cpu, mut gpu): (Vec<u32>, Vec<u32>) =
             lines.map(|clocks| (clocks.cpu_mhz, clocks.gpu_mhz)).unzip();
@@ -40,8 +40,8 @@ mod tests {
         let log = ["--------- beginning of main\n".into(), line(9, 9), line(9, 9), line(9, 9)].concat();
         let log =
             [log, line(1651, 670), "other,CPU4/GPU=2/4\n".into(), line(1171, 441), line(1651, 670)].concat();
-        assert_eq!(Clocks::of(&log, 2.5), Some(Clocks { cpu_mhz: 1651, gpu_mhz: 670 }));
-        assert_eq!(Clocks::of(&log, 60.0), Some(Clocks { cpu_mhz: 1171, gpu_mhz: 441 }));
-        assert_eq!(Clocks::of("--------- beginning of main\n", 60.0), None);
+        assert_eq!(Clocks::parse(&log, 2.5), Some(Clocks { cpu_mhz: 1651, gpu_mhz: 670 }));
+        assert_eq!(Clocks::parse(&log, 60.0), Some(Clocks { cpu_mhz: 1171, gpu_mhz: 441 }));
+        assert_eq!(Clocks::parse("--------- beginning of main\n", 60.0), None);
     }
 }

@@ -117,7 +117,7 @@ impl Target for Device {
             }
             sleep(POLL);
         }
-        let clocks = Clocks::of(&self.log("VrApi", &since)?, *seconds);
+        let clocks = Clocks::parse(&self.log("VrApi", &since)?, *seconds);
         let folder =
             tempfile::tempdir().map_err(|error| Fault::Usage(format!("temporary files: {error}")))?;
         let pulled = folder.path().join(STATS);

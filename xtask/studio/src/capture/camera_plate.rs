@@ -71,7 +71,7 @@ impl CameraPlate {
         let picture = read(path)?.into_rgb8();
         check_size(path, picture.dimensions(), camera)?;
         let colors: Vec<[u8; 3]> = picture.pixels().map(|pixel| pixel.0).collect();
-        Ok(Some(self.known.get_or_init(|| Plate::of(&[&colors], picture.width() as usize))))
+        Ok(Some(self.known.get_or_init(|| Plate::from_pictures(&[&colors], picture.width() as usize))))
     }
 }
 

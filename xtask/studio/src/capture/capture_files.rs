@@ -413,8 +413,8 @@ impl CaptureBuilder {
         let deviations_s = match self.deviations_s.is_empty() {
             true => Vec::new(),
             false => {
-                let of = |photo_id| self.deviations_s.get(photo_id).copied().unwrap_or(0.0);
-                photos.iter().map(of).collect()
+                let deviation_s = |photo_id| self.deviations_s.get(photo_id).copied().unwrap_or(0.0);
+                photos.iter().map(deviation_s).collect()
             }
         };
         let file_cameras = self.cameras.iter().map(|camera| camera.camera.clone()).collect();

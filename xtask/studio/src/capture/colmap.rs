@@ -42,12 +42,12 @@ struct Pose {
 /// [`Fault::Data`] that names the file.
 pub(super) fn cameras(model: &Path) -> Result<Vec<CalibratedCamera>, Fault> {
     let (cameras, poses) = read_model(model)?;
-    let of = |pose: &Pose| {
+    let camera_at = |pose: &Pose| {
         let (size, k, lens) = cameras.get(&pose.camera).ok_or_else(|| no_camera(model, pose))?;
         let name = Path::new(&pose.name).with_extension("").to_string_lossy().into_owned();
         Ok(calibrated(name, pinhole(*size, *k, pose.transform()), *lens))
     };
-    poses.iter().map(of).collect()
+    poses.iter().map(camera_at).collect()
 }
 
 /// Reads the two files of a model.

@@ -55,14 +55,14 @@ impl CameraCorrections {
 impl CaptureFiles {
     /// The cameras as they are.
     pub fn corrections(&self) -> CameraCorrections {
-        let of = |(i, camera): (usize, &CalibratedCamera)| CameraCorrection {
+        let correction = |(i, camera): (usize, &CalibratedCamera)| CameraCorrection {
             id: camera.name.clone(),
             time_offset_s: camera.time_offset_s,
             w2c: camera.camera.camera_from_world,
             focal_factor: self.focal_factor(i, &camera.camera),
             response: camera.response,
         };
-        CameraCorrections { cameras: self.capture.cameras.iter().enumerate().map(of).collect() }
+        CameraCorrections { cameras: self.capture.cameras.iter().enumerate().map(correction).collect() }
     }
 
     /// The factor of the focal lengths of a camera against those that the capture states.

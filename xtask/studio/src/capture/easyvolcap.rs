@@ -93,11 +93,11 @@ impl CalibrationFiles {
 /// [`Fault::Data`] that names the file.
 pub(super) fn cameras(folder: &Path) -> Result<Vec<CalibratedCamera>, Fault> {
     let files = CalibrationFiles::read(folder)?;
-    let of = |name: String| {
+    let camera_named = |name: String| {
         let (camera, lens) = files.camera(&name, files.size(&name).unwrap_or_default())?;
         Ok(calibrated(name, camera, lens))
     };
-    files.names()?.into_iter().map(of).collect()
+    files.names()?.into_iter().map(camera_named).collect()
 }
 
 pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {

@@ -172,7 +172,7 @@ impl CaptureFiles {
         let chosen = median_frames(photos.len(), self.pixels_max(), PICTURES_MIN).into_iter();
         let pictures = chosen.map(|i| Ok(colors_of(&self.taken(photos[i])?)));
         let pictures: Vec<Vec<[u8; 3]>> = pictures.collect::<Result<_, Fault>>()?;
-        Ok(Plate::of(&pictures, self.file_cameras[photos[0].camera].width as usize))
+        Ok(Plate::from_pictures(&pictures, self.file_cameras[photos[0].camera].width as usize))
     }
 }
 

@@ -23,7 +23,7 @@ impl CaptureFiles {
         let pixels = target.width as usize * target.height as usize;
         let chosen = median_frames(photos.len(), pixels, PICTURES_MIN).into_iter();
         let pictures = chosen.map(|i| Ok(self.colors(photos[i])?.image.to_rgb8()));
-        Ok(TemporalMedian::of(&pictures.collect::<Result<Vec<_>, Fault>>()?))
+        Ok(TemporalMedian::from_pictures(&pictures.collect::<Result<Vec<_>, Fault>>()?))
     }
 
     /// A photograph whose colours are right; with the background its mask is not made.

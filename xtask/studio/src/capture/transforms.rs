@@ -77,10 +77,11 @@ pub(super) fn files(folder: &Path) -> Option<Vec<TransformsFile>> {
 pub(super) fn cameras(path: &Path) -> Result<Vec<CalibratedCamera>, Fault> {
     let transforms: Transforms =
         serde_json::from_str(&read_text(path)?).map_err(|error| bad_layout(path, error))?;
-    let of = |frame: &Frame| {
+    let camera = |frame: &Frame| {
         let name = Path::new(&frame.file_path).with_extension("").to_string_lossy().into_owned();
         let at = |problem: String| bad_layout(path, format!("{name}: {problem}"));
-        let side = |of: fn(&Intrinsics) -> Option<f64>| of(&frame.intrinsics).or(of(&transforms.intrinsics));
+        let side =
+            |key: fn(&Intrinsics) -> Option<f64>| key(&frame.intrinsics).or(key(&transforms.intrinsics));
         let (Some(w), Some(h)) = (side(|i| i.w), side(|i| i.h)) else {
             return Err(at("w and h are missing, the size of its pictures".into()));
         };
@@ -88,7 +89,7 @@ pub(super) fn cameras(path: &Path) -> Result<Vec<CalibratedCamera>, Fault> {
         let camera = pinhole((w as u32, h as u32), k, camera_from_world(frame.transform_matrix));
         Ok(calibrated(name, camera, lens))
     };
-    transforms.frames.iter().map(of).collect()
+    transforms.frames.iter().map(camera).collect()
 }
 
 pub(super) fn open(folder: &Path, files: &[TransformsFile]) -> anyhow::Result<CaptureFiles> {
@@ -144,7 +145,7 @@ impl Intrinsics {
     /// Focal lengths, principal point and lens, in pixels of a photograph of the given size, which may be
     /// smaller than the file states. Values of `self`, a frame, override those of the file.
     fn resolve(&self, file: &Intrinsics, (width, height): (u32, u32)) -> Result<([f64; 4], Lens), String> {
-        let pick = |of: fn(&Intrinsics) -> Option<f64>| of(self).or(of(file));
+        let pick = |key: fn(&Intrinsics) -> Option<f64>| key(self).or(key(file));
         let [actual_w, actual_h] = [width, height].map(f64::from);
         let (w, h) = (pick(|i| i.w).unwrap_or(actual_w), pick(|i| i.h).unwrap_or(actual_h));
         if !(w >= 1.0 && h >= 1.0) {
@@ -167,10 +168,16 @@ impl Intrinsics {
     }
 
     fn lens(&self, file: &Intrinsics) -> Result<Lens, String> {
-        let of = |key: fn(&Intrinsics) -> Option<f64>| key(self).or(key(file)).unwrap_or(0.0);
-        let [k1, k2, k3, k4, k5, k6] =
-            [of(|i| i.k1), of(|i| i.k2), of(|i| i.k3), of(|i| i.k4), of(|i| i.k5), of(|i| i.k6)];
-        let [p1, p2] = [of(|i| i.p1), of(|i| i.p2)];
+        let coefficient = |key: fn(&Intrinsics) -> Option<f64>| key(self).or(key(file)).unwrap_or(0.0);
+        let [k1, k2, k3, k4, k5, k6] = [
+            coefficient(|i| i.k1),
+            coefficient(|i| i.k2),
+            coefficient(|i| i.k3),
+            coefficient(|i| i.k4),
+            coefficient(|i| i.k5),
+            coefficient(|i| i.k6),
+        ];
+        let [p1, p2] = [coefficient(|i| i.p1), coefficient(|i| i.p2)];
         let model = self.camera_model.as_deref().or(file.camera_model.as_deref()).unwrap_or("OPENCV");
         // nerfstudio's k4 of OPENCV belongs to the eighth power of the radius, unlike OpenCV's.
         let (lens, own, others): (_, _, &[f64]) = match model {

@@ -138,7 +138,7 @@ impl Evaluation<'_> {
         let Evaluation { subject: path, capture, out, args, lpips } = self;
         let subject = Subject::load(path, &args.selection.open(capture)?)?;
         let source = match &subject {
-            Subject::Drawn(input) => FitSource::of(path, input),
+            Subject::Drawn(input) => FitSource::new(path, input),
             Subject::Pictures(_) => FitSource::of_pictures(path),
         };
         let (holdout, note) = source.held_frames(args.holdout.map(Holdout::from));

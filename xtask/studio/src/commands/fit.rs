@@ -459,7 +459,7 @@ fn open_for_start(args: &Args, from: &Path) -> anyhow::Result<CaptureFiles> {
         bail!(not_one_field(from));
     }
     let input = Input::load(from)?;
-    let source = FitSource::of(from, &input);
+    let source = FitSource::new(from, &input);
     let holdout = Holdout::from(args.holdout);
     let capture_files = match input.is_static() {
         true => {

@@ -134,7 +134,7 @@ pub(super) fn settle_plate(plan: &FitPlan, out: &Path) -> anyhow::Result<()> {
         return Ok(());
     }
     // It would be drawn behind this field.
-    if import(&path).is_ok_and(|plate| FitRecord::of(&plate.hints).is_ok_and(|fit| fit.has_mattes)) {
+    if import(&path).is_ok_and(|plate| FitRecord::from_hints(&plate.hints).is_ok_and(|fit| fit.has_mattes)) {
         for path in [&path, &log::table_path(&path), &log::preview_path(&path)] {
             output::remove(path)?;
         }

@@ -27,7 +27,7 @@ pub(crate) struct FitSource<'a> {
 
 impl<'a> FitSource<'a> {
     /// A field or package that was loaded from `path`.
-    pub(crate) fn of(path: &'a Path, input: &Input) -> FitSource<'a> {
+    pub(crate) fn new(path: &'a Path, input: &Input) -> FitSource<'a> {
         FitSource {
             path,
             kind: match input {

@@ -207,7 +207,7 @@ fn run_one(args: &Args) -> anyhow::Result<()> {
 /// Makes a package of each take of a list, and a playlist of all.
 fn run_many(args: &Args, list: &Path, folder: &Path) -> anyhow::Result<()> {
     let list = List::read(list)?;
-    let playlist = playlist::of(list.takes.iter().map(|take| format!("{}.aarc", take.name)))?;
+    let playlist = playlist::from_clips(list.takes.iter().map(|take| format!("{}.aarc", take.name)))?;
     output::make_folder(folder)?;
     let job = TakeCommand {
         command: "package",

@@ -74,7 +74,7 @@ pub(super) fn run(
     output::make_folder(folder)?;
     let shard = shard.unwrap_or(Shard::ALL);
     let mut outcomes = Vec::new();
-    for take in takes.of(shard) {
+    for take in takes.in_shard(shard) {
         let out = folder.join(format!("{}.{}", take.name, job.ending));
         let start = Instant::now();
         let result = catch_unwind(AssertUnwindSafe(|| run_take(take, &out, job, make)));

@@ -39,7 +39,7 @@ pub fn free_views(input: &Input, capture_files: &CaptureFiles, t: f64) -> Option
         .collect();
     let draw = |camera: &Camera| reference::render(&input.to_reference(), camera, t, Order::Depth);
     let others = views(&cameras).map_or(Vec::new(), Vec::from);
-    let rows: Vec<Vec<Image>> = [Rig::of(&cameras).between(), others]
+    let rows: Vec<Vec<Image>> = [Rig::new(&cameras).between(), others]
         .iter()
         .filter(|row| !row.is_empty())
         .map(|row| row.iter().map(draw).collect())
@@ -74,7 +74,7 @@ struct Rig<'a> {
 }
 
 impl Rig<'_> {
-    fn of<'a>(cameras: &'a [&'a Camera]) -> Rig<'a> {
+    fn new<'a>(cameras: &'a [&'a Camera]) -> Rig<'a> {
         let count = cameras.len().max(1) as f64;
         let position = |camera: &&Camera| DVec3::from(camera.position());
         let center = cameras.iter().map(position).sum::<DVec3>() / count;
@@ -240,7 +240,7 @@ mod tests {
         // A larger photograph with a longer lens.
         ring[1] = ring[1].resized(128, 96);
         let cameras: Vec<&Camera> = ring.iter().collect();
-        let views = Rig::of(&cameras).between();
+        let views = Rig::new(&cameras).between();
         assert_eq!(views.len(), 4);
         for view in &views {
             view.check().unwrap();
@@ -280,7 +280,7 @@ mod tests {
         let mut aside = ring[0].clone();
         aside.camera_from_world[0][3] += 1.0;
         assert!(views(&[&ring[0], &aside]).is_none());
-        assert_eq!(Rig::of(&[&ring[0], &aside]).between().len(), 1, "there is a place between them");
-        assert!(Rig::of(&[]).between().is_empty() && Rig::of(&[&ring[0], &ring[0]]).between().is_empty());
+        assert_eq!(Rig::new(&[&ring[0], &aside]).between().len(), 1, "there is a place between them");
+        assert!(Rig::new(&[]).between().is_empty() && Rig::new(&[&ring[0], &ring[0]]).between().is_empty());
     }
 }

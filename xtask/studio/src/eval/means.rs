@@ -44,7 +44,7 @@ pub struct SplitMeasures {
 
 /// Means of each split that has images.
 pub fn means(judged: &[Judged]) -> Vec<SplitMeasures> {
-    let of = |split: Split| {
+    let measures = |split: Split| {
         let (measures, aligned): (Vec<ImageMetrics>, Vec<AlignedPsnr>) =
             judged.iter().filter(|one| one.split == split).map(|one| (one.measures, one.aligned)).unzip();
         let subject: Vec<f64> = measures.iter().filter_map(|m| m.psnr_fg).collect();
@@ -69,7 +69,7 @@ pub fn means(judged: &[Judged]) -> Vec<SplitMeasures> {
             exact: full.len() - differing(&full).count(),
         })
     };
-    Split::ALL.into_iter().filter_map(of).collect()
+    Split::ALL.into_iter().filter_map(measures).collect()
 }
 
 /// The PSNR of images that differ from their photographs: that of equal images, such as two black ones, is infinite.

@@ -63,7 +63,7 @@ pub fn over_time(
 }
 
 fn mean_psnr(now: &BTreeMap<usize, Compared>) -> Option<f64> {
-    let psnr = |one: &Compared| ImageMetrics::of(&one.picture, &one.photo, None).psnr_fg;
+    let psnr = |one: &Compared| ImageMetrics::measure(&one.picture, &one.photo, None).psnr_fg;
     let known: Vec<f64> = now.values().filter_map(psnr).filter(|db| db.is_finite()).collect();
     (!known.is_empty()).then(|| mean(&known))
 }

@@ -72,11 +72,11 @@ pub fn eval_prefixes(
     let contents = codec::contents(&read_package(path)?, &Limits::default())
         .map_err(|error| bad_package(path, &error))?;
     let splits = splits(capture_files, holdout)?;
-    let of = |target: Split| -> Vec<PhotoId> {
+    let photos_in = |target: Split| -> Vec<PhotoId> {
         splits.iter().filter(|(_, split)| *split == target).map(|(photo_id, _)| *photo_id).collect()
     };
     let (split, photo_ids) = SPLITS
-        .map(|split| (split, of(split)))
+        .map(|split| (split, photos_in(split)))
         .into_iter()
         .find(|(_, photo_ids)| !photo_ids.is_empty())
         .expect("a photograph is left for fitting");
@@ -94,13 +94,13 @@ pub fn eval_prefixes(
         };
         let pictures: Vec<Image> = (0..layers).map(draw).collect();
         for (measures, picture) in measures.iter_mut().zip(&pictures) {
-            measures.push(ImageMetrics::of(picture, &photo, None));
+            measures.push(ImageMetrics::measure(picture, &photo, None));
         }
         if i == count / 2 {
             let crop = Crop::around(&[&photo]);
             row = std::iter::once(&photo.image)
                 .chain(pictures.iter().rev())
-                .map(|image| crop.of(image))
+                .map(|image| crop.apply(image))
                 .collect();
         }
     }

@@ -99,7 +99,7 @@ pub fn quarter_frames(
             [frame, (frame + 1).min(end)].map(|frame| capture.clip_time(PhotoId { camera: number, frame }));
         let t = this + part * (next - this);
         let bottom = reference::render(&input.to_reference(), camera, t, Order::Depth);
-        (crop.of(&top), crop.of(&bottom))
+        (crop.apply(&top), crop.apply(&bottom))
     };
     let (top, bottom) = (0..=quarters).map(column).unzip();
     Ok(sheet(&[top, bottom]))

@@ -45,11 +45,11 @@ pub struct SceneMeasures {
 
 /// Means and deviations of each split over `scenes`, equally weighted.
 pub fn over_scenes(scenes: &[Vec<SplitMeasures>]) -> Vec<SceneMeasures> {
-    let of = |split: Split| {
+    let measures = |split: Split| {
         let rows: Vec<&SplitMeasures> =
             scenes.iter().flatten().filter(|row| row.split == split.name()).collect();
-        let known = |of: fn(&SplitMeasures) -> Option<f64>| -> Option<Spread> {
-            spread(&rows.iter().filter_map(|row| of(row)).collect::<Vec<_>>())
+        let known = |measure: fn(&SplitMeasures) -> Option<f64>| -> Option<Spread> {
+            spread(&rows.iter().filter_map(|row| measure(row)).collect::<Vec<_>>())
         };
         Some(SceneMeasures {
             split: split.name(),
@@ -65,7 +65,7 @@ pub fn over_scenes(scenes: &[Vec<SplitMeasures>]) -> Vec<SceneMeasures> {
             images: rows.iter().map(|row| row.images).sum(),
         })
     };
-    Split::ALL.into_iter().filter_map(of).collect()
+    Split::ALL.into_iter().filter_map(measures).collect()
 }
 
 /// `None` if `numbers` is empty.

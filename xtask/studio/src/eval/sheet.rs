@@ -37,7 +37,7 @@ impl Crop {
     }
 
     /// This part of `image`.
-    pub(crate) fn of(self, image: &Image) -> Image {
+    pub(crate) fn apply(self, image: &Image) -> Image {
         let mut part = Image::new(self.x[1] - self.x[0], self.y[1] - self.y[0]);
         for (row, y) in part.pixels.chunks_mut(part.width as usize).zip(self.y[0]..) {
             let start = (y * image.width + self.x[0]) as usize;
@@ -94,7 +94,7 @@ mod tests {
         let crop = Crop::around(&[&one, &other]);
         // The longer side is 22 pixels: an edge of 3.
         assert_eq!(crop, Crop { x: [7, 34], y: [4, 30] });
-        let part = crop.of(&one.image);
+        let part = crop.apply(&one.image);
         assert_eq!((part.width, part.height, part.pixel(0, 0)[..2].to_vec()), (27, 26, vec![7.0, 4.0]));
         let nothing = photo(|_, _| 0.0);
         assert_eq!(Crop::around(&[&nothing]), Crop { x: [0, 40], y: [0, 30] });

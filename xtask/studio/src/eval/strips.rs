@@ -41,9 +41,12 @@ impl Strips {
         let mut photo_ids = splits(capture_files, holdout)?;
         photo_ids.retain(|(photo_id, _)| subject.shows(capture_files, *photo_id));
         let central_photo = |split: Split| {
-            let of: Vec<PhotoId> =
-                photo_ids.iter().filter(|(_, of)| *of == split).map(|(photo_id, _)| *photo_id).collect();
-            of.get(of.len() / 2).copied()
+            let photos: Vec<PhotoId> = photo_ids
+                .iter()
+                .filter(|(_, photos)| *photos == split)
+                .map(|(photo_id, _)| *photo_id)
+                .collect();
+            photos.get(photos.len() / 2).copied()
         };
         let central = Split::ALL.into_iter().filter_map(central_photo).collect();
         Ok(Strips { central, strips: Vec::new(), worst: Vec::new() })

@@ -17,7 +17,7 @@ pub fn splatv(field: &Field, info: &ClipInfo) -> Vec<u8> {
     let lines = field.len().div_ceil(ROWS_PER_LINE);
     let size = lines * ROWS_PER_LINE * ROW;
     let viewpoints = match info.viewpoints.as_slice() {
-        [] => vec![Surroundings::of(field, None, info.up).opening()],
+        [] => vec![Surroundings::new(field, None, info.up).opening()],
         viewpoints => viewpoints.to_vec(),
     };
     let cameras: Vec<SplatvCamera> =

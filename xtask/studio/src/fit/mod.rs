@@ -289,7 +289,7 @@ pub fn clip_info(
         Some(up) => up.map(|x| x as f32),
         None => up_of(cameras.iter().map(|camera| &camera.camera)).unwrap_or(DEFAULT_UP),
     };
-    let surroundings = Surroundings::of_parts(fields, plate, up);
+    let surroundings = Surroundings::from_parts(fields, plate, up);
     // A held camera may stand where no other looks.
     let mut fitted: Vec<&CalibratedCamera> = cameras.iter().filter(|camera| !camera.held).collect();
     let is_shown = surroundings.which_show_content(fitted.iter().map(|camera| &camera.camera));

@@ -321,7 +321,7 @@ fn largest_photograph(capture_files: &CaptureFiles) -> f64 {
 /// The near distance of what the cameras that are fitted to look at; 0 if that is unknown.
 fn near(capture_files: &CaptureFiles) -> f64 {
     let fitted = capture_files.capture.cameras.iter().filter(|camera| !camera.held);
-    Focus::of(fitted.map(|camera| &camera.camera)).map_or(0.0, |focus| focus.near())
+    Focus::from_cameras(fitted.map(|camera| &camera.camera)).map_or(0.0, |focus| focus.near())
 }
 
 /// CRC-32 of `bytes`.

@@ -298,10 +298,10 @@ mod tests {
         };
         let plate = |level: &dyn Fn(usize) -> f32| photograph(|i| [(255.0 * level(i)) as u8; 4]);
         let seen = picture(&ramp, 1.0);
-        let of = |level: &dyn Fn(usize) -> f32| explained(&seen, &plate(level)).unwrap();
-        assert!(of(&ramp) > 0.999 && of(&|i| 0.1 + 0.3 * ramp(i)) > 0.99);
-        assert!(of(&|i| 1.0 - ramp(i)) == 0.0 && of(&|_| 0.4) == 0.0);
-        assert!(of(&|i| (i / SIDE as usize) as f32 / SIDE as f32) < 0.01, "the ramp, turned");
+        let share = |level: &dyn Fn(usize) -> f32| explained(&seen, &plate(level)).unwrap();
+        assert!(share(&ramp) > 0.999 && share(&|i| 0.1 + 0.3 * ramp(i)) > 0.99);
+        assert!(share(&|i| 1.0 - ramp(i)) == 0.0 && share(&|_| 0.4) == 0.0);
+        assert!(share(&|i| (i / SIDE as usize) as f32 / SIDE as f32) < 0.01, "the ramp, turned");
         assert_eq!(explained(&picture(&|i| 0.4 + 0.01 * ramp(i), 1.0), &plate(&ramp)), None, "a bare wall");
         assert_eq!(explained(&picture(&ramp, 0.5), &plate(&ramp)), None, "nobody else looks there");
     }

@@ -46,7 +46,7 @@ impl TrainingViews {
             splits.iter().filter(|(_, split)| is_selected(*split)).map(|(photo_id, _)| *photo_id).collect()
         };
         let fitted = select(&|split| split == Split::Train);
-        let timeline = Timeline::of(&capture_files.capture, &fitted);
+        let timeline = Timeline::from_capture(&capture_files.capture, &fitted);
         let held = evenly(&select(&|split| split != Split::Train), CHECKED_MAX);
         let [held, train] = [&held, &fitted].map(|ids| load_views(capture_files, ids, &on_photo));
         let (mut held, mut train) = (held?, train?);

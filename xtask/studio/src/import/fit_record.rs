@@ -45,7 +45,7 @@ impl FitRecord {
     ///
     /// # Errors
     /// The comment that cannot be used.
-    pub fn of(hints: &Hints) -> Result<FitRecord, String> {
+    pub fn from_hints(hints: &Hints) -> Result<FitRecord, String> {
         let mut record = FitRecord::default();
         for (key, value) in &hints.comments {
             record.take(key, value).map_err(|()| format!("comment {MARK} {key}: cannot use `{value}`"))?;

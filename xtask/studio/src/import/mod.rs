@@ -35,7 +35,7 @@ pub fn import_within(path: &Path, limits: ImportLimits) -> anyhow::Result<Import
 /// # Errors
 /// [`Fault::Data`] that names the file and the comment.
 pub(crate) fn check_record(path: &Path, hints: &Hints) -> Result<(), Fault> {
-    let check = FitRecord::of(hints).map(drop);
+    let check = FitRecord::from_hints(hints).map(drop);
     check.map_err(|what| {
         Fault::Data(format!("{}: {what}; get the file again, or export it again", path.display()))
     })

@@ -87,8 +87,8 @@ pub(super) fn check(cameras: &[RigCamera], features: &[&[Features]]) -> Epipolar
         let band_px = [a, b].map(|camera| band_px(&cameras[camera].camera)).into_iter().fold(0.0, f64::max);
         let distances: Vec<Vec<f64>> =
             (0..CHECKED.len()).map(|i| lines.distances(&features[a][i], &features[b][i], band_px)).collect();
-        let instants = distances.iter().map(|distances| EpipolarErrors::of(distances, band_px)).collect();
-        EpipolarPair { cameras: [a, b], all: EpipolarErrors::of(&distances.concat(), band_px), instants }
+        let instants = distances.iter().map(|distances| EpipolarErrors::new(distances, band_px)).collect();
+        EpipolarPair { cameras: [a, b], all: EpipolarErrors::new(&distances.concat(), band_px), instants }
     });
     let moved = cameras.par_iter().zip(features).map(|(camera, features)| {
         [1, 2].map(|later| movement(&camera.camera, &features[0], &features[later]))
@@ -102,7 +102,7 @@ fn band_px(camera: &Camera) -> f64 {
 
 impl EpipolarErrors {
     /// Of distances that are at most `band_px`.
-    fn of(distances: &[f64], band_px: f64) -> EpipolarErrors {
+    fn new(distances: &[f64], band_px: f64) -> EpipolarErrors {
         let near_px = NEAR * band_px;
         let mut near: Vec<f64> = distances.iter().copied().filter(|x| *x <= near_px).collect();
         near.sort_by(f64::total_cmp);
@@ -164,8 +164,8 @@ impl EpipolarLines<'_> {
 
     /// Distance in pixels of two points from each other's lines, the larger.
     fn distance(&self, [p, q]: [DVec3; 2]) -> f64 {
-        let of = |line: DVec3, point: DVec3| line.dot(point).abs() / line.x.hypot(line.y).max(1e-300);
-        of(self.fundamental * p, q).max(of(self.fundamental.transpose() * q, p))
+        let to_line = |line: DVec3, point: DVec3| line.dot(point).abs() / line.x.hypot(line.y).max(1e-300);
+        to_line(self.fundamental * p, q).max(to_line(self.fundamental.transpose() * q, p))
     }
 
     /// Distances of the matches within the band.
@@ -249,14 +249,14 @@ mod tests {
     #[test]
     fn chance_tells_nothing() {
         let even: Vec<f64> = (0..200).map(|i| 0.2 * f64::from(i)).collect();
-        let chance = EpipolarErrors::of(&even, 40.0);
+        let chance = EpipolarErrors::new(&even, 40.0);
         assert!(!chance.is_telling && chance.median_px.is_none(), "{chance:?}");
         // Chance does not bend the median of what is right.
         let right: Vec<f64> = (0..60).map(|i| 0.05 * f64::from(i)).chain(even).collect();
-        let told = EpipolarErrors::of(&right, 40.0);
+        let told = EpipolarErrors::new(&right, 40.0);
         assert!(told.is_telling && (told.median_px.unwrap() - 1.5).abs() < 0.2, "{told:?}");
         assert!((told.exact.unwrap() - 2.0 / 3.0).abs() < 0.1, "{told:?}");
-        assert!(!EpipolarErrors::of(&[], 40.0).is_telling);
+        assert!(!EpipolarErrors::new(&[], 40.0).is_telling);
     }
 
     #[test]

@@ -95,7 +95,7 @@ impl Grey {
 
 impl Features {
     /// Finds the corners of a picture.
-    pub(super) fn of(picture: &RgbImage) -> Features {
+    pub(super) fn detect(picture: &RgbImage) -> Features {
         let (width, height) = picture.dimensions();
         let mut features = Features::default();
         let base = (f64::from(SIDE_MAX) / f64::from(width.max(height))).min(1.0);
@@ -256,7 +256,7 @@ mod tests {
 
     #[test]
     fn the_same_points_are_found_in_a_moved_picture() {
-        let [a, b] = [[0, 0], [6, 3]].map(|by| Features::of(&picture(by)));
+        let [a, b] = [[0, 0], [6, 3]].map(|by| Features::detect(&picture(by)));
         let matches = a.matches(&b, |_, _| true);
         assert!(matches.len() > 60, "{}", matches.len());
         let is_right = |[i, j]: &&[usize; 2]| {
@@ -270,14 +270,14 @@ mod tests {
 
     #[test]
     fn features_survive_json() {
-        let features = Features::of(&picture([0, 0]));
+        let features = Features::detect(&picture([0, 0]));
         let again: Features = serde_json::from_str(&serde_json::to_string(&features).unwrap()).unwrap();
         assert_eq!((again.points, again.descriptors), (features.points, features.descriptors));
     }
 
     #[test]
     fn a_uniform_or_tiny_picture_has_none() {
-        assert!(Features::of(&RgbImage::new(320, 240)).points.is_empty());
-        assert!(Features::of(&RgbImage::new(8, 8)).points.is_empty());
+        assert!(Features::detect(&RgbImage::new(320, 240)).points.is_empty());
+        assert!(Features::detect(&RgbImage::new(8, 8)).points.is_empty());
     }
 }

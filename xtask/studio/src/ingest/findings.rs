@@ -132,7 +132,7 @@ pub(super) fn describe_starts(starts: &Starts, videos: &[RigVideo]) -> String {
 pub(super) fn drift_warnings(starts: &Starts, videos: &[RigVideo], fps: f64, frames: usize) -> Vec<String> {
     let Some(sound) = &starts.sound else { return Vec::new() };
     let half_s = 0.5 * frames as f64 / fps;
-    let of = |(video, drift_ppm): (&RigVideo, &f64)| {
+    let warning = |(video, drift_ppm): (&RigVideo, &f64)| {
         let off_s = 1e-6 * drift_ppm.abs() * half_s;
         let name = &video.name;
         if drift_ppm.abs() > DRIFT_MAX_PPM {
@@ -151,7 +151,7 @@ pub(super) fn drift_warnings(starts: &Starts, videos: &[RigVideo], fps: f64, fra
             None
         }
     };
-    videos.iter().zip(&sound.drifts_ppm).filter_map(of).collect()
+    videos.iter().zip(&sound.drifts_ppm).filter_map(warning).collect()
 }
 
 /// What the check against pictures tells.
@@ -159,11 +159,12 @@ pub(super) fn describe_epipolar(check: &EpipolarCheck) -> String {
     let telling: Vec<f64> = check.pairs.iter().filter_map(|pair| pair.all.median_px).collect();
     let mut sorted = telling.clone();
     sorted.sort_by(f64::total_cmp);
-    let of = format!("{} of {} match enough to tell", telling.len(), count(check.pairs.len(), "pair"));
+    let telling_pairs =
+        format!("{} of {} match enough to tell", telling.len(), count(check.pairs.len(), "pair"));
     match sorted.last() {
-        None => format!("not checked: {of}"),
+        None => format!("not checked: {telling_pairs}"),
         Some(worst) => format!(
-            "corners are {} px from their epipolar lines, at worst {} px ({of})",
+            "corners are {} px from their epipolar lines, at worst {} px ({telling_pairs})",
             decimal(sorted[sorted.len() / 2], 2),
             decimal(*worst, 2)
         ),

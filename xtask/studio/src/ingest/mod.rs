@@ -208,24 +208,24 @@ fn describe_videos(videos: &[RigVideo]) -> String {
     sizes.sort_unstable();
     sizes.dedup();
     let sizes: Vec<String> = sizes.into_iter().map(|(w, h)| format!("{w}x{h}")).collect();
-    let of = |is: fn(&RigVideo) -> bool| videos.iter().filter(|video| is(video)).count();
+    let count_videos = |is: fn(&RigVideo) -> bool| videos.iter().filter(|video| is(video)).count();
     format!(
         "{} of {}, {:.1} s in all, {} with sound, {} at a variable rate",
         videos.len(),
         sizes.join(" and "),
         seconds,
-        of(|video| video.probe.has_sound),
-        of(|video| video.probe.is_variable)
+        count_videos(|video| video.probe.has_sound),
+        count_videos(|video| video.probe.is_variable)
     )
 }
 
 /// What the check depends on of cameras.
 fn key_of(cameras: &[RigCamera]) -> serde_json::Value {
-    let of = |RigCamera { camera, lens, .. }: &RigCamera| {
+    let numbers = |RigCamera { camera, lens, .. }: &RigCamera| {
         let lens: &Lens = lens;
         json!([camera.width, camera.height, camera.k, camera.camera_from_world, lens.coefficients()])
     };
-    cameras.iter().map(of).collect()
+    cameras.iter().map(numbers).collect()
 }
 
 fn key_of_videos(videos: &[RigVideo]) -> Result<serde_json::Value, Fault> {

@@ -63,7 +63,7 @@ pub(super) fn decode(
             let mean = |c: usize| thumbnail.pixels().map(|p| f64::from(p.0[c])).sum::<f64>() / pixels;
             pictures.means.push([mean(0), mean(1), mean(2)]);
             if CHECKED.contains(&i) {
-                pictures.features.push(Features::of(&picture));
+                pictures.features.push(Features::detect(&picture));
             }
         }
         Ok(pictures)

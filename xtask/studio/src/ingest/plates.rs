@@ -48,8 +48,8 @@ pub(super) struct PlateFile {
 /// [`Fault::Data`] if the folder cannot be read, or lacks a plate or has two of a camera.
 pub(super) fn find(videos: &[RigVideo], folder: Option<&Path>) -> Result<Vec<PlateFile>, Fault> {
     let Some(folder) = folder else {
-        let of = |video: &RigVideo| PlateFile { path: video.path.clone(), source: PlateSource::Median };
-        return Ok(videos.iter().map(of).collect());
+        let median = |video: &RigVideo| PlateFile { path: video.path.clone(), source: PlateSource::Median };
+        return Ok(videos.iter().map(median).collect());
     };
     let files = files(folder)?;
     let names: Vec<&str> = videos.iter().map(|video| video.name.as_str()).collect();
@@ -67,12 +67,12 @@ pub(super) fn find(videos: &[RigVideo], folder: Option<&Path>) -> Result<Vec<Pla
         }
         plates[camera] = Some(file);
     }
-    let of = |(plate, name): (Option<PlateFile>, &str)| {
+    let found = |(plate, name): (Option<PlateFile>, &str)| {
         plate.ok_or_else(|| {
             bad(folder, format!("there is no plate of {name} in it; put {name}.png or {name}.mp4 there"))
         })
     };
-    plates.into_iter().zip(names).map(of).collect()
+    plates.into_iter().zip(names).map(found).collect()
 }
 
 /// Pictures and videos in a folder, by name.
@@ -134,9 +134,13 @@ pub(super) fn make(cameras: &[(&PlateFile, &RigVideo)]) -> Result<Vec<Plate>, Fa
         let decoded = decoded.collect::<Result<Vec<Vec<RgbImage>>, Fault>>()?;
         plates.extend(decoded.iter().zip(cameras).map(|(pictures, (file, video))| {
             let (width, pixels) = (video.probe.size.0 as usize, pictures.iter().map(colors));
-            let plate = Plate::of(&pixels.collect::<Vec<&[[u8; 3]]>>(), width);
+            let plate = Plate::from_pictures(&pixels.collect::<Vec<&[[u8; 3]]>>(), width);
             // The noise of another video, which may be a still, is not that of this one.
-            if file.source == PlateSource::EmptyVideo { Plate::of(&[plate.colors()], width) } else { plate }
+            if file.source == PlateSource::EmptyVideo {
+                Plate::from_pictures(&[plate.colors()], width)
+            } else {
+                plate
+            }
         }));
     }
     Ok(plates)

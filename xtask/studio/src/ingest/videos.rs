@@ -208,9 +208,9 @@ struct SideData {
 
 /// The commonest rate of the videos, of those that differ by less than rounding; the higher of two as common.
 pub(super) fn commonest_fps(videos: &[RigVideo]) -> f64 {
-    let of = |video: &RigVideo| nominal_fps(video.probe.fps);
-    let count = |fps: f64| videos.iter().filter(|video| of(video) == fps).count();
-    let rates = videos.iter().map(of);
+    let rate = |video: &RigVideo| nominal_fps(video.probe.fps);
+    let count = |fps: f64| videos.iter().filter(|video| rate(video) == fps).count();
+    let rates = videos.iter().map(rate);
     rates.max_by(|a, b| count(*a).cmp(&count(*b)).then(a.total_cmp(b))).unwrap_or(1.0)
 }
 

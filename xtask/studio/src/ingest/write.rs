@@ -155,7 +155,7 @@ fn extracted(
     parts: &CaptureParts,
     format: ExtractFormat,
 ) -> Result<Vec<f64>, Fault> {
-    let of = |(video, start_s): (&RigVideo, &f64)| {
+    let write_video = |(video, start_s): (&RigVideo, &f64)| {
         let opened = Video::open(&video.path)?;
         let at_frames = opened.at_frames(*start_s, parts.frames, parts.fps);
         let folder = out.join("images").join(&video.name);
@@ -185,7 +185,7 @@ fn extracted(
         late_s.sort_by(f64::total_cmp);
         Ok(late_s.get(late_s.len() / 2).copied().unwrap_or(0.0))
     };
-    parts.videos.par_iter().zip(&parts.starts.starts_s).map(of).collect()
+    parts.videos.par_iter().zip(&parts.starts.starts_s).map(write_video).collect()
 }
 
 fn write_picture(path: &Path, picture: &image::RgbImage, format: ExtractFormat) -> Result<(), Fault> {
@@ -204,9 +204,9 @@ mod tests {
 
     #[test]
     fn paths_are_relative_below_a_common_folder() {
-        let of = |folder: &str, file: &str| relative(Path::new(folder), Path::new(file));
-        assert_eq!(of("/a/out", "/a/rig/c.mp4"), Some("../rig/c.mp4".into()));
-        assert_eq!(of("/a/rig", "/a/rig/c.mp4"), Some("c.mp4".into()));
-        assert_eq!(of("/home/x/out", "/mnt/c.mp4"), None);
+        let relative_path = |folder: &str, file: &str| relative(Path::new(folder), Path::new(file));
+        assert_eq!(relative_path("/a/out", "/a/rig/c.mp4"), Some("../rig/c.mp4".into()));
+        assert_eq!(relative_path("/a/rig", "/a/rig/c.mp4"), Some("c.mp4".into()));
+        assert_eq!(relative_path("/home/x/out", "/mnt/c.mp4"), None);
     }
 }

@@ -56,7 +56,7 @@ impl LensCounter {
 
 /// The fragments of `clip`, the decoded package of the visible `field` and `plate`, at every standpoint.
 pub(super) fn lens_fragments(field: &Field, plate: Option<&Field>, clip: &Clip) -> Vec<LensFragments> {
-    let subject = Subject::of(clip);
+    let subject = Subject::from_clip(clip);
     let count = |(standpoint, name)| {
         let counter = LensCounter::new(&subject, clip.info.up, field, standpoint);
         LensFragments {

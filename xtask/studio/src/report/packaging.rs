@@ -52,7 +52,7 @@ pub fn measure(
     }
     let rows = analysis.order(Ranking::Mass);
     let whole = analysis.draft(&field.select(&rows))?;
-    let counter = LensCounter::new(&Subject::of(&whole), whole.info.up, field, Standpoint::Near);
+    let counter = LensCounter::new(&Subject::from_clip(&whole), whole.info.up, field, Standpoint::Near);
     parameters.push(fragments(subject, &analysis, &rows, &counter)?);
     if let Some((views, steps)) = refinement {
         parameters.push(fragment_term(subject, views, steps, &counter, progress));
@@ -262,7 +262,8 @@ mod tests {
             FieldAnalysis::new(&subject.scene, &subject.field, None, &settings, &progress).unwrap();
         let rows = analysis.order(Ranking::Mass);
         let whole = analysis.draft(&subject.field.select(&rows)).unwrap();
-        let counter = LensCounter::new(&Subject::of(&whole), whole.info.up, &subject.field, Standpoint::Near);
+        let counter =
+            LensCounter::new(&Subject::from_clip(&whole), whole.info.up, &subject.field, Standpoint::Near);
         let parameter = fragments(&subject, &analysis, &rows, &counter).unwrap();
         let (costs, psnr) = costs_and_psnr(&parameter);
         assert_eq!(costs.len(), FRACTIONS.len());
@@ -310,7 +311,8 @@ mod tests {
         )
         .and_then(|analysis| analysis.draft(&subject.field))
         .unwrap();
-        let counter = LensCounter::new(&Subject::of(&clip), clip.info.up, &subject.field, Standpoint::Near);
+        let counter =
+            LensCounter::new(&Subject::from_clip(&clip), clip.info.up, &subject.field, Standpoint::Near);
         let parameter = fragment_term(&subject, &views, 60, &counter, &StagedProgress::hidden());
         let (costs, psnr) = costs_and_psnr(&parameter);
         assert_eq!((costs.len(), parameter.points[2].default), (1 + WEIGHTS.len(), true));

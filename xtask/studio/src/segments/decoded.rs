@@ -115,8 +115,8 @@ impl DecodedTake {
             segments.push(DecodedSegment { span: Span::from(segment), content });
         }
         if missing > 0 {
-            let of = counted(needed, "segment");
-            let what = format!("{name}: cut short, has {} of the {of} needed", needed - missing);
+            let segments = counted(needed, "segment");
+            let what = format!("{name}: cut short, has {} of the {segments} needed", needed - missing);
             if missing == needed {
                 return Err(Fault::Data(format!("{what}; get the file again")));
             }

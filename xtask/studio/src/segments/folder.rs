@@ -150,7 +150,7 @@ impl FieldFolder {
         let parts: Vec<_> =
             scenes.iter().map(|scene| &scene.subject.field).zip(shown.iter().map(range)).collect();
         let plate = scenes.iter().find_map(|scene| scene.plate.as_ref()).map(|plate| &plate.field);
-        Ok(vec![Surroundings::of_parts(&parts, plate, first.info.up).opening()])
+        Ok(vec![Surroundings::from_parts(&parts, plate, first.info.up).opening()])
     }
 
     /// The text of a `field.json`.

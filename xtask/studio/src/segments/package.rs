@@ -241,7 +241,7 @@ fn report(
     let counts = || segments.iter().map(|segment| &segment.package.subject);
     let whole = sources.whole.as_ref();
     let out: Vec<usize> = counts().map(|counts| counts.gaussians_out).collect();
-    let least = |of: fn(&SegmentReport) -> f64| segments.iter().map(of).fold(1.0, f64::min);
+    let least = |value: fn(&SegmentReport) -> f64| segments.iter().map(value).fold(1.0, f64::min);
     TakeReport {
         gaussians_in: whole
             .map_or_else(|| counts().map(|counts| counts.gaussians_in).sum(), |whole| whole.gaussians_in),

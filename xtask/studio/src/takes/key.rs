@@ -116,20 +116,21 @@ mod tests {
             write(&format!("{scene}/field.ply"), "one");
             write(&format!("{scene}/images/0.png"), "two");
         }
-        let of = |scene: &str, options: &str| key("package", options, &[&folder.path().join(scene)]).unwrap();
-        let first = of("a", "x");
-        assert_eq!((first.len(), &of("b", "x")), (64, &first));
-        assert_ne!(of("a", "y"), first);
+        let package_key =
+            |scene: &str, options: &str| key("package", options, &[&folder.path().join(scene)]).unwrap();
+        let first = package_key("a", "x");
+        assert_eq!((first.len(), &package_key("b", "x")), (64, &first));
+        assert_ne!(package_key("a", "y"), first);
         assert_ne!(key("fit", "x", &[&folder.path().join("a")]).unwrap(), first);
         write("a/.hidden", "three");
-        assert_eq!(of("a", "x"), first);
+        assert_eq!(package_key("a", "x"), first);
         write("b/images/0.png", "tw0");
-        assert_ne!(of("b", "x"), first);
+        assert_ne!(package_key("b", "x"), first);
         fs::rename(folder.path().join("a/images/0.png"), folder.path().join("a/images/1.png")).unwrap();
-        assert_ne!(of("a", "x"), first);
+        assert_ne!(package_key("a", "x"), first);
         write("one.ply", "one");
         write("one.spz", "one");
-        assert_ne!(of("one.ply", "x"), of("one.spz", "x"), "the ending tells the format");
+        assert_ne!(package_key("one.ply", "x"), package_key("one.spz", "x"), "the ending tells the format");
         let error = key("package", "", &[&folder.path().join("none")]).unwrap_err();
         assert!(error.exit_code() == 3 && error.to_string().contains("none: "), "{error}");
     }
@@ -150,12 +151,12 @@ mod tests {
                 "transform_matrix": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 4], [0, 0, 0, 1]],
             }]});
             fs::write(take.join("transforms.json"), transforms.to_string()).unwrap();
-            let of = || key("fit", "", &[&take]).unwrap();
+            let fit_key = || key("fit", "", &[&take]).unwrap();
             paint(10);
-            let first = of();
-            assert_eq!(of(), first);
+            let first = fit_key();
+            assert_eq!(fit_key(), first);
             paint(20);
-            assert_ne!(of(), first, "{path}");
+            assert_ne!(fit_key(), first, "{path}");
         }
     }
 

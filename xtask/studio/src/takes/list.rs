@@ -81,8 +81,8 @@ impl List {
     }
 
     /// The takes of a shard.
-    pub fn of(&self, shard: Shard) -> impl Iterator<Item = &ListedTake> {
-        shard.of(self.takes.iter())
+    pub fn in_shard(&self, shard: Shard) -> impl Iterator<Item = &ListedTake> {
+        shard.select(self.takes.iter())
     }
 }
 
@@ -98,7 +98,7 @@ impl Shard {
     pub const ALL: Shard = Shard { index: 0, count: 1 };
 
     /// The items of the shard.
-    pub fn of<I: Iterator>(self, all: I) -> impl Iterator<Item = I::Item> {
+    pub fn select<I: Iterator>(self, all: I) -> impl Iterator<Item = I::Item> {
         all.skip(self.index).step_by(self.count)
     }
 
@@ -178,7 +178,7 @@ mod tests {
         let list =
             List { path: "takes.txt".into(), takes: (0..7).map(|i| take("x", &i.to_string())).collect() };
         let names = |shard: &str| -> Vec<&str> {
-            list.of(shard.parse().unwrap()).map(|take| take.name.as_str()).collect()
+            list.in_shard(shard.parse().unwrap()).map(|take| take.name.as_str()).collect()
         };
         assert_eq!(
             (names("0/3"), names("1/3"), names("2/3")),

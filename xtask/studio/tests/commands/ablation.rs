@@ -40,7 +40,9 @@ fn results(folder: &Path) -> BTreeMap<PathBuf, SystemTime> {
     for entry in fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
         let is_result = |path: &Path| {
-            ["ply", "csv", "aarc"].iter().any(|end| path.extension().is_some_and(|of| of == *end))
+            ["ply", "csv", "aarc"]
+                .iter()
+                .any(|end| path.extension().is_some_and(|extension| extension == *end))
         };
         if path.is_dir() {
             found.extend(results(&path));

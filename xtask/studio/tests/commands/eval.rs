@@ -369,7 +369,8 @@ fn baselines_predict_held_frames() {
         assert_eq!(nearest[split]["images"], images);
         // Half of the frames have another transform of colours than all.
         assert!(nearest[split]["psnr_full_aligned"].as_f64() > nearest[split]["psnr_full"].as_f64());
-        let [nearest, blend] = [nearest, blend].map(|of| of[split]["psnr_full"].as_f64().unwrap());
+        let [nearest, blend] =
+            [nearest, blend].map(|baseline| baseline[split]["psnr_full"].as_f64().unwrap());
         assert!(blend != nearest && blend < 60.0, "{blend} {nearest}");
         assert!(json["splits"][split]["psnr_full"].is_null(), "the field is exact");
     }
@@ -435,12 +436,12 @@ fn colours_are_aligned_by_camera_and_what_moves_is_measured() {
     let capture_files = CaptureFiles::open(folder).unwrap();
     let parsed = studio::eval::means(&studio::eval::parse_csv(&csv, &capture_files).unwrap());
     for (row, split) in parsed.iter().zip(all) {
-        let of = |key: &str| first["splits"][split][key].as_f64().unwrap();
+        let measure = |key: &str| first["splits"][split][key].as_f64().unwrap();
         let pairs = [
-            (row.psnr_fg_aligned.unwrap(), of("psnr_fg_aligned")),
-            (row.psnr_full_aligned, of("psnr_full_aligned")),
-            (row.psnr_moving.unwrap(), of("psnr_moving")),
-            (row.psnr_moving_aligned.unwrap(), of("psnr_moving_aligned")),
+            (row.psnr_fg_aligned.unwrap(), measure("psnr_fg_aligned")),
+            (row.psnr_full_aligned, measure("psnr_full_aligned")),
+            (row.psnr_moving.unwrap(), measure("psnr_moving")),
+            (row.psnr_moving_aligned.unwrap(), measure("psnr_moving_aligned")),
         ];
         assert!(pairs.iter().all(|(parsed, json)| (parsed - json).abs() < 1e-3), "{split}: {pairs:?}");
     }
@@ -475,7 +476,7 @@ fn several_scenes_have_a_mean_and_a_deviation() {
     let json = run(&["--json", "-o", "out"]).json();
     assert_eq!(json["scenes"].as_object().unwrap().len(), 2);
     let held = &json["splits"]["interp_b"];
-    let of = |scene: usize| {
+    let psnr = |scene: usize| {
         let name = Path::new(folders[scene]).file_name().unwrap().to_str().unwrap();
         json["scenes"][name]["splits"]["interp_b"]["psnr_full"].as_f64().unwrap()
     };
@@ -483,8 +484,8 @@ fn several_scenes_have_a_mean_and_a_deviation() {
         let found = held["psnr_full"][key].as_f64().unwrap();
         assert!((found - expected).abs() < 1e-9, "{key}: {found} {expected}");
     };
-    close("mean", 0.5 * (of(0) + of(1)));
-    close("deviation", 0.5 * (of(0) - of(1)).abs());
+    close("mean", 0.5 * (psnr(0) + psnr(1)));
+    close("deviation", 0.5 * (psnr(0) - psnr(1)).abs());
     assert_eq!((&held["scenes"], &held["images"]), (&2.into(), &4.into()));
     assert_eq!(fs::read_dir(here.path().join("out")).unwrap().count(), 4, "a folder each, and two tables");
     assert!(run(&[]).stdout.contains("Over 2 scenes:"));

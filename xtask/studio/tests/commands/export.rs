@@ -47,7 +47,7 @@ fn a_fitted_field_file_records_its_photographs() {
     for record in [&[whole][..], &others].concat() {
         let bytes = fitted_field_file(&field(3, 0, None, false), &info(), &record);
         let hints = import_bytes("field.ply", &bytes).expect("our own file").hints;
-        assert_eq!(FitRecord::of(&hints), Ok(record));
+        assert_eq!(FitRecord::from_hints(&hints), Ok(record));
     }
     let bytes = field_file(&field(3, 0, None, false), &info());
     let end = bytes.windows(10).position(|window| window == b"end_header").unwrap();
@@ -126,7 +126,7 @@ fn files_that_can_keep_the_near_distance() {
     // A field file without a distance has none; a file of another program gets a share of its size.
     let none = Field { near: 0.0, ..field };
     assert_eq!(import_bytes("f.ply", &field_file(&none, &info())).expect("our own file").field.near, 0.0);
-    let radius = Surroundings::of(&none, None, info().up).content_radius();
+    let radius = Surroundings::new(&none, None, info().up).content_radius();
     for (name, bytes) in [("a.ply", static_ply(&none, None)), ("a.spz", spz(&none, info().up))] {
         let near = f64::from(import_bytes(name, &bytes).expect("our own file").field.near);
         assert!((near / (0.02 * radius) - 1.0).abs() < 0.05, "{name}: {near} of {radius}");

@@ -489,7 +489,7 @@ fn exports_say_in_one_line_what_they_lose() {
     let lost = "note: b.spz does not hold the variance of the mip filter, the up axis, metres per unit, viewpoints, \
                 duration and frame rate\n";
     assert_eq!(export(&["--spz", "--at", "0.5", "-o", "b.spz"]), lost);
-    assert_eq!((FitRecord::of(&hints).unwrap(), hints.viewpoints), (record, info().viewpoints));
+    assert_eq!((FitRecord::from_hints(&hints).unwrap(), hints.viewpoints), (record, info().viewpoints));
 
     // SPZ says that opacities are compensated, and not for which variance.
     let imported = |input: &str| {

@@ -223,7 +223,7 @@ fn a_field_keeps_to_its_own_frames() {
     let folder = folder.path();
     let few = ["--steps", "20", "--gaussians", "300"];
     fit(folder, &[&few[..], &["--frames", "1..4"]].concat());
-    let record = |name: &str| FitRecord::of(&import(&folder.join(name)).unwrap().hints).unwrap();
+    let record = |name: &str| FitRecord::from_hints(&import(&folder.join(name)).unwrap().hints).unwrap();
     let FitRecord { frames, seconds, timing, .. } = record("field.ply");
     assert_eq!((frames, seconds), (Some(1..4), Some([1.0 / 30.0, 3.0 / 30.0])));
     assert_eq!(timing, Some(crc(b"0\n500000\n1000000\n")), "as xtask/FIELD.md specifies it");

@@ -140,8 +140,8 @@ fn sound_says_when_twelve_cameras_start() {
     let sound = speech(1, 4.0 + 2.0 * SPARE_S);
     // Not whole samples of the rate at which they are compared.
     let starts: Vec<usize> = (0..12).map(|i| i * 8011 % 95_000).collect();
-    let of = |(i, start): (usize, &usize)| recorded(&sound, *start, 4.0, 0.0, (100 + i as u64, 10.0));
-    let folder = sounding(&starts.iter().enumerate().map(of).collect::<Vec<_>>());
+    let recording = |(i, start): (usize, &usize)| recorded(&sound, *start, 4.0, 0.0, (100 + i as u64, 10.0));
+    let folder = sounding(&starts.iter().enumerate().map(recording).collect::<Vec<_>>());
     let folder = folder.path();
     let json = ingest(folder, "--json").json();
     assert_eq!(json["starts"]["source"], "sound");
@@ -191,8 +191,8 @@ fn sound_of_another_event_is_refused() {
         return;
     }
     let [sound, other] = [1, 2].map(|seed| speech(seed, 8.0));
-    let of = |sound: &[f32], i: usize| recorded(sound, 9000 * i, 4.0, 0.0, (9000 + i as u64, 10.0));
-    let folder = sounding(&[of(&sound, 0), of(&other, 1), of(&sound, 2)]);
+    let recording = |sound: &[f32], i: usize| recorded(sound, 9000 * i, 4.0, 0.0, (9000 + i as u64, 10.0));
+    let folder = sounding(&[recording(&sound, 0), recording(&other, 1), recording(&sound, 2)]);
     let error = refused(ingest(folder.path(), ""), 3);
     assert!(
         error.contains("cam01: its sound is not that of the other cameras: the correlation peaks at "),
@@ -219,9 +219,9 @@ fn a_clock_that_drifts_is_said() {
     }
     let sound = speech(3, 14.0);
     let drifts = [0.0, 30.0, -400.0, 0.0];
-    let of =
+    let recording =
         |(i, drift): (usize, &f64)| recorded(&sound, 20_000 + 4801 * i, 8.0, *drift, (9000 + i as u64, 20.0));
-    let folder = sounding(&drifts.iter().enumerate().map(of).collect::<Vec<_>>());
+    let folder = sounding(&drifts.iter().enumerate().map(recording).collect::<Vec<_>>());
     let json = ingest(folder.path(), "--json").json();
     let found = json["starts"]["sound"]["drifts_ppm"].as_array().unwrap();
     for (found, drift) in found.iter().zip(drifts) {

@@ -172,17 +172,17 @@ fn wrong_cameras_are_refused() {
     fs::write(folder.join("bad.json"), "{\"cameras\": [{}]}").unwrap();
     refused("--learned bad.json", 3, "bad.json");
     let pose = json!([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]);
-    let of = |id: &str, focal_factor: f64, vignette: f64| {
+    let camera = |id: &str, focal_factor: f64, vignette: f64| {
         let response = json!({"color": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]], "vignette": vignette});
         let camera = json!({
             "id": id, "time_offset_s": 0, "w2c": pose, "focal_factor": focal_factor, "response": response,
         });
         fs::write(folder.join("some.json"), json!({"cameras": [camera]}).to_string()).unwrap();
     };
-    of("elsewhere", 1.0, 0.0);
+    camera("elsewhere", 1.0, 0.0);
     refused("--learned some.json", 3, "no camera of this capture");
-    of("00", -1.0, 0.0);
+    camera("00", -1.0, 0.0);
     refused("--learned some.json", 3, "camera 00");
-    of("00", 1.0, -1.5);
+    camera("00", 1.0, -1.5);
     refused("--learned some.json", 3, "camera 00: its vignette -1.5");
 }

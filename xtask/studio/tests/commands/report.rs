@@ -139,8 +139,8 @@ fn a_take_is_measured_over_time() {
     assert_eq!(report["course"], inspected["course"]);
 
     let layers = report["knobs"].as_array().unwrap();
-    let of = |key: &str| layers.iter().map(|layer| layer[key].clone()).collect::<Vec<_>>();
-    assert_eq!(of("value"), ["1", "2, all"]);
+    let values = |key: &str| layers.iter().map(|layer| layer[key].clone()).collect::<Vec<_>>();
+    assert_eq!(values("value"), ["1", "2, all"]);
     let size = fs::metadata(folder.path().join("take.aarc")).unwrap().len() as f64;
     let counts = |i: usize, key: &str| layers[i]["counts"][key].as_f64().unwrap();
     let first_layers =

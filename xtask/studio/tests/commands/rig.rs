@@ -121,7 +121,8 @@ fn a_rig_is_deterministic_and_says_what_perturbs_it() {
 
     let is_perturbed = |truth: &Value| {
         let cameras = truth["cameras"].as_array().unwrap();
-        let is_other = |key: &str, of: f64| cameras.iter().all(|camera| camera[key].as_f64() != Some(of));
+        let is_other =
+            |key: &str, value: f64| cameras.iter().all(|camera| camera[key].as_f64() != Some(value));
         [
             is_other("drift_ppm", 0.0),
             is_other("gain", 1.0),
@@ -260,7 +261,8 @@ fn a_clean_rig_is_synchronous_before_a_static_room() {
 #[test]
 fn the_figure_moves_in_the_time_of_all_cameras() {
     let perturbations = Perturbations { starts_s: 2.0, ..Perturbations::NONE };
-    let [early, clean] = [perturbations, Perturbations::NONE].map(|of| Rig::new(&settings(of)).unwrap());
+    let [early, clean] =
+        [perturbations, Perturbations::NONE].map(|perturbations| Rig::new(&settings(perturbations)).unwrap());
     assert!(early.pictures() > clean.pictures() + 60, "cameras start before second 0");
     for camera in 0..4 {
         let (early, clean) = (early.view(camera), clean.view(camera));

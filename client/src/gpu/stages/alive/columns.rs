@@ -58,7 +58,7 @@ impl RowColumns {
     /// Prepares the columns of `rows` of `field`; `origin` is that of the clip, in the world of the field.
     pub(super) fn new(field: &Field, rows: Range<usize>, origin: DVec3) -> RowColumns {
         let moment = |row: usize| match &field.temporal {
-            Some(temporal) => Moment::of(field, temporal, row),
+            Some(temporal) => Moment::new(field, temporal, row),
             None => Moment { position: field.centers[row].map(f64::from), ..Moment::default() },
         };
         let moments: Vec<Moment> = rows.clone().map(moment).collect();

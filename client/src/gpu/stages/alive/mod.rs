@@ -187,7 +187,7 @@ impl<'a> Culler<'a> {
             let visible = self.drawn.see(&batch.places, support_radius);
             let in_inset =
                 self.insets.as_ref().map_or([0; BATCH], |insets| insets.see(&batch.places, support_radius));
-            let depths = self.depth.of(&batch.places);
+            let depths = self.depth.keys(&batch.places);
             for (i, row) in rows.enumerate() {
                 self.alive += batch.alive[i];
                 if batch.alive[i] & visible[i] == 0 {
@@ -215,7 +215,7 @@ impl DepthKeys {
         DepthKeys { order, from: (eye.position - origin).as_vec3a(), forward: eye.forward.as_vec3a() }
     }
 
-    fn of(&self, [xs, ys, zs]: &Places) -> [f32; BATCH] {
+    fn keys(&self, [xs, ys, zs]: &Places) -> [f32; BATCH] {
         let DepthKeys { from, forward, .. } = self;
         let mut depths = [0.0; BATCH];
         for (((x, y), z), depth) in xs.iter().zip(ys).zip(zs).zip(&mut depths) {

@@ -39,7 +39,7 @@ impl Passthrough {
                 space: xr::sys::Space::NULL,
                 layer_handle: self.layer.as_raw(),
             },
-            of: PhantomData,
+            lifetime: PhantomData,
         }
     }
 }
@@ -47,7 +47,7 @@ impl Passthrough {
 /// The room as a layer of a frame.
 pub(in crate::xr) struct PassthroughLayer<'a> {
     raw: xr::sys::CompositionLayerPassthroughFB,
-    of: PhantomData<&'a Passthrough>,
+    lifetime: PhantomData<&'a Passthrough>,
 }
 
 impl<'a> Deref for PassthroughLayer<'a> {

@@ -12,7 +12,7 @@ pub(in crate::xr) struct Sharpening(sys::CompositionLayerSettingsFB);
 impl Sharpening {
     /// For a layer whose images have fewer pixels than the display if `is_scaled`. `None` if it needs no sharpening, or
     /// the runtime has none.
-    pub(in crate::xr) fn of(instance: &xr::Instance, is_scaled: bool) -> Option<Sharpening> {
+    pub(in crate::xr) fn new(instance: &xr::Instance, is_scaled: bool) -> Option<Sharpening> {
         let is_offered = instance.exts().fb_composition_layer_settings.is_some();
         (is_scaled && is_offered).then(Sharpening::quality)
     }

@@ -26,7 +26,7 @@ impl Timeline {
     /// The clip of a capture whose photographs `fitted` the field is fitted to. The interval is the median of
     /// all cameras' intervals. Where no camera has two photographs, it is that between photographs of any
     /// camera.
-    pub fn of(capture: &Capture, fitted: &[PhotoId]) -> Timeline {
+    pub fn from_capture(capture: &Capture, fitted: &[PhotoId]) -> Timeline {
         let duration_s = capture.duration_s();
         let mut times_s: BTreeMap<usize, Vec<f64>> = BTreeMap::new();
         for photo_id in fitted {
@@ -64,7 +64,7 @@ mod tests {
     fn intervals(capture: &Capture, fitted: &[(usize, usize)]) -> f64 {
         let fitted: Vec<PhotoId> =
             fitted.iter().map(|(camera, frame)| PhotoId { camera: *camera, frame: *frame }).collect();
-        Timeline::of(capture, &fitted).intervals
+        Timeline::from_capture(capture, &fitted).intervals
     }
 
     #[test]
@@ -89,6 +89,6 @@ mod tests {
         assert!((intervals(&capture(&[0.0; 5]), &scattered) - 4.0).abs() < 1e-9);
         assert_eq!(intervals(&capture(&[0.0]), &[(0, 3)]), 1.0, "one photograph");
         let one_frame = Capture { frame_times_s: vec![0.0], ..capture(&[0.0; 2]) };
-        assert_eq!(Timeline::of(&one_frame, &[]), Timeline::even(1));
+        assert_eq!(Timeline::from_capture(&one_frame, &[]), Timeline::even(1));
     }
 }

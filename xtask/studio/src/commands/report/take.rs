@@ -207,7 +207,7 @@ fn capture_of(folder: &Path, request: &TakeRequest, take: &Take) -> anyhow::Resu
     let mut capture_files = request.part.open(folder, None)?;
     let duration_s = capture_files.capture.duration_s();
     check_duration(folder, duration_s, take, "name its capture, and its frames with --frames")?;
-    let source = FitSource::of(request.path, &Input::load_at(request.path, &[0.0])?);
+    let source = FitSource::new(request.path, &Input::load_at(request.path, &[0.0])?);
     let (holdout, _) = source.held_frames(None);
     source.prepare(&mut capture_files, holdout)?;
     if source.has_plate {

@@ -39,7 +39,7 @@ impl<'a> Photographs<'a> {
         };
         let fitted = ids(&|split| split == Split::Train);
         let held = ids(&|split| split != Split::Train);
-        let intervals = Timeline::of(&capture_files.capture, &fitted).intervals;
+        let intervals = Timeline::from_capture(&capture_files.capture, &fitted).intervals;
         let interval_s = capture_files.capture.duration_s() / intervals;
         Ok(Photographs { capture_files, windows, fitted, held, interval_s })
     }

@@ -52,7 +52,7 @@ impl Segments {
     /// # Errors
     /// [`Fault::Usage`] if the take has fewer parts than a range.
     pub(super) fn numbers(&self, shard: Shard, count: usize) -> Result<Vec<usize>, Fault> {
-        let every_other = |first: usize| shard.of((first..count).step_by(2)).collect();
+        let every_other = |first: usize| shard.select((first..count).step_by(2)).collect();
         match self {
             Segments::Even => Ok(every_other(0)),
             Segments::Odd => Ok(every_other(1)),

@@ -89,11 +89,11 @@ fn read_one(path: &Path) -> Result<Option<Calibration>, Fault> {
         return opencv::read_each(path, &[path.to_owned()]).map(Some);
     }
     let Some((layout, cameras)) = calibrated_cameras(path)? else { return Ok(None) };
-    let of = |camera: refine::capture::CalibratedCamera| RigCamera {
+    let rig_camera = |camera: refine::capture::CalibratedCamera| RigCamera {
         name: camera.name,
         camera: camera.camera,
         lens: camera.lens,
     };
-    let cameras = cameras.into_iter().map(of).collect();
+    let cameras = cameras.into_iter().map(rig_camera).collect();
     Ok(Some(Calibration { path: path.to_owned(), layout, cameras, up: None, metres_per_unit: None }))
 }

@@ -42,7 +42,7 @@ pub(super) fn read(path: &Path) -> Result<Calibration, Fault> {
 /// Reads an element from its attributes on.
 fn camera(element: &str) -> Result<RigCamera, String> {
     let name = attribute(element, "serial").ok_or("a camera has no serial")?.to_owned();
-    let of = |tag: &str, key: &str| {
+    let number = |tag: &str, key: &str| {
         let start = element.find(&format!("<{tag} ")).ok_or_else(|| format!("camera {name} has no {tag}"))?;
         let number = attribute(&element[start..], key).and_then(|text| text.parse::<f64>().ok());
         number.filter(|x| x.is_finite()).ok_or_else(|| format!("camera {name}: {tag} has no number {key}"))
@@ -50,14 +50,14 @@ fn camera(element: &str) -> Result<RigCamera, String> {
     if attribute(element, "viewrotation").is_some_and(|angle| angle.parse() != Ok(0.0)) {
         return Err(format!("camera {name} has a viewrotation, which is not supported"));
     }
-    let [left, right, top, bottom] = ["left", "right", "top", "bottom"].map(|key| of("fov_video", key));
+    let [left, right, top, bottom] = ["left", "right", "top", "bottom"].map(|key| number("fov_video", key));
     let (left, right, top, bottom) = (left?, right?, top?, bottom?);
     let size = (right - left + 1.0, bottom - top + 1.0);
     if !(size.0 >= 1.0 && size.1 >= 1.0) {
         return Err(format!("camera {name}: fov_video is empty"));
     }
-    let lens = |key: &str| of("intrinsic", key);
-    let pixels = |key: &str| of("intrinsic", key).map(|x| x / PER_PIXEL);
+    let lens = |key: &str| number("intrinsic", key);
+    let pixels = |key: &str| number("intrinsic", key).map(|x| x / PER_PIXEL);
     let k = [
         pixels("focalLengthU")?,
         pixels("focalLengthV")?,
@@ -75,11 +75,12 @@ fn camera(element: &str) -> Result<RigCamera, String> {
     let mut rows = [DVec3::ZERO; 3];
     for (r, row) in rows.iter_mut().enumerate() {
         for c in 0..3 {
-            row[c] = of("transform", &format!("r{}{}", r + 1, c + 1))?;
+            row[c] = number("transform", &format!("r{}{}", r + 1, c + 1))?;
         }
     }
     let rotation = DMat3::from_cols(rows[0], -rows[1], -rows[2]).transpose();
-    let position = DVec3::new(of("transform", "x")?, of("transform", "y")?, of("transform", "z")?) * METRES;
+    let position =
+        DVec3::new(number("transform", "x")?, number("transform", "y")?, number("transform", "z")?) * METRES;
     let translation = -(rotation * position);
     let camera = opencv_camera((size.0 as u32, size.1 as u32), k, rotation, translation.to_array());
     Ok(RigCamera {

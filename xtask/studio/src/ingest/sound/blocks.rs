@@ -111,7 +111,7 @@ fn line(delays: &mut Vec<BlockDelay>, middle_s: f64) -> Option<(f64, f64)> {
     delays.retain(|delay| off(delay) <= KEPT_S.max(4.0 * spread));
     let (first_s, last_s) = times(delays);
     let count = delays.len() as f64;
-    let mean = |of: &dyn Fn(&BlockDelay) -> f64| delays.iter().map(of).sum::<f64>() / count;
+    let mean = |value: &dyn Fn(&BlockDelay) -> f64| delays.iter().map(value).sum::<f64>() / count;
     let (mean_s, mean_delay) = (mean(&|delay| delay.0), mean(&|delay| delay.1));
     let spread = mean(&|delay| (delay.0 - mean_s).powi(2));
     let slope = match last_s - first_s >= DRIFT_SPAN_S {

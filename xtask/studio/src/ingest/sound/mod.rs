@@ -42,7 +42,7 @@ pub(super) fn synchronise(tracks: &[Track], name: &dyn Fn(usize) -> String) -> R
 /// Checks that pairs that match join all cameras.
 fn check_connected(cameras: usize, pairs: &[SoundPair], name: &dyn Fn(usize) -> String) -> Result<(), Fault> {
     let groups = solve::groups(cameras, pairs.iter().filter(|pair| pair.confidence >= CONFIDENCE_MIN));
-    let size = |group: usize| groups.iter().filter(|of| **of == group).count();
+    let size = |group: usize| groups.iter().filter(|other| **other == group).count();
     let largest = (0..cameras).max_by_key(|group| (size(*group), usize::MAX - group)).unwrap_or(0);
     let Some(outside) = (0..cameras).find(|camera| groups[*camera] != largest) else { return Ok(()) };
     let across = pairs.iter().filter(|pair| {

@@ -40,13 +40,13 @@ pub(super) fn groups<'p>(cameras: usize, pairs: impl Iterator<Item = &'p SoundPa
     groups
 }
 
-fn solve(cameras: usize, pairs: &[SoundPair], of: fn(&SoundPair) -> f64, kept: f64) -> Solution {
+fn solve(cameras: usize, pairs: &[SoundPair], measure: fn(&SoundPair) -> f64, kept: f64) -> Solution {
     let mut used: Vec<bool> = pairs.iter().map(|pair| pair.confidence >= CONFIDENCE_MIN).collect();
     loop {
-        let values = least_squares(cameras, pairs, &used, of);
+        let values = least_squares(cameras, pairs, &used, measure);
         let residual = |values: &[f64], i: usize| {
             let [a, b] = pairs[i].cameras;
-            of(&pairs[i]) - (values[b] - values[a])
+            measure(&pairs[i]) - (values[b] - values[a])
         };
         // The worst goes first: it bends the others. A pair that alone joins its cameras leaves no residual.
         let worst = (0..pairs.len())
@@ -58,7 +58,7 @@ fn solve(cameras: usize, pairs: &[SoundPair], of: fn(&SoundPair) -> f64, kept: f
             .max_by(|a, b| residual(&values, *a).abs().total_cmp(&residual(&values, *b).abs()));
         let is_outlier = worst.is_some_and(|worst| {
             used[worst] = false;
-            let others = least_squares(cameras, pairs, &used, of);
+            let others = least_squares(cameras, pairs, &used, measure);
             let mut sizes: Vec<f64> =
                 (0..pairs.len()).filter(|i| used[*i]).map(|i| residual(&others, i).abs()).collect();
             sizes.sort_by(f64::total_cmp);
@@ -82,7 +82,12 @@ fn is_joined_without(cameras: usize, pairs: &[SoundPair], used: &[bool], without
 }
 
 /// Solves the normal equations, the Laplacian of the graph, with the first camera at 0.
-fn least_squares(cameras: usize, pairs: &[SoundPair], used: &[bool], of: fn(&SoundPair) -> f64) -> Vec<f64> {
+fn least_squares(
+    cameras: usize,
+    pairs: &[SoundPair],
+    used: &[bool],
+    measure: fn(&SoundPair) -> f64,
+) -> Vec<f64> {
     let mut rows = vec![vec![0.0; cameras + 1]; cameras];
     for (pair, _) in pairs.iter().zip(used).filter(|(_, used)| **used) {
         let [a, b] = pair.cameras;
@@ -91,7 +96,7 @@ fn least_squares(cameras: usize, pairs: &[SoundPair], used: &[bool], of: fn(&Sou
         for (i, j, sign) in [(a, b, -1.0), (b, a, 1.0)] {
             rows[i][i] += weight;
             rows[i][j] -= weight;
-            rows[i][cameras] += sign * weight * of(pair);
+            rows[i][cameras] += sign * weight * measure(pair);
         }
     }
     // The first, and any that nothing joins, is at 0.

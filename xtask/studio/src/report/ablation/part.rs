@@ -5,7 +5,7 @@ use std::fmt::Write;
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
 
-use super::result::{Ablation, Method, PackageFigures, PicturedView, of};
+use super::result::{Ablation, Method, PackageFigures, PicturedView, measures_in};
 use super::table;
 use crate::fit::log::LogEntry;
 use crate::page::{LineChart, PlotLine, Scale, escape, grouped, prose, svg};
@@ -92,7 +92,7 @@ impl Ablation {
                 let _ = writeln!(
                     text,
                     "<figure><img alt=\"{0}\" src=\"data:image/png;base64,{1}\"><figcaption>{0}</figcaption></figure>",
-                    escape(&picture.of),
+                    escape(&picture.method),
                     BASE64_STANDARD.encode(&picture.png)
                 );
             }
@@ -140,7 +140,7 @@ impl Ablation {
             }
         };
         let psnr = chart(format!("{} PSNR after decoding (dB)", split.name()), &|package| {
-            of(&package.splits, split)?.psnr_fg
+            measures_in(&package.splits, split)?.psnr_fg
         });
         let topology = chart("Topo".into(), &|package| Some(package.topology));
         match psnr.lines.iter().any(|line| line.points.len() >= 2) {

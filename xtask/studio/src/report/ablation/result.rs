@@ -114,7 +114,7 @@ pub struct PicturedView {
 #[derive(Clone, Debug)]
 pub struct Picture {
     /// Name of the method, or `photograph`.
-    pub of: String,
+    pub method: String,
     /// Path of the PNG within the folder of the report.
     pub path: String,
     /// The PNG.
@@ -127,13 +127,14 @@ const SPLITS: [Split; 4] = [Split::InterpA, Split::InterpB, Split::Recon, Split:
 impl Ablation {
     /// The splits with pictures of any method.
     pub(super) fn splits(&self) -> Vec<Split> {
-        let has = |split: &Split| self.methods.iter().any(|method| of(&method.splits, *split).is_some());
+        let has =
+            |split: &Split| self.methods.iter().any(|method| measures_in(&method.splits, *split).is_some());
         SPLITS.into_iter().filter(has).collect()
     }
 }
 
 /// The measures of a split.
-pub(super) fn of(splits: &[SplitMeasures], split: Split) -> Option<&SplitMeasures> {
+pub(super) fn measures_in(splits: &[SplitMeasures], split: Split) -> Option<&SplitMeasures> {
     splits.iter().find(|measures| measures.split == split.name())
 }
 

@@ -2,7 +2,7 @@
 
 use refine::capture::Split;
 
-use super::result::{Ablation, Method, PackageFigures, of};
+use super::result::{Ablation, Method, PackageFigures, measures_in};
 use crate::eval::SplitMeasures;
 use crate::page::{Table, decimals, grouped};
 
@@ -24,7 +24,7 @@ impl Columns {
     ) -> Columns {
         let all = measures.iter().flat_map(|measure| splits.iter().map(move |split| (*split, *measure)));
         let is_known = |(split, measure): &(Split, Measure)| {
-            rows.clone().any(|row| of(row, *split).is_some_and(|row| measure.2(row).is_some()))
+            rows.clone().any(|row| measures_in(row, *split).is_some_and(|row| measure.2(row).is_some()))
         };
         Columns(all.filter(is_known).collect())
     }
@@ -35,7 +35,7 @@ impl Columns {
 
     fn cells(&self, splits: &[SplitMeasures]) -> impl Iterator<Item = String> {
         let cell = |(split, (_, places, value)): &(Split, Measure)| {
-            decimals(of(splits, *split).and_then(value), *places)
+            decimals(measures_in(splits, *split).and_then(value), *places)
         };
         self.0.iter().map(cell)
     }

@@ -247,9 +247,10 @@ fn section(text: &mut String, parameter: &Parameter) -> anyhow::Result<()> {
     }];
     if parameter.points.iter().any(|point| point.errors.flicker.is_some()) {
         let flicker = |point: &ParameterValue| {
-            let of = |point: &ParameterValue| point.errors.flicker.unwrap_or(f64::NAN);
-            let beaten = |other: &ParameterValue| other.cost.high < point.cost.low && of(other) <= of(point);
-            mark(point, of(point), !parameter.points.iter().any(beaten))
+            let value = |point: &ParameterValue| point.errors.flicker.unwrap_or(f64::NAN);
+            let beaten =
+                |other: &ParameterValue| other.cost.high < point.cost.low && value(other) <= value(point);
+            mark(point, value(point), !parameter.points.iter().any(beaten))
         };
         charts.push(Chart {
             title: "flicker while the head turns (/255, less is better)".into(),

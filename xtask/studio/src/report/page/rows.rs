@@ -37,7 +37,7 @@ fn rows(parameters: &[Parameter]) -> impl Iterator<Item = Row<'_>> {
         let Parameter { stage, name, cost: cost_unit, .. }: &Parameter = parameter;
         let ParameterValue { value, default, on_front, cost, errors, run_time_ms, stages_ms, counts }: &ParameterValue = point;
         let ImageErrors { psnr_db, ssim, worst_tile_db, flicker } = *errors;
-        let time = |of: fn(Quartiles) -> f64| run_time_ms.map(of);
+        let time = |quartile: fn(Quartiles) -> f64| run_time_ms.map(quartile);
         Row {
             stage: *stage,
             name,

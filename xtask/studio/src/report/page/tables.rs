@@ -34,8 +34,9 @@ const FRACTIONS: [&str; 4] = ["bytes_per_gaussian", "features_preserved", "sort_
 
 /// Table of a parameter: cost and quality of each value.
 pub(super) fn parameter(parameter: &Parameter) -> String {
-    let any =
-        |of: fn(&ParameterValue) -> Option<f64>| parameter.points.iter().any(|point| of(point).is_some());
+    let any = |value: fn(&ParameterValue) -> Option<f64>| {
+        parameter.points.iter().any(|point| value(point).is_some())
+    };
     let (ssim, tile) = (any(|point| point.errors.ssim), any(|point| point.errors.worst_tile_db));
     let flicker = any(|point| point.errors.flicker);
     let time = match parameter.stage {

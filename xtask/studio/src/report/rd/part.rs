@@ -86,8 +86,8 @@ impl Curve {
             for row in Selector::ALL {
                 let same: Vec<&RatePoint> =
                     points().filter(|point| point.budget == budget && point.row == row).collect();
-                let mean = |of: fn(&RatePoint) -> f64| {
-                    same.iter().map(|point| of(point)).sum::<f64>() / same.len() as f64
+                let mean = |value: fn(&RatePoint) -> f64| {
+                    same.iter().map(|point| value(point)).sum::<f64>() / same.len() as f64
                 };
                 let point = RatePoint {
                     budget,

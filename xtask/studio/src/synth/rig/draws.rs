@@ -23,18 +23,18 @@ pub(super) enum Draw {
 impl Draw {
     /// A different number for each quantity.
     fn number(self) -> u64 {
-        let of = |kind: u64, index: usize| kind << 32 | index as u64;
+        let numbered = |kind: u64, index: usize| kind << 32 | index as u64;
         match self {
-            Draw::Start => of(0, 0),
-            Draw::End => of(1, 0),
-            Draw::Drift => of(2, 0),
-            Draw::Exposure => of(3, 0),
-            Draw::Red => of(4, 0),
-            Draw::Blue => of(5, 0),
-            Draw::Skew => of(6, 0),
-            Draw::Place(axis) => of(7, axis),
-            Draw::Jitter(slot) => of(8, slot),
-            Draw::Drop(part) => of(9, part),
+            Draw::Start => numbered(0, 0),
+            Draw::End => numbered(1, 0),
+            Draw::Drift => numbered(2, 0),
+            Draw::Exposure => numbered(3, 0),
+            Draw::Red => numbered(4, 0),
+            Draw::Blue => numbered(5, 0),
+            Draw::Skew => numbered(6, 0),
+            Draw::Place(axis) => numbered(7, axis),
+            Draw::Jitter(slot) => numbered(8, slot),
+            Draw::Drop(part) => numbered(9, part),
         }
     }
 }

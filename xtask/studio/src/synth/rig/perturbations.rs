@@ -101,8 +101,8 @@ mod tests {
     #[test]
     fn errors_fill_their_ranges() {
         let errors = camera_errors(&settings(Perturbations::ALL));
-        let range = |of: &dyn Fn(&CameraErrors) -> f64| {
-            let values: Vec<f64> = errors.iter().map(of).collect();
+        let range = |value: &dyn Fn(&CameraErrors) -> f64| {
+            let values: Vec<f64> = errors.iter().map(value).collect();
             [
                 values.iter().copied().fold(f64::INFINITY, f64::min),
                 values.iter().copied().fold(f64::MIN, f64::max),

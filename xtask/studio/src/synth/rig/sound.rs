@@ -261,12 +261,14 @@ mod tests {
         assert!((decibels - 10.0).abs() < 0.5, "{decibels}");
         // What is at the sound's place at 0.4 s is in the file later.
         for camera in 0..3 {
-            let of = microphone(camera, None);
-            let drift = 1.0 + 1e-6 * of.errors.drift_ppm;
-            let recorded_s = (0.4 + of.delay_s - of.errors.start_s) / drift + of.errors.sound_skew_s;
+            let microphone = microphone(camera, None);
+            let drift = 1.0 + 1e-6 * microphone.errors.drift_ppm;
+            let recorded_s = (0.4 + microphone.delay_s - microphone.errors.start_s) / drift
+                + microphone.errors.sound_skew_s;
             let number = (recorded_s * 48_000.0).ceil() as usize;
-            let loudness =
-                |numbers: std::ops::Range<usize>| numbers.map(|i| of.sample(i).abs()).fold(0.0, f64::max);
+            let loudness = |numbers: std::ops::Range<usize>| {
+                numbers.map(|i| microphone.sample(i).abs()).fold(0.0, f64::max)
+            };
             assert!(loudness(number..number + 300) > 3.0 * loudness(number - 300..number));
         }
         let distance_m = of_distance(&rig, 0);

@@ -61,11 +61,11 @@ pub(super) fn pictured(capture_files: &CaptureFiles) -> Result<Vec<PicturedPhoto
     let splits = eval::splits(capture_files, HOLDOUT)?;
     let mut pictured = Vec::new();
     for split in PICTURED {
-        let of: Vec<PhotoId> =
-            splits.iter().filter(|(_, of)| *of == split).map(|(photo_id, _)| *photo_id).collect();
-        let count = of.len().min(PICTURED_OF_SPLIT);
+        let photos: Vec<PhotoId> =
+            splits.iter().filter(|(_, photos)| *photos == split).map(|(photo_id, _)| *photo_id).collect();
+        let count = photos.len().min(PICTURED_OF_SPLIT);
         for i in 0..count {
-            let photo_id = of[(2 * i + 1) * of.len() / (2 * count)];
+            let photo_id = photos[(2 * i + 1) * photos.len() / (2 * count)];
             let name = capture_files.name(photo_id).replace(['/', '\\', ' '], "_");
             let crop = Crop::around(&[&capture_files.photo(photo_id)?]);
             pictured.push(PicturedPhoto {
@@ -144,7 +144,7 @@ impl Bench<'_> {
         output::make_folder(&self.out.join("photographs"))?;
         let judged_files = judged_files(&self.capture_files);
         for photo in &self.pictured {
-            let image = photo.crop.of(&judged_files.photo(photo.photo_id)?.image);
+            let image = photo.crop.apply(&judged_files.photo(photo.photo_id)?.image);
             write_picture(&self.path("photographs", &photo.file), &image)?;
             let name = format!("{}, {}", self.capture_files.name(photo.photo_id), photo.split.name());
             self.ablation.views.push(PicturedView { name, pictures: Vec::new() });
@@ -153,14 +153,14 @@ impl Bench<'_> {
     }
 
     /// Shows the pictures of a folder beside the photographs.
-    fn show(&mut self, of: &str, folder: &str) -> anyhow::Result<()> {
+    fn show(&mut self, method: &str, folder: &str) -> anyhow::Result<()> {
         for (i, photo) in self.pictured.iter().enumerate() {
             let path = self.path(folder, &photo.file);
             // A folder of pictures may lack some.
             if path.is_file() {
                 let png = fs::read(&path).map_err(|error| unreadable(&path, &error))?;
                 let path = format!("{}/{}", folder.replace(' ', "%20"), photo.file);
-                self.ablation.views[i].pictures.push(Picture { of: of.into(), path, png });
+                self.ablation.views[i].pictures.push(Picture { method: method.into(), path, png });
             }
         }
         Ok(())
@@ -388,7 +388,7 @@ impl Bench<'_> {
             let Some(comparison) = comparison.filter(|_| is_shown && written.is_ok()) else { return };
             let shown = self.pictured.iter().find(|photo| photo.photo_id == comparison.photo_id);
             if let Some(photo) = shown {
-                let picture = photo.crop.of(comparison.picture);
+                let picture = photo.crop.apply(comparison.picture);
                 written = write_picture(&self.path(folder, &photo.file), &picture);
             }
         })?;
