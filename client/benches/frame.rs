@@ -1,5 +1,5 @@
 //! Time to upload a clip of 40,000 dynamic Gaussians, CPU time of a frame, and time of complete frames on the
-//! default adapter. One frame is that of a headset: two eyes through its lens, in which all Gaussians are alive.
+//! default adapter. One frame is a headset's: two eyes through its lens, in which all Gaussians are alive.
 
 use std::f32::consts::TAU;
 use std::hint::black_box;
@@ -111,7 +111,7 @@ fn frame(c: &mut Criterion) {
     segment(&gpu, &clip);
 }
 
-/// Prints what `clip` costs as the one segment of a take: its upload, and its frames over those of the clip.
+/// Prints what `clip` costs as the single segment of a take: its upload, and its frames over the clip's.
 fn segment(gpu: &Gpu, clip: &Clip) {
     let layout = FrameLayout::plain(ChannelDepth::Eight.format(), 1);
     let on_gpu = Arc::new(GpuClip::upload(gpu, clip).expect("memory for the clip"));
@@ -152,8 +152,8 @@ fn segment(gpu: &Gpu, clip: &Clip) {
     eprintln!("removed in {:.3} ms", start.elapsed().as_secs_f64() * 1e3);
 }
 
-/// Prints what frames of the renderer `split` cost over those of `alone`: medians of ratios of frames that are drawn one
-/// after the other.
+/// Prints what frames of the renderer `split` cost over frames of `alone`: medians of ratios of frames that are drawn
+/// one after the other.
 fn compare(gpu: &Gpu, clip: &Clip, alone: &mut Renderer, split: &mut Renderer) {
     for side in [SMALL, 512] {
         let camera = clip.info.viewpoints[0].camera(clip.info.up, side, side);

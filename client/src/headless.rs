@@ -479,8 +479,8 @@ fn load(args: &Args) -> Result<Loaded, Fault> {
     Ok(Loaded { clip, poster, stats })
 }
 
-/// Times of the images in seconds from the start: that of `poster` if there is one. `captured_fps` is the default of
-/// `--fps`.
+/// Times of the images in seconds from the start: the time of `poster` if there is one. `captured_fps` is the default
+/// of `--fps`.
 fn times(args: &Args, poster: Option<Poster>, captured_fps: f64) -> Vec<f64> {
     match &args.frames {
         Some(frames) => {
@@ -511,7 +511,7 @@ fn clip_time(clip: &Content, time: f64) -> f64 {
     if duration > 0.0 { (time / duration).min(1.0) } else { 0.0 }
 }
 
-/// The views of the eyes: those of `poster` if there is one.
+/// The views of the eyes: the views of `poster` if there is one.
 fn views(args: &Args, clip: &Content, poster: Option<Poster>) -> Result<Vec<View>, Fault> {
     if let Some(path) = &args.camera {
         let camera = read_camera(path)?;
@@ -543,7 +543,7 @@ fn views(args: &Args, clip: &Content, poster: Option<Poster>) -> Result<Vec<View
     })
 }
 
-/// The view of `camera`, or with --stereo those of two eyes.
+/// The view of `camera`, or with --stereo the views of two eyes.
 fn eyes(args: &Args, clip: &Content, camera: Camera) -> Vec<View> {
     if args.stereo {
         let distance = Camera::EYE_DISTANCE_M / f64::from(clip.info().metres_per_unit);

@@ -1,9 +1,9 @@
 //! Player of 4D Gaussian clips.
 //!
-//! [`clips`] loads clips and orders those of a playlist, [`takes`] the segments of a take. [`gpu`] uploads a decoded clip once and renders its
-//! frames. `audio` plays their sound. `headless` writes them to images, `window` shows them on a screen, `xr` in a headset. Android has
-//! `xr` alone, which also holds the library's entry point there. Only [`gpu`] names the graphics API; it
-//! names neither files nor windows.
+//! [`clips`] loads clips and orders the clips of a playlist, [`takes`] loads the segments of a take. [`gpu`] uploads a
+//! decoded clip once and renders its frames. `audio` plays their sound. `headless` writes them to images, `window`
+//! shows them on a screen, `xr` in a headset. Android has `xr` alone, which also holds the library's entry point there.
+//! Only [`gpu`] names the graphics API; it names neither files nor windows.
 
 pub mod args;
 mod audio;

@@ -3,7 +3,7 @@
 use codec::Viewpoint;
 use program::Fault;
 
-/// Index of the viewpoint named `name`, or else of the one whose index `name` is.
+/// Index of the viewpoint named `name`, or else of the viewpoint whose index `name` is.
 ///
 /// # Errors
 /// [`Fault::Usage`] with the list of viewpoints.

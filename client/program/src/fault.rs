@@ -56,8 +56,8 @@ impl fmt::Display for Fault {
 
 impl Error for Fault {}
 
-/// The exit code of an error: that of the [`Fault`] that it is or was caused by; 1 without one, for a check that
-/// failed or a defect.
+/// The exit code of an error: the code of the [`Fault`] that it is or was caused by; 1 without a fault, for a check
+/// that failed or a defect.
 pub fn exit_code(error: &(dyn Error + 'static)) -> u8 {
     match (error.downcast_ref::<Fault>(), error.source()) {
         (Some(fault), _) => fault.exit_code(),

@@ -13,7 +13,7 @@ use crate::Subject;
 /// Height of the eyes of a standing person above the ground, in metres.
 const EYE_HEIGHT_M: f64 = 1.6;
 
-/// Height at which a person who stands before a clip looks, as a fraction of the clip's height: that of a chest.
+/// Height at which a person who stands before a clip looks, as a fraction of the clip's height: the height of a chest.
 const GAZE_HEIGHT: f64 = 0.75;
 
 /// A headset.
@@ -74,7 +74,7 @@ impl Standpoint {
         }
     }
 
-    /// A camera midway between the eyes; only its pose counts. `up` is that of the clip.
+    /// A camera midway between the eyes; only its pose counts. `up` is the clip's.
     pub fn camera(self, subject: &Subject, up: [f32; 3]) -> Camera {
         let eye_m = dvec3(0.0, EYE_HEIGHT_M, self.distance_m());
         let target_m = match self {

@@ -5,8 +5,8 @@ use std::io::{Write, stderr};
 use std::panic::{self, AssertUnwindSafe};
 use std::process::ExitCode;
 
-/// Does the work of a program: prints its error, if any, in one line, and returns the exit code,
-/// that of `code_of` for an error. A panic is a defect: its message is printed, and the exit code is 1.
+/// Does the work of a program: prints its error, if any, in one line, and returns the exit code, which `code_of` gives
+/// for an error. A panic is a defect: its message is printed, and the exit code is 1.
 pub fn run<E: Display>(work: impl FnOnce() -> Result<(), E>, code_of: impl Fn(&E) -> u8) -> ExitCode {
     match panic::catch_unwind(AssertUnwindSafe(work)) {
         Ok(Ok(())) => ExitCode::SUCCESS,

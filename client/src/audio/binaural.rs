@@ -135,7 +135,7 @@ impl BinauralOutput {
         (self.at, self.silent, self.taken) = (0, 0, 0);
     }
 
-    /// Whether the output is that of a source that has always been there.
+    /// Whether the output is the output of a source that has always been there.
     pub(super) fn is_filled(&self) -> bool {
         self.taken >= self.lasting
     }

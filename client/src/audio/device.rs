@@ -15,7 +15,7 @@ use super::filler::{RING_S, RingFiller};
 use super::link::Link;
 use super::output::RingOutput;
 
-/// Formats of samples that are played, the best first: those that lose nothing, then those of fewer bits.
+/// Formats of samples that are played, the best first: formats that lose nothing, then formats of fewer bits.
 const FORMATS: [SampleFormat; 12] = [
     SampleFormat::F32,
     SampleFormat::F64,

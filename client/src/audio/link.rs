@@ -10,7 +10,7 @@ use super::placing::Placement;
 /// What the device's thread plays, and how.
 #[derive(Default)]
 pub(super) struct Link {
-    /// Number of the first frame of the ring that is to be played; those before are dropped.
+    /// Number of the first frame of the ring that is to be played; the frames before it are dropped.
     skip_to: AtomicU64,
     /// Bits of the gain of all sound, and of the level of [`Placement`].
     gain: AtomicU32,

@@ -31,7 +31,7 @@ struct Run {
     /// `None` if the library refuses one: all is silence then.
     decoder: Option<OpusDecoder>,
     next_packet: usize,
-    /// Samples of the latest packet, of which the first `used` were taken.
+    /// Samples of the latest packet. The first `used` were taken.
     decoded: Vec<Frame>,
     used: usize,
     /// Sample at which it fades in; `None` if it continues the stream of the sound before.

@@ -1,4 +1,4 @@
-//! [`RateConverter`]: from the rate of a track to that of a device that has another one.
+//! [`RateConverter`]: from the rate of a track to the different rate of a device.
 
 use audio_buffers::direct::InterleavedSlice;
 use codec::SOUND_RATE_HZ;

@@ -47,7 +47,7 @@ const LEAD: usize = 16;
 /// Radius of a head in metres. Within it a source comes the more from everywhere, the nearer it is to the centre.
 const HEAD_RADIUS_M: f64 = 0.0875;
 
-/// Largest delay between the ears in seconds; that of the file is 0.63 ms.
+/// Largest delay between the ears in seconds; the file's is 0.63 ms.
 pub(super) const DELAY_MAX_S: f32 = 0.001;
 
 /// The responses at the rate of a device.

@@ -54,7 +54,7 @@ impl Speaker {
         }
     }
 
-    /// Seconds by which a frame advances the player: those of the display's clock.
+    /// Seconds by which a frame advances the player: the seconds of the display's clock.
     pub(crate) fn step(&mut self, _: &Player, _: bool, elapsed_s: f64, _: f64) -> f64 {
         elapsed_s
     }
@@ -77,7 +77,7 @@ impl Speaker {
 
 #[cfg(feature = "audio")]
 impl Speaker {
-    /// Plays another track, unless it is the one that plays. If it `follows` that one, the picture goes on without
+    /// Plays another track, unless it plays already. If it `follows` the track that plays, the picture goes on without
     /// waiting for it.
     pub(crate) fn change_track(&mut self, track: SoundTrack, follows: bool) {
         if !self.is_silent && !self.track.is_same(&track) {
@@ -86,8 +86,8 @@ impl Speaker {
         }
     }
 
-    /// Takes in the player before a frame that is seen `ahead_s` seconds from now, `elapsed_s` after the one before by the
-    /// display's clock. Returns the seconds by which the frame advances the player.
+    /// Takes in the player before a frame that is seen `ahead_s` seconds from now, `elapsed_s` after the frame before
+    /// by the display's clock. Returns the seconds by which the frame advances the player.
     pub(crate) fn step(&mut self, player: &Player, is_scrubbing: bool, elapsed_s: f64, ahead_s: f64) -> f64 {
         if !self.track.is_empty() {
             self.parts.start_thread();

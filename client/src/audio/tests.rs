@@ -19,7 +19,7 @@ use crate::player::Player;
 /// Most seconds between sound and picture.
 const OFFSET_MAX_S: f64 = 0.02;
 
-/// Samples by which the decoder of a stream is late: that of the encoder used here.
+/// Samples by which the decoder of a stream is late: the delay of the encoder used here.
 const LEAD: u16 = 120;
 
 /// Packets of `seconds` of mono sound.
@@ -130,7 +130,7 @@ impl Simulation {
         }
     }
 
-    /// A frame that is seen `elapsed_s` after the one before.
+    /// A frame that is seen `elapsed_s` after the frame before.
     fn frame(&mut self, elapsed_s: f64, is_scrubbing: bool) {
         self.now_s += elapsed_s;
         self.play_device(self.now_s);
@@ -345,7 +345,7 @@ fn a_stream_goes_on_over_a_gap_of_less_than_a_sample_and_in_the_later_of_two_seg
     assert!(largest < 0.03, "{largest}: 0.3 * 440 Hz * 2 pi / 48 kHz = 0.017, and a fade");
 }
 
-/// Samples behind a seek that may differ: those of the fade.
+/// Samples behind a seek that may differ: the samples of the fade.
 const EDGE_FRAMES: usize = 144;
 
 #[test]

@@ -64,7 +64,7 @@ pub(super) struct FrameTime {
 }
 
 impl SoundTiming {
-    /// Takes in that another clip plays; if it `follows` the one before, from where that one ended.
+    /// Takes in that another clip plays; if it `follows` the clip before, from where that clip ended.
     pub(super) fn change_track(&mut self, follows: bool) {
         self.follows = follows && self.run.is_some();
         if let Some(run) = &mut self.run {

@@ -13,7 +13,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 #[cfg(feature = "audio")]
 const BYTES_MAX: usize = 64 << 20;
 
-/// Most samples between the end of a sound and the beginning of the one that continues its stream: each lies at most
+/// Most samples between the end of a sound and the beginning of the sound that continues its stream: each lies at most
 /// half a sample beside its place in the stream. The thousandth is for sums of seconds.
 #[cfg(all(feature = "audio", any(feature = "window", feature = "xr")))]
 const JOINS_WITHIN: f64 = 1.001;
@@ -137,8 +137,8 @@ impl SoundTrack {
 
 #[cfg(feature = "audio")]
 impl SoundTrack {
-    /// Adds the sound of a package, or of a prefix of one: that of segment `segment`, whose clip time 0 lies at `start_s`
-    /// seconds. If it is damaged, [`SoundTrack::take_note`] says so.
+    /// Adds the sound of a package, or of a prefix of one: the sound of segment `segment`, whose clip time 0 lies at
+    /// `start_s` seconds. If it is damaged, [`SoundTrack::take_note`] says so.
     pub(crate) fn add(&self, head: &Contents, package: &[u8], limits: &Limits, segment: usize, start_s: f64) {
         match head.sound(package, limits) {
             Ok(Some(sound)) => self.insert(sound, segment, start_s),
@@ -164,8 +164,8 @@ impl SoundTrack {
         Arc::ptr_eq(&self.parts, &other.parts)
     }
 
-    /// Adds the sound of a segment whose time 0 lies at `start_s` seconds, in place of the one that it had. Where all
-    /// sounds then have more than [`BYTES_MAX`], the oldest are dropped.
+    /// Adds the sound of a segment whose time 0 lies at `start_s` seconds, in place of the sound that the segment had.
+    /// Where all sounds then have more than [`BYTES_MAX`], the oldest are dropped.
     pub(super) fn insert(&self, sound: Sound, segment: usize, start_s: f64) {
         let exact_start = start_s * f64::from(SOUND_RATE_HZ) + f64::from(sound.info().start);
         let start = samples(start_s) + i64::from(sound.info().start);
@@ -188,7 +188,7 @@ impl SoundTrack {
         self.len() == 0
     }
 
-    /// The sound that is heard at a time in samples: of several, that of the segment that comes last in the file.
+    /// The sound that is heard at a time in samples: of several, the sound of the segment that comes last in the file.
     #[cfg(any(feature = "window", feature = "xr"))]
     pub(super) fn at(&self, sample: i64) -> Option<PlacedSound> {
         let parts = self.lock();

@@ -20,7 +20,7 @@ pub enum Content {
 }
 
 impl Content {
-    /// The sound; that of a take grows as its segments are loaded.
+    /// The sound. The sound of a take grows as its segments are loaded.
     #[cfg(any(feature = "window", feature = "xr"))]
     pub(crate) fn sound(&self) -> SoundTrack {
         match self {

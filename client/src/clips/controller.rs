@@ -177,7 +177,7 @@ impl<T: ClipTarget> ClipController<T> {
         self.state.is_followed(looping)
     }
 
-    /// Goes to the next clip or the one before: of the playlist, the next one as soon as it is ready; else of the folder.
+    /// Goes to the next or the previous clip: of the playlist, the next one as soon as it is ready; else of the folder.
     pub(crate) fn skip(&mut self, direction: Direction) -> Option<Change<T::Ready>> {
         let change = self.state.skip(direction);
         self.send_request();

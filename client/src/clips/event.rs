@@ -35,8 +35,8 @@ impl ClipVersion {
         ClipVersion { sound, poster, ..ClipVersion::bare(clip) }
     }
 
-    /// A clip that came without a package: silent, without a poster. One without viewpoints gets that of its opening,
-    /// which stays the same whatever layers follow.
+    /// A clip that came without a package: silent, without a poster. A clip without viewpoints gets the viewpoint of
+    /// its opening, which no further layer changes.
     pub(crate) fn bare(mut clip: Clip) -> ClipVersion {
         let subject = match clip.info.viewpoints.is_empty() {
             true => Subject::with_opening(&clip.surroundings(), &mut clip.info).into(),

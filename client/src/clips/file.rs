@@ -84,7 +84,7 @@ pub(crate) fn decode(bytes: &[u8], limits: &Limits) -> Result<Clip, Error> {
     decode_parallel(bytes, limits, cores())
 }
 
-/// Decodes the layers of a package from layer `first` on, without those before, on all cores.
+/// Decodes the layers of a package from layer `first` on, without the layers before, on all cores.
 #[cfg(feature = "net")]
 pub(crate) fn decode_layers(
     head: &Contents,

@@ -1,4 +1,4 @@
-//! The clips of a folder, and [`Neighbours`]: those before and after one of them.
+//! The clips of a folder, and [`Neighbours`]: the clips before and after one of them.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -19,9 +19,9 @@ pub(crate) enum Direction {
 /// The clips before and after one in its folder, by name: after the last comes the first.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Neighbours {
-    /// All clips of the folder, and the one.
+    /// All clips of the folder, and the clip that has the neighbours.
     clips: Arc<[String]>,
-    /// Number of the one among them.
+    /// Number of this clip among them.
     position: usize,
 }
 

@@ -43,7 +43,7 @@ struct Manifest {
     clips: Vec<String>,
 }
 
-/// Whether a path or URL names a playlist rather than a clip: it ends in `.json`. A path of the name `meta.json` is that of
+/// Whether a path or URL names a playlist rather than a clip: it ends in `.json`. A path of the name `meta.json` names
 /// a field (SOG), if this program reads fields.
 pub fn is_playlist(name: &str) -> bool {
     let is_field = cfg!(feature = "import")

@@ -51,22 +51,22 @@ impl Queue {
         (0..self.len()).map(|number| self.entry(number)).collect()
     }
 
-    /// Candidates for the next clip, best first: the ones behind the position, then, in a `cyclic` queue,
-    /// the ones before it.
+    /// Candidates for the next clip, best first: the clips behind the position, then, in a `cyclic` queue, the clips
+    /// before it.
     pub(crate) fn candidates(&self, cyclic: bool) -> Vec<Entry> {
         let behind = self.position + 1..self.len();
         let before = if cyclic { 0..self.position } else { 0..0 };
         behind.chain(before).map(|number| self.entry(number)).collect()
     }
 
-    /// Candidates for the clip before, best first: the ones before the position, from it back, then the ones behind
-    /// it, from the last one back.
+    /// Candidates for the clip before, best first: the clips before the position, from it back, then the clips behind
+    /// it, from the last clip back.
     pub(crate) fn candidates_before(&self) -> Vec<Entry> {
         let (before, behind) = (0..self.position, self.position + 1..self.len());
         before.rev().chain(behind.rev()).map(|number| self.entry(number)).collect()
     }
 
-    /// Whether clip `next` plays after the one at the position.
+    /// Whether clip `next` plays after the clip at the position.
     pub(crate) fn is_followed_by(&self, next: usize, looping: bool) -> bool {
         looping || next > self.position
     }

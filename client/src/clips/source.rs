@@ -94,7 +94,7 @@ impl Arrival {
 }
 
 /// Opens a clip: a path, which is read and decoded at once; a URL; or the demo clip where `name` is
-/// `None`. With the feature `import`, a path may also be that of a field in the format of another program.
+/// `None`. With the feature `import`, a path may also name a field in the format of another program.
 ///
 /// # Errors
 /// As [`load_file`](super::file::load_file); [`Fault::Usage`] for a URL if this program was built without the feature `net`, or if

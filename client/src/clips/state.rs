@@ -1,8 +1,7 @@
 //! [`QueueState`]: which clip is on display, which comes next, and what the loader has to do for it.
 //!
 //! A state machine without threads: it takes [`LoadEvent`]s and the wishes of the viewer, and answers with
-//! [`Change`]s to the display and requests to the loader. At most one clip besides the one on display is
-//! held ready.
+//! [`Change`]s to the display and requests to the loader. At most one clip besides the clip on display is held ready.
 //!
 //! ```text
 //! open ----> Opening --first version--> Current --better versions--> idle
@@ -38,7 +37,7 @@ pub(crate) enum Change<C> {
     Idle,
 }
 
-/// How a clip takes the place of the one on display.
+/// How a clip takes the place of the clip on display.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Transition {
     /// From its start: the viewer opened it.
@@ -52,7 +51,8 @@ pub(crate) enum Transition {
 /// What the loader works on.
 #[derive(Debug)]
 enum Loading {
-    /// What the viewer opened; the flag says whether [`QueueState::neighbours`] are those of it already.
+    /// What the viewer opened; the flag says whether [`QueueState::neighbours`] are already the neighbours of this
+    /// clip.
     Opening { has_neighbours: bool },
     /// Another clip of the playlist on display.
     Beside,
@@ -92,7 +92,7 @@ pub(super) struct QueueState<C> {
     neighbours: Neighbours,
     /// Those of the clip on display while another one is opened by name: they remain if it fails.
     neighbours_before: Option<Neighbours>,
-    /// The clips of the playlist that the loader tries, from the one that it tries now.
+    /// The clips of the playlist that the loader tries, from the clip that it tries now.
     candidates: VecDeque<Entry>,
     /// The clip on display.
     current: Option<Entry>,
@@ -177,7 +177,7 @@ impl<C> QueueState<C> {
         Some(name)
     }
 
-    /// Goes to the next clip or the one before: of the playlist, the next one as soon as it is ready; else of the
+    /// Goes to the next or the previous clip: of the playlist, the next one as soon as it is ready; else of the
     /// folder. Counts from the clip that is being opened, if there is one: two skips in quick succession are two clips.
     /// Where no clip of the playlist could be shown, all are tried again.
     pub(super) fn skip(&mut self, direction: Direction) -> Option<Change<C>> {
@@ -523,7 +523,7 @@ mod tests {
         requested(state).map(|(numbers, _)| numbers)
     }
 
-    /// A playlist of `count` clips of which the first plays and nothing else was requested.
+    /// A playlist of `count` clips. The first plays, and nothing else was requested.
     fn playing(count: usize) -> State {
         let mut state = State::new(true);
         state.open(Some("list".into()));

@@ -83,8 +83,8 @@ pub(super) fn join(base: &str, entry: &str) -> String {
     format!("{}://{}{}", base.scheme, base.host, without_dots(&path))
 }
 
-/// The URL that `reference`, of a redirect from the URL `base`, stands for. It has no fragment, and no user
-/// name or password but those of `reference` itself.
+/// The URL that `reference`, of a redirect from the URL `base`, stands for. It has no fragment; a user name and a
+/// password come from `reference` alone.
 #[cfg(feature = "net")]
 pub(crate) fn resolve(base: &str, reference: &str) -> String {
     let reference = reference.split('#').next().unwrap_or_default();
@@ -107,7 +107,7 @@ pub(crate) fn resolve(base: &str, reference: &str) -> String {
     format!("{scheme}://{host}{path}{query}")
 }
 
-/// An absolute path without empty parts and those of dots (RFC 3986, 5.2.4).
+/// An absolute path without empty parts and dot segments (RFC 3986, 5.2.4).
 fn without_dots(path: &str) -> String {
     let mut parts = Vec::new();
     for part in path.split('/') {
@@ -122,8 +122,8 @@ fn without_dots(path: &str) -> String {
     format!("/{}{end}", parts.join("/"))
 }
 
-/// The URL `name` without user name, password, query and fragment, any of which may be secret, for logs,
-/// messages and titles; only its scheme if they cannot be told from the host. A path as it is.
+/// The URL `name` for logs, messages and titles: without user name, password, query and fragment, which may be secret;
+/// only its scheme if they cannot be told from the host. A path as it is.
 pub(crate) fn redacted(name: &str) -> String {
     let Some(Components { scheme, user_info, host, path, .. }) = Components::parse(name) else {
         return name.into();

@@ -10,7 +10,7 @@ use std::sync::mpsc::{Sender, channel};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 
-/// A thread that carries out requests `R` and reports events `E`. A new request overtakes the one before.
+/// A thread that carries out requests `R` and reports events `E`. A new request overtakes the request before it.
 pub(crate) struct Worker<R, E> {
     /// `None` while the worker is dropped, which ends the thread.
     requests: Option<Sender<(u64, R)>>,
@@ -55,7 +55,7 @@ impl<E> Shared<E> {
         ControlFlow::Continue(())
     }
 
-    /// Makes `number` the latest request, and forgets the event of the one before.
+    /// Makes `number` the latest request, and forgets the event of the request before it.
     fn overtake(&self, number: impl FnOnce(u64) -> u64) -> u64 {
         let mut state = self.lock();
         state.latest = number(state.latest);

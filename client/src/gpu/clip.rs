@@ -1,6 +1,6 @@
 //! [`GpuClip`]: a clip, or what is resident of a take, in GPU memory, with the columns that the CPU culls and sorts by.
 //!
-//! Its Gaussians are those of segments, each with a [`Span`] and a clip time of its own, in up to [`SLOTS`] slots. A clip
+//! Its Gaussians belong to segments, each with a [`Span`] and a clip time of its own, in up to [`SLOTS`] slots. A clip
 //! is one segment that spans all of it. So there is one path from the instant to the sorted rows.
 
 use std::sync::Arc;
@@ -34,7 +34,7 @@ pub struct GpuClip {
     pub(super) uploaded_bytes: usize,
 }
 
-/// Gaussians that are sorted together: those of the clip, or those of its plate.
+/// Gaussians that are sorted together: the clip's, or its plate's.
 #[derive(Clone)]
 pub(super) struct GaussianSet {
     pub(super) buffers: Buffers,

@@ -1,6 +1,6 @@
 //! [`Division`]: the two views of an eye in a foveated frame.
 //!
-//! The wide view shows everything with fewer pixels; the inset shows the middle with those of the composed image.
+//! The wide view shows everything with fewer pixels; the inset shows the middle with the pixels of the composed image.
 //! Both have the same number of pixels: with an inset of 0.45 of the image's sides, 0.4 of the pixels are left.
 
 use glam::{UVec2, Vec2};
@@ -28,7 +28,7 @@ pub(super) struct Division {
 }
 
 impl Division {
-    /// Divides `view`; `side` is that of the inset as a fraction of the image's sides, above 0 and below 1.
+    /// Divides `view`; `side` is the inset's side as a fraction of the image's sides, above 0 and below 1.
     pub(super) fn new(view: &View, side: f32) -> Division {
         let size = part_size(view.size, side);
         let wide_from_full = size.as_vec2() / view.size.as_vec2();

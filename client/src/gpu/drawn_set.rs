@@ -24,7 +24,7 @@ pub(super) struct DrawnSet {
     pub(super) features: Features,
     pub(super) layout: wgpu::BindGroupLayout,
     pub(super) pipeline: wgpu::RenderPipeline,
-    /// Rows to draw, back to front: those of [`DrawnPart::All`], then, from the next batch of quads on, those of
+    /// Rows to draw, back to front: the rows of [`DrawnPart::All`], then, from the next batch of quads on, the rows of
     /// [`DrawnPart::Inset`].
     order: Vec<u32>,
     all: u32,
@@ -87,7 +87,7 @@ impl DrawnSet {
         })
     }
 
-    /// Orders the rows of `items` from the farthest to the nearest; in a `foveated` frame also those of the inset.
+    /// Orders the rows of `items` from the farthest to the nearest; in a `foveated` frame also the rows of the inset.
     pub(super) fn sort(&mut self, sorter: &mut Sorter, items: &mut Vec<Item>, foveated: bool) {
         sorter.sort(items, &mut self.order);
         (self.all, self.inset) = (self.order.len() as u32, 0);

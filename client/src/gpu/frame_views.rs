@@ -20,7 +20,7 @@ pub(super) struct FrameViews {
 }
 
 impl FrameViews {
-    /// The views of one eye or two, with images of the same size. `inset` is that of
+    /// The views of one eye or two, with images of the same size. `inset` is as in
     /// [`RenderSettings`](super::RenderSettings::inset).
     pub(super) fn new(views: &[View], inset: Option<f32>) -> FrameViews {
         let eyes = views.len();

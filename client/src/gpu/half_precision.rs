@@ -17,7 +17,7 @@ use super::settings::RenderSettings;
 use super::target::{ChannelDepth, Offscreen};
 use crate::view::View;
 
-/// Least PSNR of the picture in f16 against the one in f32, in dB.
+/// Least PSNR of the picture in f16 against the picture in f32, in dB.
 const PSNR_MIN: f64 = 50.0;
 
 /// Width and height of the pictures in pixels.

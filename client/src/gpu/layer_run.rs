@@ -6,12 +6,12 @@ use codec::{Clip, Field, LayerEnd, Layers, TimeIndex};
 
 /// Consecutive layers of a clip or a segment.
 pub(crate) struct LayerRun<'a> {
-    /// The static and the dynamic Gaussians, of which `rows` are in these layers.
+    /// The static and the dynamic Gaussians; their `rows` are in these layers.
     pub(crate) fields: [&'a Field; 2],
     pub(crate) rows: [Range<usize>; 2],
     /// Number of rows of the layers before.
     pub(crate) before: LayerEnd,
-    /// Number of rows up to the end of each of these layers, those before included.
+    /// Number of rows up to the end of each of these layers, the layers before included.
     pub(crate) ends: Vec<LayerEnd>,
     /// Index of the dynamic rows, counted from the first of these layers.
     pub(crate) time_index: TimeIndex,

@@ -1,8 +1,8 @@
 //! [`Level`]: rendering quality in steps, from exact down to a lower bound.
 //!
-//! A level changes per-frame parameters only; images and pipelines are shared by all levels. The order is that of
-//! error per fragment: first what lies beside the view axis loses resolution, then Gaussians lose their faintest
-//! rim, then everything loses resolution, and only at the end do Gaussians lose their edges.
+//! A level changes per-frame parameters only; images and pipelines are shared by all levels. The order follows the
+//! error per fragment: first what lies beside the view axis loses resolution, then Gaussians lose their faintest rim,
+//! then everything loses resolution, and only at the end do Gaussians lose their edges.
 
 use clap::ValueEnum;
 use glam::UVec2;
@@ -16,7 +16,7 @@ pub enum Level {
     /// All pixels and Gaussians, each drawn to where its alpha falls to 1/255.
     #[default]
     Exact,
-    /// An inset of 0.45 of the image's sides: what is beside it has 0.45 of the resolution.
+    /// An inset of 0.45 of the image's sides: the rest of the image has 0.45 of the resolution.
     Fine,
     /// An inset of 0.4; support radius limited to `sqrt(8)` standard deviations.
     Good,

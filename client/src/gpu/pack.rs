@@ -26,7 +26,7 @@ const ORIGIN_ROWS: usize = 1000;
 /// further layers arrive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct RecordFormat {
-    /// At least those of the Gaussians. What these lack is 0.
+    /// At least the features of the Gaussians. Features that the Gaussians lack are 0.
     pub(crate) features: Features,
     /// Origin of the centres, in the world of the field.
     pub(crate) origin: DVec3,
@@ -93,8 +93,8 @@ pub(crate) fn features([static_field, dynamic_field]: [&Field; 2], count: LayerE
 /// max]`, while they are alive.
 ///
 /// A cubic that stays within a length D over h widths on either side of an instant has coefficients of at most 2 D / h,
-/// 2 D / h^2 and 2 D / h^3. They are near the top of the range of f16 for an h of [`CROSSING_WIDTHS`]; larger ones are
-/// clamped, and those of a millionth of D still precise.
+/// 2 D / h^2 and 2 D / h^3. They are near the top of the range of f16 for an h of [`CROSSING_WIDTHS`]; larger
+/// coefficients are clamped, and coefficients of a millionth of D are still precise.
 pub(crate) fn motion_units([low, high]: [[f32; 3]; 2]) -> [f32; 3] {
     let extent = (0..3).map(|axis| high[axis] - low[axis]).fold(0.0, f32::max);
     [1, 2, 3].map(|power| {

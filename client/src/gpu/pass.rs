@@ -4,7 +4,7 @@ use glam::UVec2;
 
 use super::device::multiview_mask;
 
-/// Begins a pass into the upper left `size` pixels of `target`, all `layers` layers of which it clears.
+/// Begins a pass into the upper left `size` pixels of `target`, and clears all its `layers` layers.
 pub(super) fn begin<'e>(
     encoder: &'e mut wgpu::CommandEncoder,
     label: &'static str,

@@ -102,7 +102,7 @@ impl Renderer {
         Renderer::for_drawn(gpu, Drawn::Clip(clip), layout)
     }
 
-    /// As [`Renderer::new`], for a take, of which no segment is resident yet.
+    /// As [`Renderer::new`], for a take that has no resident segment yet.
     ///
     /// # Errors
     /// [`Fault::Device`] if the take does not fit the device, or there is not enough memory.
@@ -168,8 +168,8 @@ impl Renderer {
     }
 
     /// Finds and sorts the Gaussians to draw at time `t` of the clip or the take, clamped to 0 to 1, in `views` of the same size, and
-    /// writes them and the views for the next submission. Follow it with [`Renderer::record`], and submit that before
-    /// the next call.
+    /// writes them and the views for the next submission. Follow it with [`Renderer::record`], and submit its commands
+    /// before the next call.
     ///
     /// # Panics
     /// If the number of views does not match the renderer, or `settings` have an inset and its frames are never
@@ -195,8 +195,8 @@ impl Renderer {
 
     /// Records the prepared frame into `encoder`: clears the targets to transparent black and draws the clip. `targets`
     /// has one target of [`Renderer::eyes_per_pass`] layers per pass; the viewport is the upper left corner of the
-    /// targets. A foveated frame needs the images of `foveation`. With `linear`, colours are those of a compositor that
-    /// blends in linear light; a foveated frame then needs [`Foveation::for_linear_light`], another one the images.
+    /// targets. A foveated frame needs the images of `foveation`. With `linear`, colours suit a compositor that blends
+    /// in linear light; a foveated frame then needs [`Foveation::for_linear_light`], another frame the images.
     ///
     /// # Panics
     /// If no frame was prepared, the number of targets does not match the renderer, or the frame lacks images

@@ -1,6 +1,6 @@
 //! [`RuntimeTargets`]: render targets in the images of a headset's runtime. A
 //! [`Renderer`](super::Renderer) draws into the images for the eyes, a [`LinearLight`](super::LinearLight)
-//! converts into those of the panel.
+//! converts into the images of the panel.
 
 use program::Fault;
 

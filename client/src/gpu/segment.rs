@@ -83,13 +83,13 @@ pub struct PackedSegment {
     pub(super) span: Span,
     pub(super) clip: PackedRun,
     pub(super) plate: Option<PackedRun>,
-    /// Number of Gaussians for which it takes room: those of all layers that are announced.
+    /// Number of Gaussians for which it takes room: the Gaussians of all announced layers.
     pub(super) room: LayerEnd,
     /// Factors of the motion coefficients.
     pub(super) motion_units: [f32; 3],
 }
 
-/// Layers of a segment of which those before are in GPU memory, packed as a [`PackedSegment`] is.
+/// Layers of a segment, packed as a [`PackedSegment`] is. The layers before them are in GPU memory.
 pub struct PackedLayers {
     pub(super) run: PackedRun,
 }
@@ -125,7 +125,7 @@ impl PackedSegment {
         })
     }
 
-    /// Number of Gaussians, without those of the plate.
+    /// Number of Gaussians, without the plate's.
     pub fn gaussians(&self) -> usize {
         self.clip.rows.len()
     }

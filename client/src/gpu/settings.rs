@@ -2,7 +2,7 @@
 
 use clap::ValueEnum;
 
-/// Per-frame settings. With the defaults, the picture is that of the reference renderer.
+/// Per-frame settings. With the defaults, the picture is the reference renderer's.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RenderSettings {
     /// Sort key of the Gaussians.

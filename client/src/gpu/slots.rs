@@ -26,7 +26,7 @@ use super::stages::evaluate::Buffers;
 // An instant of a take is held by no more segments.
 const _: () = assert!(SLOTS as usize >= codec::RESIDENT_MAX);
 
-/// A segment in [`Slots`]. Never equal to that of another segment of the same take, also after its removal.
+/// A segment in [`Slots`]. Never equal to the id of another segment of the same take, also after its removal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct SlotId {
     number: usize,
@@ -75,7 +75,7 @@ struct Upload {
     plate: Option<RunUpload>,
 }
 
-/// A [`PackedRun`], of which a number of bytes is uploaded.
+/// A [`PackedRun`], and the number of its bytes that are uploaded.
 struct RunUpload {
     run: PackedRun,
     done: usize,

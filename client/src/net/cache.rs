@@ -24,7 +24,7 @@ const WRITING: &str = "part";
 /// Bytes of a checksum.
 const SUM_BYTES: usize = 32;
 
-/// The name of the layout of entries: those of another one count as damaged.
+/// The name of the layout of entries. Entries of another layout count as damaged.
 const LAYOUT: &[u8] = b"aarc cache 2";
 
 /// Age at which a file being written counts as left behind by a player that ended.

@@ -71,7 +71,7 @@ pub struct Download {
     has_cached: bool,
     /// What was decoded of the file that is being fetched.
     arrived: Option<Arrived>,
-    /// Bytes of which the latest clip was decoded, and seconds that decoding a byte of its last layers took.
+    /// Bytes from which the latest clip was decoded, and seconds that decoding a byte of its last layers took.
     decoded_bytes: usize,
     decoding_s_per_byte: f64,
     /// The reason of a retry reported last.
@@ -187,7 +187,7 @@ impl Download {
         self.decoded_bytes == 0 || state.progress.remaining_s().is_some_and(|left_s| left_s > decoding_s)
     }
 
-    /// Handles the end of the fetch, of which `playable_bytes` bytes play.
+    /// Handles the end of the fetch. The first `playable_bytes` bytes of `package` play.
     fn on_outcome(&mut self, outcome: Outcome, package: Vec<u8>, playable_bytes: usize) -> Flow {
         match outcome {
             Outcome::Unchanged => ControlFlow::Continue(()),
@@ -238,8 +238,8 @@ impl Download {
         }
     }
 
-    /// Decodes the complete layers of the file, of which `bytes` have arrived: those that are new alone; `None` if there
-    /// are none. A file that was sent again as another version is decoded from its start.
+    /// Decodes the new layers that are complete in `bytes`, the part of the file that has arrived; `None` if there are
+    /// none. A file that was sent again as another version is decoded from its start.
     fn decode(&mut self, bytes: &[u8]) -> Result<Option<ClipVersion>, Fault> {
         let start = Instant::now();
         let (version, new_bytes) = self.decode_arrived(bytes).map_err(|error| undecodable(&error))?;

@@ -78,7 +78,7 @@ enum Trouble {
 }
 
 impl RemoteFile {
-    /// The file at `url`, of which nothing is fetched yet.
+    /// The file at `url`; nothing is fetched yet.
     ///
     /// # Errors
     /// [`Fault::Network`] if the certificates to trust cannot be read.

@@ -1,8 +1,8 @@
 //! [`Server`]: requests over HTTP and HTTPS, with errors as sentences.
 //!
 //! Only this file and `wire` name the HTTP library. It trusts Mozilla's certificates, which are built in and thus the
-//! same on every system, or those in `SSL_CERT_FILE`, as OpenSSL does. Redirects are followed here, and their bodies
-//! are not read: they may be endless.
+//! same on every system, or the certificates in `SSL_CERT_FILE`, as OpenSSL does. Redirects are followed here, and
+//! their bodies are not read: they may be endless.
 
 use std::io::{ErrorKind, Read};
 use std::sync::Arc;

@@ -12,7 +12,7 @@ pub struct RetryPolicy {
     pub response_timeout: Duration,
     /// Longest time without a byte.
     pub read_timeout: Duration,
-    /// Longest time of a request, beyond that of its bytes at the least rate.
+    /// Longest time of a request, beyond the time of its bytes at the least rate.
     pub grace: Duration,
     /// The least rate of a request.
     pub least_bytes_per_s: u32,

@@ -25,7 +25,7 @@ pub(super) struct FileRequest {
     pub(super) offset: u64,
     /// Where to stop, before the end of the file.
     pub(super) end: Option<u64>,
-    /// The version of which to send the rest; the server sends another version whole.
+    /// The version whose rest is wanted; the server sends another version whole.
     pub(super) if_range: Option<String>,
     /// The version in the cache.
     pub(super) if_none_match: Option<String>,

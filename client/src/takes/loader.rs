@@ -103,7 +103,7 @@ impl SegmentLoader {
         }
     }
 
-    /// The segments that were taken from the list, and of which no event was received yet.
+    /// The segments that were taken from the list, and that have sent no event yet.
     pub(super) fn under_way(&self) -> Vec<usize> {
         lock(&self.wants).under_way.iter().map(|want| want.segment).collect()
     }

@@ -1,4 +1,4 @@
-//! Takes: clips of minutes, of which only what playing needs is in memory.
+//! Takes: clips of minutes. Only the parts that playing needs are in memory.
 //!
 //! ```text
 //! file --source--> opened (head, table) --> loader (a thread) --packed segments--> player --> slots of the renderer

@@ -22,7 +22,7 @@ const HEAD_BYTES: u64 = 32 << 10;
 /// the player, and one that is decoded.
 const MEMORY_PARTS: usize = 4;
 
-/// Plates that are resident at once: the one that is drawn, and the next.
+/// Plates that are resident at once: the drawn plate, and the next.
 const PLATES: usize = 2;
 
 /// What was loaded of a segment.
@@ -254,7 +254,7 @@ impl OpenTake {
         }
     }
 
-    /// Reads the segment up to the wanted layers, with those before, which a cache has.
+    /// Reads the segment up to the wanted layers, with the layers before, which a cache has.
     fn read(&self, want: Want) -> Result<Vec<u8>, Fault> {
         let segment = &self.take.segments[want.segment];
         let length = segment.layers[want.layers - 1].bytes;
@@ -300,7 +300,7 @@ impl OpenTake {
     }
 }
 
-/// Threads that decode: all but the one that draws.
+/// Threads that decode: all but the thread that draws.
 fn threads() -> NonZero<usize> {
     let all = thread::available_parallelism().map_or(1, NonZero::get);
     NonZero::new(all - 1).unwrap_or(NonZero::<usize>::MIN)

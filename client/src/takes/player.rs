@@ -1,8 +1,8 @@
 //! [`TakePlayer`]: keeps the segments of a take in GPU memory that playing needs.
 //!
 //! Once a frame, between two frames, [`TakePlayer::update`] takes in what the loader has packed, makes room for it by
-//! removing what is least needed, and uploads a part of it. It never waits. An instant of which a segment is missing is
-//! not drawn: the clock waits ([`TakePlayer::is_missing`]), and the latest complete instant stays on display
+//! removing what is least needed, and uploads a part of it. It never waits. An instant that lacks a segment is not
+//! drawn: the clock waits ([`TakePlayer::is_missing`]), and the latest complete instant stays on display
 //! ([`TakePlayer::shown_s`]).
 
 use std::sync::Arc;
@@ -319,7 +319,7 @@ impl TakePlayer {
                 self.replaced = Some(fault);
                 self.retry_at = Some(Instant::now() + RETRY_AFTER);
             }
-            // Its first layer may be whole, and those before are.
+            // The first layer of the read may be whole, and the layers before it are.
             SegmentEvent::Failed(want, fault) => {
                 self.give_up(want, want.from.max(want.layers.min(2) - 1), &fault.to_string())
             }
@@ -339,8 +339,8 @@ impl TakePlayer {
         self.replan();
     }
 
-    /// Appends further layers to those of their segment. Where these are gone, they are dropped: the plan asks for the
-    /// segment again if it is wanted.
+    /// Appends further layers to the layers of their segment. If the segment is gone, they are dropped: the plan asks
+    /// for the segment again if it is wanted.
     fn append(&mut self, slots: &mut Slots, want: Want, layers: PackedLayers) {
         let is_followed =
             |resident: &&mut Resident| (resident.segment, resident.layers) == (want.segment, want.from);

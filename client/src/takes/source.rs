@@ -136,7 +136,7 @@ impl TakeSource {
         }
     }
 
-    /// Whether the file is another version by now than the one that was opened. Asks the disk, but no server.
+    /// Whether another version has replaced the file since it was opened. Asks the disk, but no server.
     pub(crate) fn is_replaced(&self) -> bool {
         match self {
             TakeSource::File(file) => file.replaced_for().is_some(),

@@ -71,8 +71,8 @@ struct First {
     note: Option<String>,
 }
 
-/// Waits for the clip of `args`, or for the first clip of their playlist that loads. Prints the faults of
-/// those before it.
+/// Waits for the clip of `args`, or for the first clip of their playlist that loads. Prints the faults of the clips
+/// before it.
 fn first_clip(args: &Args, reporter: &mut Reporter) -> Result<First, Fault> {
     let layers = args.layer.map_or(1, |layers| layers as usize);
     let source = args.source(cache_dir());

@@ -220,7 +220,7 @@ pub(super) struct Session {
     drawn: Option<PictureState>,
     counts: FrameCounts,
     frame_times: FrameTimes,
-    /// Time of the previous frame; `None` after a rest, of which the clip's clock knows nothing.
+    /// Time of the previous frame; `None` after a rest, which the clip's clock does not count.
     last_frame: Option<Instant>,
     /// Whether the previous frame asked for this one at once.
     is_continuous: bool,
@@ -519,7 +519,7 @@ impl Session {
         let repaint =
             output.viewport_output.get(&ViewportId::ROOT).map_or(Duration::MAX, |root| root.repaint_delay);
         Ok(match next_change.unwrap_or(Duration::MAX).min(repaint).min(self.loading_retry()) {
-            // The statistics are those of the previous frame.
+            // The statistics describe the previous frame.
             _ if outdated || self.playing.take.as_ref().is_some_and(TakePlayer::is_uploading) => Next::Now,
             Duration::ZERO => Next::Now,
             Duration::MAX => Next::OnInput,

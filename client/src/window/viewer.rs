@@ -153,8 +153,8 @@ impl Viewer {
         self.is_scrubbing
     }
 
-    /// Handles the input of a frame, advances player and camera, and shows the controls, with those of the `volume` if
-    /// the clip has sound. `statistics` are rows of names and values.
+    /// Handles the input of a frame, advances player and camera, and shows the controls, with the controls of the
+    /// `volume` if the clip has sound. `statistics` are rows of names and values.
     pub(crate) fn frame(
         &mut self,
         ui: &mut Ui,

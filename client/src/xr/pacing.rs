@@ -10,7 +10,7 @@ pub(super) struct FrameTimer {
 }
 
 impl FrameTimer {
-    /// Seconds from the previous frame to the one seen at `display_ns`; 0 while the viewer is away, and for
+    /// Seconds from the previous frame to the frame seen at `display_ns`; 0 while the viewer is away, and for
     /// the time away.
     pub(super) fn elapsed_s(&mut self, display_ns: i64, attended: bool) -> f64 {
         let last_ns = std::mem::replace(&mut self.last_ns, attended.then_some(display_ns));

@@ -2,11 +2,11 @@
 //! -- MIT_KEMAR_normal_pinna.sofa assets/head.bin`.
 //!
 //! Each response of the left ear is divided by the mean over all directions, which takes out the loudspeaker and the ear
-//! canal of the measurement, is smoothed, becomes one of minimum phase, and is shortened. The delay that this takes out is
-//! the one at which the response below 1.5 kHz correlates most with what is left of it (Nam, Abel and Smith, A Method for
-//! Estimating Interaural Time Difference for Binaural Synthesis, 2008). The file has the directions in rings from -40 degrees of
-//! elevation up, each counterclockwise from the front: a delay in 1/256 samples at 48 kHz, and 96 taps in 1/8192, as
-//! little-endian integers of 16 bits. `responses.rs` reads it.
+//! canal of the measurement, is smoothed, becomes one of minimum phase, and is shortened. The delay that this takes out
+//! is the delay at which the response below 1.5 kHz correlates most with its remainder (Nam, Abel and Smith, A Method
+//! for Estimating Interaural Time Difference for Binaural Synthesis, 2008). The file has the directions in rings from
+//! -40 degrees of elevation up, each counterclockwise from the front: a delay in 1/256 samples at 48 kHz, and 96 taps
+//! in 1/8192, as little-endian integers of 16 bits. `responses.rs` reads it.
 
 use std::collections::BTreeMap;
 use std::error::Error;

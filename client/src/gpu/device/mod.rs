@@ -1,6 +1,6 @@
 //! [`Gpu`]: the graphics device and its capabilities.
 //!
-//! [`DeviceRequest`] chooses features and limits from those of the adapter. A headset's runtime opens the
+//! [`DeviceRequest`] chooses features and limits from the adapter's. A headset's runtime opens the
 //! device itself, see [`vulkan`].
 
 mod loss;
@@ -79,7 +79,7 @@ struct DeviceRequest {
 }
 
 impl DeviceRequest {
-    /// Intersects the features and limits that the renderer uses with those of the adapter `info`.
+    /// Intersects the features and limits that the renderer uses with the features and limits of the adapter `info`.
     fn new(info: &wgpu::AdapterInfo, features: wgpu::Features, limits: &wgpu::Limits) -> DeviceRequest {
         let used = wgpu::Features::MULTIVIEW
             | wgpu::Features::TIMESTAMP_QUERY

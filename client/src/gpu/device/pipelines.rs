@@ -1,5 +1,5 @@
-//! [`Pipelines`]: the pipelines of a device. Each is compiled once: those of a clip serve the next ones, and what the
-//! driver made of them serves the next run.
+//! [`Pipelines`]: the pipelines of a device. Each is compiled once: the pipelines of a clip serve the next clips, and
+//! what the driver made of them serves the next run.
 //!
 //! A pipeline is named by its source, its target and its views: the source declares the bindings and holds the
 //! constants. wgpu and the driver reject what another device or driver left.
@@ -79,7 +79,7 @@ impl Pipelines {
         lock(&self.built).get(key).cloned()
     }
 
-    /// Adds a valid pipeline; returns that of another thread, if it was faster.
+    /// Adds a valid pipeline; returns another thread's pipeline, if that thread was faster.
     pub(super) fn add(&self, key: PipelineKey, pipeline: wgpu::RenderPipeline) -> wgpu::RenderPipeline {
         if let Some(kept) = &self.kept {
             kept.changed.store(true, Ordering::Release);

@@ -37,7 +37,7 @@ pub(crate) unsafe trait VulkanRuntime {
     /// [`Fault::Device`] if the runtime fails.
     ///
     /// # Safety
-    /// As for `vkCreateInstance`, and `loader` must be that of a Vulkan loader that stays loaded.
+    /// As for `vkCreateInstance`, and `loader` must be the function of a Vulkan loader that stays loaded.
     unsafe fn create_instance(
         &self,
         loader: vk::PFN_vkGetInstanceProcAddr,
@@ -86,7 +86,7 @@ impl Gpu {
     /// [`Fault::Device`] if there is no Vulkan, the runtime fails, or the GPU does not meet the
     /// requirements.
     pub(crate) fn from_vulkan(runtime: &impl VulkanRuntime) -> Result<(Gpu, VulkanHandles), Fault> {
-        // Long: a sequence in which each handle is made from those before, and the safety of each call
+        // Long: a sequence in which each handle is made from the handles before, and the safety of each call
         // follows from the calls above it.
         let failed = |what: &str, error: &dyn std::fmt::Display| {
             Fault::Device(format!("graphics device of the headset: {what}: {error}: update its driver"))

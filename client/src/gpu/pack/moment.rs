@@ -13,11 +13,11 @@
 //!   `2^-35 |u|`, `2^-32 |u|^2` and `2^-29 |u|^3` of the bounds of the clip if that is more. A visible
 //!   Gaussian has `|u| <= 3.4`, plus the rounding of `t0` to 65536ths: up to 8 at a width of 1e-6, twice
 //!   that at the end of the clip.
-//! - Opacity: `z` is off by `h |t - t0| / s` for the rounding of `1/s` and by `2^-11` for that of
-//!   `z0`; `|t - t0| / s <= |z| + |z0|`; the slope of `exp(-z^2 / 2)` is `|z| exp(-z^2 / 2) <= 0.61`,
-//!   and `z^2 exp(-z^2 / 2) <= 0.74`. Together `h (1.35 + 0.61 |z0|)` of a full alpha: 0.17 of an
-//!   8-bit step if the centre of the window is in the clip, and 0.43 if the clip contains only its end,
-//!   3.4 widths away. With the rounding of `t0`, it is 0.8 of a step at a width of 1e-6.
+//! - Opacity: `z` is off by `h |t - t0| / s` for the rounding of `1/s` and by `2^-11` for the rounding of `z0`; `|t -
+//!   t0| / s <= |z| + |z0|`; the slope of `exp(-z^2 / 2)` is `|z| exp(-z^2 / 2) <= 0.61`, and `z^2 exp(-z^2 / 2) <=
+//!   0.74`. Together `h (1.35 + 0.61 |z0|)` of a full alpha: 0.17 of an 8-bit step if the centre of the window is in
+//!   the clip, and 0.43 if the clip contains only its end, 3.4 widths away. With the rounding of `t0`, it is 0.8 of a
+//!   step at a width of 1e-6.
 //! - Rotation: `h` of the quaternion's change since `t0`, or `2^-20 |u|` if that is more.
 
 use codec::{Field, Temporal};
@@ -35,7 +35,7 @@ pub(in crate::gpu) const Z_STEPS: f64 = 1024.0;
 pub(super) const MOTION_MAX: f64 = 16_777_216.0;
 
 /// Limit of angular rates per width, which f16 holds in units of [`RATE_UNIT`](shaders::RATE_UNIT): such a rotation is
-/// that of the rate, of either sign, but for a millionth of the window.
+/// the rotation of the rate, of either sign, but for a millionth of the window.
 const RATE_MAX: f64 = 1_048_576.0;
 
 /// A row of a field about the instant `t0`. With `d = t - t0` and `u = d max(1, 1/s)` its position is

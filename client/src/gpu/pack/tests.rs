@@ -1,4 +1,4 @@
-//! Error bounds of every packed quantity: the unpacking here is that of the WGSL.
+//! Error bounds of every packed quantity: the unpacking here is the WGSL's.
 
 use codec::{Temporal, sh_coefficients};
 

@@ -17,7 +17,7 @@ pub(in crate::gpu) struct Buffers {
     pub(in crate::gpu) features: Features,
     /// Number of rows that they hold.
     pub(in crate::gpu) rows: usize,
-    /// Ranges of a clip; those of a take change from frame to frame and are the renderer's.
+    /// Ranges of a clip. The ranges of a take change from frame to frame and are the renderer's.
     ranges: Option<wgpu::Buffer>,
     gaussians: wgpu::Buffer,
     motion: Option<wgpu::Buffer>,

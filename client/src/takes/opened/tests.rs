@@ -202,7 +202,7 @@ fn a_damaged_segment_is_refused_alone() {
     let text = gaussians(&opened, 1, 1).unwrap_err().to_string();
     assert!(text.contains("a.aarc: segment 1, at 1.000 s: ") && text.contains("copy it again"), "{text}");
     assert!(gaussians(&opened, 0, 2).is_ok() && gaussians(&opened, 2, 3).is_ok());
-    // Of a segment of which the last layer is damaged, those before are loaded.
+    // If the last layer of a segment is damaged, the layers before it are loaded.
     let mut bytes = three();
     *bytes.last_mut().unwrap() ^= 1;
     let file = written(&bytes);

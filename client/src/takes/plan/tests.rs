@@ -41,7 +41,7 @@ fn dyadic(unit_s: f64, count: u32) -> Take {
     take(duration_s, &segments)
 }
 
-/// Clips one after the other, the ends of which are sums.
+/// Clips one after the other, whose ends are sums.
 fn joined(durations: &[f64]) -> Take {
     let mut start_s = 0.0;
     let segments: Vec<(f64, f64, &[usize])> = durations
@@ -307,7 +307,7 @@ fn ten_thousand_segments_are_planned_anywhere() {
     let take = dyadic(1.0, 5000);
     assert!(take.segments.len() > 9_900, "{}", take.segments.len());
     let rows = rows_wanted(&take);
-    // At most four segments of each of the twelve levels, and the one that spans the take.
+    // At most four segments of each of the twelve levels, and the segment that spans the take.
     assert!(rows <= 12 * 4 * 200 + 90, "{rows}");
     for step in 0..200 {
         let t_s = 4999.9 * f64::from(step * 37 % 200) / 200.0;

@@ -10,7 +10,7 @@ use crate::clips::{Direction, redacted, title};
 pub(crate) enum Opening {
     /// The clip or playlist of this name.
     Clip(String),
-    /// The next clip of the playlist or the folder, or the one before.
+    /// The next or the previous clip of the playlist or the folder.
     Beside(Direction),
     /// A file that is still to be chosen.
     Picker,

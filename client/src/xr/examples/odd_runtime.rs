@@ -3,7 +3,7 @@
 //! `AARC_RUNTIME` says how: `views:N` reports N views of two eyes, `one-eye` refuses two eyes, as runtimes with one or
 //! four views do, `no-time` predicts no display time, `no-period` no period and offers no rates, `one-layer` refuses
 //! frames with more than one projection layer. The layer implements version 1 of the loader's interface: it hands out
-//! its own functions for the names that it changes, and those of the next layer or the runtime for all others.
+//! its own functions for the names that it changes, and the functions of the next layer or the runtime for all others.
 
 #![allow(unsafe_code, reason = "a layer speaks the loader's C interface")]
 

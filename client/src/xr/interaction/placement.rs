@@ -155,7 +155,7 @@ impl Similarity {
     }
 
     /// For `self` = `stage_from_clip`: the rigid transform of an eye in the stage, in OpenCV axes and units of
-    /// the clip, as in [`View::view_from_world`]. Focal lengths and principal points are those of the stage: a
+    /// the clip, as in [`View::view_from_world`]. Focal lengths and principal points are the stage's: a
     /// uniform scale does not change them.
     ///
     /// [`View::view_from_world`]: crate::view::View::view_from_world

@@ -20,7 +20,7 @@ use crate::state_file::StateFile;
 /// The file. [`CLIPS`] of the longest names fit.
 const FILE: StateFile = StateFile { name: "placements.json", version: 1, max_bytes: 1 << 20 };
 
-/// Number of remembered clips: the ones placed last.
+/// Number of remembered clips: the clips placed last.
 const CLIPS: usize = 64;
 
 /// Longest name of a clip, in bytes.
@@ -81,8 +81,8 @@ impl PlacementStore {
         self.entries.iter().rev().find(|entry| entry.clip == key).map(Entry::placement)
     }
 
-    /// Remembers the placement of the clip `key`, without writing it yet. The store holds 64 clips and forgets
-    /// the one placed longest ago. Names longer than a kilobyte are ignored.
+    /// Remembers the placement of the clip `key`, without writing it yet. The store holds 64 clips and forgets the clip
+    /// placed longest ago. Names longer than a kilobyte are ignored.
     pub fn set(&mut self, key: &str, placement: &Placement) {
         if key.len() > KEY_BYTES || self.get(key).as_ref() == Some(placement) {
             return;

@@ -167,7 +167,7 @@ impl Panel {
         self.scrubbing
     }
 
-    /// Runs a frame of the interface, `elapsed_s` seconds after the one before. Pressed buttons append to
+    /// Runs a frame of the interface, `elapsed_s` seconds after the frame before. Pressed buttons append to
     /// `commands`. Returns a new picture if the panel changed.
     pub fn frame(
         &mut self,

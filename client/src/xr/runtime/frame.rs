@@ -56,7 +56,7 @@ impl<C: FrameCalls> Frame<'_, C> {
 impl<C: FrameCalls> Drop for Frame<'_, C> {
     fn drop(&mut self) {
         if !self.ended {
-            // The first error is the one to report.
+            // The first error is reported, and not this call's.
             let _ = self.calls.end(self.timing, Default::default());
         }
     }

@@ -29,8 +29,8 @@ use program::Fault;
 use quality::{Punctuality, Quality};
 use statistics::{FrameCost, Statistics};
 
-/// Seconds from a frame's beginning to its display that are assumed: about two periods. The runtime's clock is another
-/// one than that of sound, so the prediction itself does not say.
+/// Seconds from a frame's beginning to its display that are assumed: about two periods. The runtime's clock is not the
+/// clock of sound, so the prediction itself does not say.
 const AHEAD_S: f64 = 0.025;
 
 /// How long a part of a take may be missing before the panel says so: shorter waits are barely seen.
@@ -254,7 +254,7 @@ impl Show {
         self.recentre_at_ns = Some(at_ns);
     }
 
-    /// Moves on to the frame seen at `display_ns`: hands, then their commands and those of the panel, then the timer.
+    /// Moves on to the frame seen at `display_ns`: hands, then their commands and the panel's, then the timer.
     pub(super) fn advance(&mut self, display_ns: i64, viewer: &Viewer<'_>, haptics: &mut Haptics) -> Moved {
         let elapsed_s = self.timer.elapsed_s(display_ns, viewer.attends);
         let mut moved = Moved::default();

@@ -41,7 +41,7 @@ impl Place {
         self.interaction.recentre(head, self.standpoint);
     }
 
-    /// Puts the next clip of a playlist where the one before stands.
+    /// Puts the next clip of a playlist where the clip before it stands.
     pub(super) fn hand_over(&mut self, subject: Subject) {
         if let Some(placement) = self.interaction.placement().copied() {
             self.interaction.put(subject, placement);

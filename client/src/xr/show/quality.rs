@@ -1,9 +1,9 @@
 //! [`Quality`]: the best level of quality that the headset keeps up with.
 //!
-//! The levels go from the best down; the viewer chooses the best one to use. A frame is late if the display repeated
-//! the one before, or the GPU took longer than the display's period. Late frames fill a bucket and punctual ones empty
-//! it; when it is full, the level drops by one. When the GPU has had room for a while, it rises by one. Where the GPU
-//! has no timestamps, a longer time without a late frame counts as room. A rise that does not last doubles the time
+//! The levels go from the best down; the viewer chooses the best level to use. A frame is late if the display repeated
+//! the frame before, or the GPU took longer than the display's period. Late frames fill a bucket and punctual ones
+//! empty it; when it is full, the level drops by one. When the GPU has had room for a while, it rises by one. Where the
+//! GPU has no timestamps, a longer time without a late frame counts as room. A rise that does not last doubles the time
 //! until the next one, so that the picture does not flicker between levels.
 //!
 //! Before the last level, which shows Gaussians without their edges, the display slows down, if it can. `Least` is the

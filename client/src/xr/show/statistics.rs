@@ -27,7 +27,7 @@ pub(super) struct FrameCost {
     /// For both eyes; `None` if the GPU has no timestamps.
     pub(super) gpu_ms: Option<f64>,
     pub(super) period_ms: f64,
-    /// Of the segments of a take.
+    /// Counts of the segments of a take.
     pub(super) take: Option<TakeCounts>,
 }
 

@@ -57,7 +57,7 @@ impl System {
         false
     }
 
-    /// Limits on clips: those of a desktop.
+    /// Limits on clips of a desktop.
     pub(in crate::xr) fn limits(&self) -> Limits {
         Limits::default()
     }

@@ -1,10 +1,10 @@
 //! [`clip_limits`]: limits on clips that fit the memory of a standalone headset.
 //!
 //! A headset has one memory for the system, the GPU and this program. Android's memory class
-//! (`ActivityManager.getMemoryClass`) bounds the heap of Java alone, of which this program uses nothing; native
-//! programs share what the machine has, and the system ends those that take too much of it. So clips get a share
-//! of the machine's memory, `MemTotal` of `/proc/meminfo`. `MemAvailable` would let a clip play in one run and
-//! not in the next.
+//! (`ActivityManager.getMemoryClass`) bounds the heap of Java alone, which this program does not use; native programs
+//! share what the machine has, and the system ends those that take too much of it. So clips get a share of the
+//! machine's memory, `MemTotal` of `/proc/meminfo`. `MemAvailable` would let a clip play in one run and not in the
+//! next.
 
 use codec::Limits;
 
@@ -18,7 +18,7 @@ const SHARE: u64 = 4;
 /// its vector grows; the copy that is decoded; and the decoded clip with the decoder's work space.
 const BUFFERS: u64 = 5;
 
-/// Clips that can be drawn at a time: the one on display, the next one, and a version that is being loaded.
+/// Clips that can be drawn at a time: the clip on display, the next clip, and a version that is being loaded.
 const RESIDENT: u64 = 3;
 
 /// Limits on each clip of a machine with `total_bytes` of memory, so that everything that clips take fits into a

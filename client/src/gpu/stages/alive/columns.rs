@@ -55,7 +55,7 @@ impl Batch {
 }
 
 impl RowColumns {
-    /// Prepares the columns of `rows` of `field`; `origin` is that of the clip, in the world of the field.
+    /// Prepares the columns of `rows` of `field`; `origin` is the clip's origin, in the world of the field.
     pub(super) fn new(field: &Field, rows: Range<usize>, origin: DVec3) -> RowColumns {
         let moment = |row: usize| match &field.temporal {
             Some(temporal) => Moment::new(field, temporal, row),

@@ -41,7 +41,7 @@ pub(in crate::gpu) struct LayerRows {
     dynamic_field: RowColumns,
     /// Rows of the layers before.
     before: LayerEnd,
-    /// Rows up to the end of each layer, those before included.
+    /// Rows up to the end of each layer, the layers before included.
     ends: Vec<LayerEnd>,
     /// Counts from the first of these dynamic rows.
     time_index: TimeIndex,
@@ -53,7 +53,7 @@ impl Rows {
         Rows { runs: vec![Arc::new(rows)], first_dynamic }
     }
 
-    /// These rows and those of further layers.
+    /// These rows and the rows of further layers.
     pub(in crate::gpu) fn followed_by(&self, rows: LayerRows) -> Rows {
         let runs = self.runs.iter().cloned().chain([Arc::new(rows)]).collect();
         Rows { runs, first_dynamic: self.first_dynamic }
@@ -76,7 +76,7 @@ impl Rows {
 }
 
 impl LayerRows {
-    /// Prepares the rows of layers; `origin` is that of the clip, in the world of the fields.
+    /// Prepares the rows of layers; `origin` is the clip's origin, in the world of the fields.
     pub(in crate::gpu) fn new(run: &LayerRun<'_>, origin: DVec3) -> LayerRows {
         let columns = |region: usize| RowColumns::new(run.fields[region], run.rows[region].clone(), origin);
         LayerRows {
@@ -97,12 +97,13 @@ impl LayerRows {
         self.before
     }
 
-    /// Rows up to the end of the last of these layers, those before included.
+    /// Rows up to the end of the last of these layers, the layers before included.
     pub(in crate::gpu) fn end(&self) -> LayerEnd {
         self.ends.last().copied().unwrap_or(self.before)
     }
 
-    /// Culls the rows of the first `layers` layers. `firsts` are those of all static and of all dynamic rows of the clip.
+    /// Culls the rows of the first `layers` layers. `firsts` are the first static and the first dynamic row of the
+    /// whole clip.
     fn alive(&self, t: f64, layers: usize, firsts: [u32; 2], culler: &mut Culler<'_>) {
         let layers = layers.min(self.ends.len());
         let Some(end) = layers.checked_sub(1).map(|last| self.ends[last]) else {
@@ -155,7 +156,7 @@ pub(in crate::gpu) struct Culler<'a> {
 }
 
 impl<'a> Culler<'a> {
-    /// For a frame of `views` under `settings`. Replaces `items` by the rows to draw and marks those in the inset;
+    /// For a frame of `views` under `settings`. Replaces `items` by the rows to draw and marks the rows in the inset;
     /// `origin` is the clip's origin in the world, `near` its near distance.
     pub(in crate::gpu) fn new(
         views: &FrameViews,

@@ -2,7 +2,7 @@
 
 use openxr as xr;
 
-/// Preferred rate in Hz: smooth, and within the power of standalone headsets; and the one below it.
+/// Preferred rate in Hz: smooth, and within the power of standalone headsets; and the rate below it.
 const PREFERRED_HZ: f32 = 90.0;
 const SLOW_HZ: f32 = 72.0;
 

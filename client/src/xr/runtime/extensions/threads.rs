@@ -7,11 +7,11 @@ use std::path::Path;
 #[cfg(target_os = "android")]
 use openxr as xr;
 
-/// Names the calling thread as the one that draws and submits frames, and the activity's as the main one.
+/// Names the calling thread as the thread that draws and submits frames, and the activity's as the main thread.
 #[cfg(target_os = "android")]
 pub(in crate::xr) fn assign(session: &xr::Session<xr::Vulkan>) {
     let Some(settings) = &session.instance().exts().khr_android_thread_settings else { return };
-    // The first thread of a process on Android is that of the activity, and has the number of the process.
+    // The first thread of a process on Android is the activity's, and has the number of the process.
     let main = Some(std::process::id());
     let here = std::fs::read_link("/proc/thread-self").ok().and_then(|link| thread_id(&link));
     for (role, thread) in

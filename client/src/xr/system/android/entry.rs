@@ -26,7 +26,7 @@ const LOG_TAG: &str = "aarc";
 static ASSETS: OnceLock<AssetManager> = OnceLock::new();
 
 /// Plays until the viewer leaves or the activity is destroyed. Returning ends the activity.
-// SAFETY: no other symbol has this name, and the type is the one that the activity's glue calls.
+// SAFETY: no other symbol has this name, and the activity's glue calls a function of this type.
 #[unsafe(no_mangle)]
 fn android_main(app: AndroidApp) {
     log_to_system();

@@ -44,7 +44,7 @@ impl System {
         })
     }
 
-    /// Starts the runtime with these extensions and the one that passes the activity on.
+    /// Starts the runtime with these extensions and the extension that passes the activity on.
     ///
     /// # Errors
     /// The code of the loader or the runtime.
@@ -121,7 +121,8 @@ impl System {
         super::intent::cache_folder(&self.app).map(|folder| folder.join("clips"))
     }
 
-    /// The folder for compiled pipelines, which the system empties like that of downloads; `None` if there is none.
+    /// The folder for compiled pipelines, which the system empties like the folder of downloads; `None` if there is
+    /// none.
     pub(in crate::xr) fn pipelines(&self) -> Option<PathBuf> {
         super::intent::cache_folder(&self.app).map(|folder| folder.join("pipelines"))
     }
