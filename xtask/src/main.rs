@@ -1,4 +1,4 @@
-//! `cargo xtask`: the contributors' commands, and those of the host tool, `aarc-studio`, which is built if
+//! `cargo xtask`: the contributors' commands, and the commands of the host tool, `aarc-studio`, which is built if
 //! need be and takes this program's place.
 
 mod commands;

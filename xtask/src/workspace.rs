@@ -65,7 +65,7 @@ pub fn onnx_library() -> Option<PathBuf> {
 /// Variable with the password of the key that signs an APK.
 const PASSWORD: &str = "APK_KEYSTORE_PASSWORD";
 
-/// A Cargo command in the root of the repository: the Cargo that runs this program, or the one on PATH.
+/// A Cargo command in the root of the repository: the Cargo that runs this program, or the Cargo on PATH.
 pub fn cargo() -> Command {
     builder(env::var_os("CARGO").unwrap_or_else(|| OsString::from("cargo")))
 }

@@ -128,7 +128,7 @@ impl ParameterValue {
 
 impl Parameter {
     /// The parameter with its front marked: the points that no other point of the front beats. A curve that rises in
-    /// steps below the resolution so keeps a point wherever it has risen by as much.
+    /// steps below the resolution so keeps each point at which it has risen by as much.
     pub fn mark_front(mut self) -> Parameter {
         let points = &self.points;
         let mut by_cost: Vec<usize> = (0..points.len()).collect();
@@ -136,7 +136,7 @@ impl Parameter {
             let [a, b] = [a, b].map(|i| &points[i]);
             a.cost.median.total_cmp(&b.cost.median).then(b.psnr_db().total_cmp(&a.psnr_db()))
         });
-        // A point is beaten only by those before it.
+        // A point is beaten only by points before it.
         let mut front: Vec<usize> = Vec::new();
         for i in by_cost {
             if !front.iter().any(|&other| points[other].beats(&points[i])) {

@@ -2,7 +2,7 @@
 //!
 //! A plain run is short: it comes before every landing. `--full` adds what takes long and seldom fails. Every step runs,
 //! even after a failure, so that one run shows all problems. In a full run, steps of the
-//! workspace run beside those of the workspaces with target folders of their own: while one links or
+//! workspace run beside the steps of the workspaces with target folders of their own: while one links or
 //! tests on one core, the other compiles. The rules of the sources (which crate may name what, where
 //! `unsafe` is allowed) are tests and run with `cargo xtask test`. Checks that this machine cannot run
 //! are listed at the end.

@@ -110,7 +110,7 @@ fn measure(args: &Args, clips: &[PathBuf], target: &impl Target) -> anyhow::Resu
     Ok(())
 }
 
-/// The fault that ended a measurement, and what is left of it.
+/// The fault that ended a measurement, with the number and the file of its finished rows.
 fn unfinished(fault: Fault, rows: usize, path: &Path) -> Fault {
     match (rows, fault) {
         (1.., Fault::Device(message)) => {

@@ -22,7 +22,7 @@ pub(super) const KEYRING: &str = "/usr/share/keyrings/debian-archive-keyring.gpg
 /// The release of Debian whose own Mesa is too old.
 const OLD_MESA: &str = "bookworm";
 
-/// The machine's list of sources, which the one with backports repeats.
+/// The machine's list of sources, which the list with backports repeats.
 const SOURCES: &str = "/etc/apt/sources.list";
 
 /// Installs the packages. Prints the commands first; runs none in a dry run, nor where this process may not.

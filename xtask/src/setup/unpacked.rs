@@ -3,8 +3,8 @@
 //! They may come from another release than the machine's and so must not affect it. apt downloads
 //! Debian's with a configuration of this project and an empty list of installed packages: it checks the
 //! archive's signature and each package's hash, resolves dependencies down to the C library, and needs no
-//! privilege. Programs from another release run through the folder's own dynamic linker; those of the
-//! machine's release only need LD_LIBRARY_PATH. Python's come by pip, which checks their hashes.
+//! privilege. Programs from another release run through the folder's own dynamic linker; programs of the machine's
+//! release only need LD_LIBRARY_PATH. Python's come by pip, which checks their hashes.
 
 use std::ffi::OsStr;
 use std::fs;

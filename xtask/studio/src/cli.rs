@@ -7,7 +7,7 @@ use program::generate::{self, Generated};
 
 use crate::commands;
 
-/// The version of the program, and those of the files that it reads and writes.
+/// The version of the program, and the versions of the files that it reads and writes.
 pub static VERSION: LazyLock<String> = LazyLock::new(|| {
     let (major, minor) = (codec::VERSION_MAJOR, codec::VERSION_MINOR);
     let field = crate::import::FIELD_FILE_VERSION;

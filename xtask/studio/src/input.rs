@@ -235,7 +235,7 @@ pub fn is_package(path: &Path) -> bool {
         && magic == PACKAGE_MAGIC
 }
 
-/// Whether a path is that of a take: a package of segments, or a field folder.
+/// Whether a path names a take: a package of segments, or a field folder.
 ///
 /// # Errors
 /// [`Fault::Data`] if it is a package with a damaged head.

@@ -19,7 +19,8 @@ use crate::messages::unreadable;
 
 pub use ::import::{DEFAULT_DURATION_S, DEFAULT_FPS, DEFAULT_METRES_PER_UNIT, DEFAULT_UP, plate_path};
 
-/// File name of the cameras of a field folder, and end of the name of those of the field with the same name before it.
+/// File name of the cameras of a field folder. The file name of a single field's cameras is the field's name with this
+/// end.
 const CAMERAS: &str = "cameras.json";
 
 /// File name that marks a field folder, a take of segments.
@@ -72,7 +73,7 @@ impl Scene {
         Scene::read(name_of_folder(folder), &files)
     }
 
-    /// Reads a segment of a take from its field file and that of its background; the take gives duration and frame
+    /// Reads a segment of a take from its field file and its background's field file; the take gives duration and frame
     /// rate.
     ///
     /// # Errors

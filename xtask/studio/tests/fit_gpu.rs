@@ -1,5 +1,5 @@
 //! `fit` and `package` with `--backend gpu`, on a stage that a ray tracer made. Without a graphics device these
-//! tests are ignored, except the one of the error that a fit then ends with.
+//! tests are ignored, except the test of the error that a fit then ends with.
 
 mod small_stage;
 mod tool;

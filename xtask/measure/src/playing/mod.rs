@@ -135,8 +135,8 @@ fn expected(whole: &reference::RenderScene, views: &ViewSet, on_step: &mut dyn F
     }
 }
 
-/// Draws all variants: once to inspect, then in rounds to time. Of images it holds those of the first
-/// variant, and the first one of each sweep's end, which the page shows.
+/// Draws all variants: once to inspect, then in rounds to time. It holds only the images of the first variant, and the
+/// first image of each sweep's end, which the page shows.
 fn draw(
     mut bench: Bench,
     variants: &[&Variant],

@@ -42,7 +42,7 @@ pub(super) fn to_motion_order(clip: &Clip, order: u8) -> Clip {
     reduced
 }
 
-/// The polynomial in `d + by` of the same values as that of `powers` in `d`.
+/// The polynomial in `d + by` of the same values as the polynomial of `powers` in `d`.
 fn shifted([a, b, c, d]: [f64; 4], by: f64) -> [f64; 4] {
     [a + by * (b + by * (c + by * d)), b + by * (2.0 * c + by * 3.0 * d), c + 3.0 * by * d, d]
 }

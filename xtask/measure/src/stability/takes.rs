@@ -156,8 +156,8 @@ fn split_take(field: &Field, take_s: f64, unit_s: f64, instants: &[f64]) -> Stab
     take(exact(field.clone()), segments.collect(), take_s, instants, None)
 }
 
-/// A take of these segments, at these seconds. The reference draws `whole`, at clip times `meant` if they are others
-/// than those of the take.
+/// A take of these segments, at these seconds. The reference draws `whole`, at clip times `meant` if they differ from
+/// the take's clip times.
 fn take(
     whole: Clip,
     segments: Vec<(Span, Field)>,

@@ -56,7 +56,7 @@ pub(super) fn check(steps: &mut Steps) {
 }
 
 impl Processor {
-    /// A command that runs the tests that compare with frozen packages, and those of whole packages.
+    /// A command that runs the tests that compare with frozen packages, and the tests of whole packages.
     fn test(&self) -> Command {
         let mut cargo = workspace::cargo();
         cargo.args(["test", "--quiet", "--package", "codec", "--features", "encode"]);

@@ -7,7 +7,7 @@ use std::time::Instant;
 /// The outcomes of the steps so far.
 #[derive(Default)]
 pub(super) struct Steps {
-    /// Print the output of a step when it has ended, not between that of other steps.
+    /// Print the output of a step when it has ended, not between the output of other steps.
     pub(super) is_captured: bool,
     pub(super) failed: Vec<String>,
     pub(super) skipped: Vec<String>,

@@ -13,7 +13,7 @@ pub(super) struct Adb {
 }
 
 impl Adb {
-    /// Finds the headset: the only device, or the one that `ANDROID_SERIAL` names.
+    /// Finds the headset: the only device, or the device that `ANDROID_SERIAL` names.
     ///
     /// # Errors
     /// [`Fault::Device`] if `program` cannot be run, or there is not exactly one device that allows debugging.

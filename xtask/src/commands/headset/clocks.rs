@@ -1,4 +1,4 @@
-//! [`Clocks`]: those of the headset's processor, which Meta's runtime logs.
+//! [`Clocks`]: the clocks of the headset's processor, which Meta's runtime logs.
 
 /// Clocks of the headset's processor: medians over a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

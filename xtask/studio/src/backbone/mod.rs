@@ -132,7 +132,7 @@ impl Backbone {
         Ok(())
     }
 
-    /// Runs the loaded stage and adds its outputs to the known values, replacing those of equal names.
+    /// Runs the loaded stage and adds its outputs to the known values, replacing values of equal names.
     fn run(&mut self, known: &mut Known) -> Result<(), Fault> {
         let (stage, session) = self.loaded.as_mut().expect("a stage is loaded");
         let path = &self.stages[*stage];

@@ -60,7 +60,7 @@ impl CameraPlate {
         let _ = self.known.set(plate);
     }
 
-    /// The plate, if it is stated or known; `camera` is the one of its pictures on disk.
+    /// The plate, if it is stated or known; `camera` is the camera of its pictures on disk.
     ///
     /// # Errors
     /// [`Fault::Data`] that names the file, if it cannot be read or has another size.
@@ -96,8 +96,8 @@ pub(super) fn matte(plate: &Plate, image: &Image) -> Mask {
     Mask::from_fn(image.width, image.height, |_, _| Luma([alpha.next().expect("a value for each pixel")]))
 }
 
-/// Takes the background out of a photograph with this mask: what is left of the colours when the plate is not seen through
-/// the rim of the subject any more.
+/// Takes the background out of a photograph with this mask: the remainder of the colours when the plate is not seen
+/// through the rim of the subject any more.
 pub(super) fn take_out(image: &mut Image, plate: &Plate) {
     let gains = plate.bounded_gains(&colors_of(image));
     for (pixel, behind) in image.pixels.iter_mut().zip(plate.colors()) {

@@ -44,7 +44,8 @@ pub struct CaptureFiles {
     pub(super) file_cameras: Vec<Camera>,
     /// The folder of the capture.
     pub(super) folder: PathBuf,
-    /// Paths of the photographs and masks, in the order of the capture's photographs; of a video's, that of the mask.
+    /// Paths of the photographs and masks, in the order of the capture's photographs; of a video's photograph, the path
+    /// of the mask.
     pub(super) paths: PhotoPaths,
     /// The video of each camera that has one.
     pub(super) videos: Vec<Option<CameraVideo>>,

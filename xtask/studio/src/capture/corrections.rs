@@ -71,7 +71,7 @@ impl CaptureFiles {
         corrected.k[1][1] / stated.k[1][1]
     }
 
-    /// Corrects the cameras that `corrections` name; `path` is that of their file, for messages.
+    /// Corrects the cameras that `corrections` name; `path` is the path of their file, for messages.
     ///
     /// # Errors
     /// [`Fault::Data`] if they name none of the capture's, or a camera would be invalid.

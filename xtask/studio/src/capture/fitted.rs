@@ -15,14 +15,14 @@ use crate::messages::decimal;
 const SECONDS_TOLERANCE: f64 = 1e-6;
 
 impl CaptureFiles {
-    /// The record of a fit to the selected frames, of which `holdout` are held out.
+    /// The record of a fit to the selected frames; `holdout` says which are held out.
     pub fn fit_record(&self, holdout: Holdout) -> FitRecord {
         let seconds = self.stated_fps.map(|_| self.seconds());
         let (frames, timing) = (Some(self.selected_frames()), Some(self.timing()));
         FitRecord { holdout: Some(holdout), frames, seconds, timing, has_mattes: self.has_mattes() }
     }
 
-    /// Keeps the frames that a field was fitted to. `name` is the path of the field, `folder` that of the capture,
+    /// Keeps the frames that a field was fitted to. `name` is the path of the field, `folder` the capture's,
     /// for messages. Without a record of frames, all are kept.
     ///
     /// # Errors

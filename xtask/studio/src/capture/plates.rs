@@ -22,14 +22,14 @@ pub(crate) const PICTURES_MAX: usize = 33;
 /// Bytes that more pictures than the fewest may have: 33 of 1080p, 8 of 4K.
 const BYTES_MAX: usize = 210 << 20;
 
-/// Fewest photographs of a camera that a median is of: fewer show too little of what is behind the subject.
+/// Fewest photographs of a camera that a median is of: fewer show too little of the background.
 pub(super) const PICTURES_MIN: usize = 8;
 
 /// Cameras whose medians are made at a time.
 const CAMERAS_MAX: usize = 4;
 
-/// Numbers of the pictures of which a median is made, evenly spread over `count` of this many pixels: as many as memory
-/// allows, but at least `least`, or all.
+/// Numbers of the pictures from which a median is made, evenly spread over `count` of this many pixels: as many as
+/// memory allows, but at least `least`, or all.
 pub(crate) fn median_frames(count: usize, pixels: usize, least: usize) -> Vec<usize> {
     match (BYTES_MAX / (3 * pixels).max(1)).clamp(least, PICTURES_MAX).min(count) {
         0 | 1 => vec![0],

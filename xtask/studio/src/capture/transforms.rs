@@ -143,7 +143,7 @@ fn frame_times_s(times: &[f64]) -> Vec<f64> {
 
 impl Intrinsics {
     /// Focal lengths, principal point and lens, in pixels of a photograph of the given size, which may be
-    /// smaller than the file states. Values of `self`, a frame, override those of the file.
+    /// smaller than the file states. Values of `self`, a frame, override the file's values.
     fn resolve(&self, file: &Intrinsics, (width, height): (u32, u32)) -> Result<([f64; 4], Lens), String> {
         let pick = |key: fn(&Intrinsics) -> Option<f64>| key(self).or(key(file));
         let [actual_w, actual_h] = [width, height].map(f64::from);

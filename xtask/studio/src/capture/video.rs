@@ -29,7 +29,7 @@ const ON_TIME_S: f64 = 1e-6;
 /// The same in intervals of the capture.
 const ROUNDING: f64 = 1e-3;
 
-/// Rows of pixels from which a video that states no colour matrix has that of HDTV, as players assume.
+/// Rows of pixels from which a video that states no colour matrix has HDTV's, as players assume.
 const HD_ROWS: u32 = 720;
 
 /// A video file and the times of its frames.
@@ -38,7 +38,7 @@ pub(crate) struct Video {
     path: PathBuf,
     /// Width and height of its pictures, upright.
     pub(crate) size: (u32, u32),
-    /// Presentation times in seconds since that of the first frame, strictly ascending.
+    /// Presentation times in seconds since the first frame's, strictly ascending.
     pub(crate) times_s: Vec<f64>,
     /// Presentation time of the first frame, in seconds since the start of the file.
     pub(crate) first_s: f64,
@@ -263,7 +263,7 @@ mod tests {
         }
     }
 
-    /// The video's frames at those of a capture with 25 a second, and how late they are in milliseconds.
+    /// The video's frames at the frames of a capture with 25 a second, and how late they are in milliseconds.
     fn at_frames(video: &Video, start_s: f64, frames: usize) -> Vec<Option<(u32, i64)>> {
         let at = video.at_frames(start_s, frames, 25.0).into_iter();
         at.map(|at| at.map(|(number, late_s)| (number, (1e3 * late_s).round() as i64))).collect()

@@ -44,7 +44,7 @@ impl AudioOptions {
     /// Checks the file before any work is done. With `is_list` there is none: it would be the sound of every take.
     ///
     /// # Errors
-    /// [`Fault::Usage`] for a file with a list; those of [`Soundtrack::check`].
+    /// [`Fault::Usage`] for a file with a list; the errors of [`Soundtrack::check`].
     pub(super) fn check(&self, is_list: bool) -> Result<(), Fault> {
         match self.audio.as_deref().filter(|path| *path != Path::new(NONE)) {
             Some(_) if is_list => Err(Fault::Usage(
@@ -56,8 +56,8 @@ impl AudioOptions {
         }
     }
 
-    /// The sound of a clip or a take of `duration_s` seconds: that of the options, or of the capture, which has it from
-    /// second `first_s` on.
+    /// The sound of a clip or a take of `duration_s` seconds: the sound of the options, or of the capture, which has it
+    /// from second `first_s` on.
     ///
     /// # Errors
     /// Those of [`Soundtrack::encode`]; [`Fault::Usage`] for a position without sound.

@@ -37,7 +37,7 @@ impl Pace {
     }
 }
 
-/// Fits parts of a field folder, all or those of a shard, with a progress bar.
+/// Fits parts of a field folder, all or the parts of a shard, with a progress bar.
 pub(super) fn fit_folder(
     out: &Path,
     plan: &SlidePlan,

@@ -113,11 +113,11 @@ pub(super) fn write_plate(path: &Path, plate: &Field, info: &ClipInfo) -> Result
     output::write_durable(path, &fitted_field_file(plate, info, &record))
 }
 
-/// Makes the plate beside the finished field `out` the one that belongs behind it: the one that was fitted for it, or else
-/// that of the field that the fit started from, or none.
+/// Makes the plate beside the finished field `out` the plate that belongs behind it: the plate that was fitted for it,
+/// or else the plate of the field that the fit started from, or none.
 ///
 /// # Errors
-/// [`Fault::Usage`] if a file cannot be written; those of [`Input::load`].
+/// [`Fault::Usage`] if a file cannot be written; the errors of [`Input::load`].
 pub(super) fn settle_plate(plan: &FitPlan, out: &Path) -> anyhow::Result<()> {
     let path = plate_path(out);
     match (plan.plate, &plan.start) {

@@ -38,10 +38,10 @@ pub(super) struct FitConstants {
     pub(super) depth_scale: DepthScale,
     /// Whether pruning stops at the number of Gaussians asked for.
     pub(super) has_floor: bool,
-    /// Weight of the area that Gaussians cover in the loss, 0 to 1; `None` for that of the plan.
+    /// Weight of the area that Gaussians cover in the loss, 0 to 1; `None` for the plan's weight.
     pub(super) fragment_weight: Option<f64>,
     pub(super) checkpoint_every: Duration,
-    /// Of the random numbers.
+    /// Seed of the random numbers.
     pub(super) seed: u64,
 }
 

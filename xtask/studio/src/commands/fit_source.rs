@@ -86,7 +86,7 @@ impl<'a> FitSource<'a> {
     /// those had them that it was fitted to.
     ///
     /// # Errors
-    /// [`Fault::Data`] that names the file of cameras; those of [`CaptureFiles::find_plates`].
+    /// [`Fault::Data`] that names the file of cameras; the errors of [`CaptureFiles::find_plates`].
     pub(crate) fn prepare(&self, capture_files: &mut CaptureFiles, holdout: Holdout) -> anyhow::Result<()> {
         if let Some(learned) = learned_cameras_of(self.path) {
             capture_files.correct(&CameraCorrections::read(&learned)?, &learned)?;

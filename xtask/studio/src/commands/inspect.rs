@@ -113,7 +113,7 @@ struct OnlySegment {
 /// Cost of playing up to and including a layer.
 #[derive(Serialize)]
 struct Layer {
-    /// Gaussians of this layer and those before it.
+    /// Gaussians of this layer and the layers before it.
     gaussians: usize,
     /// Bytes of the file up to its end.
     bytes: usize,

@@ -278,7 +278,7 @@ impl Args {
     /// The segments of a field folder, or of a field to be split; `None` for what becomes an ordinary clip.
     ///
     /// # Errors
-    /// [`Fault::Usage`] that names an option which takes do not have; those of [`SegmentSources`].
+    /// [`Fault::Usage`] that names an option which takes do not have; the errors of [`SegmentSources`].
     fn take(&self) -> anyhow::Result<Option<SegmentSources>> {
         let (scene, is_folder) = (self.scene(), FieldFolder::is_one(self.scene()));
         if !is_folder && self.split.is_none() {
@@ -326,7 +326,7 @@ impl Args {
     /// Opens the back end.
     ///
     /// # Errors
-    /// [`Fault::Usage`] if there is nothing for a device to compute; those of [`BackendOption::open`].
+    /// [`Fault::Usage`] if there is nothing for a device to compute; the errors of [`BackendOption::open`].
     fn open_backend(&self) -> Result<Box<dyn Backend>, Fault> {
         let backend = self.backend.open()?;
         let rounds = !matches!(self.coder, Coder::Fixed) && self.joint_rounds > 0;

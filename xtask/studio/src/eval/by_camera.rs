@@ -29,7 +29,7 @@ pub(super) struct Measured {
     pub sums: ImageSums,
 }
 
-/// Photographs, those of a camera one after the other.
+/// Photographs in order, first by camera, then by frame.
 pub(super) fn by_camera(mut photos: Vec<(PhotoId, Split)>) -> Vec<(PhotoId, Split)> {
     photos.sort_by_key(|(photo_id, _)| (photo_id.camera, photo_id.frame));
     photos

@@ -250,7 +250,7 @@ mod tests {
             near.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
             let [a, b] = [near[0], near[1]];
             assert!((place - DVec3::from(a.position()).midpoint(b.position().into())).length() < 1e-9);
-            // Halfway turned from the one to the other.
+            // Turned halfway from one camera to the other.
             let [from, to] = [a, b].map(|camera| axis(camera, 2).angle_between(axis(view, 2)));
             let whole = axis(a, 2).angle_between(axis(b, 2));
             assert!((from - 0.5 * whole).abs() < 1e-3 && (to - 0.5 * whole).abs() < 1e-3, "{from} {to}");

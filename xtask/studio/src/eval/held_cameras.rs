@@ -35,7 +35,7 @@ pub struct HeldCamera {
 pub struct HeldCameras {
     /// A row for each camera.
     pub cameras: Vec<HeldCamera>,
-    /// The mean of the rows, each of which counts as much.
+    /// The mean of the rows; each row counts as much.
     pub mean: HeldCamera,
 }
 

@@ -19,11 +19,12 @@ pub struct SplitMeasures {
     pub psnr_fg: Option<f64>,
     /// Standard deviation of `psnr_fg`; `None` if that is.
     pub psnr_fg_deviation: Option<f64>,
-    /// The same after one affine transform of each camera's colours: that of the subject in all its photographs.
+    /// The same after one affine transform of each camera's colours: the transform of the subject in all its
+    /// photographs.
     pub psnr_fg_aligned: Option<f64>,
     /// PSNR in dB over whole images, mean over those that differ from their photographs; infinite if none does.
     pub psnr_full: f64,
-    /// The same after one affine transform of each camera's colours: that of all its photographs.
+    /// The same after one affine transform of each camera's colours: the transform of all its photographs.
     pub psnr_full_aligned: f64,
     /// PSNR in dB over the pixels that differ from the camera's median over time, mean over the images that have any;
     /// `None` if no image has.
@@ -72,7 +73,8 @@ pub fn means(judged: &[Judged]) -> Vec<SplitMeasures> {
     Split::ALL.into_iter().filter_map(measures).collect()
 }
 
-/// The PSNR of images that differ from their photographs: that of equal images, such as two black ones, is infinite.
+/// The PSNR of images that differ from their photographs: the PSNR of equal images, such as two black ones, is
+/// infinite.
 fn differing(psnr: &[f64]) -> impl Iterator<Item = f64> {
     psnr.iter().copied().filter(|psnr| *psnr != f64::INFINITY)
 }

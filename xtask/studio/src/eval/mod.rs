@@ -93,7 +93,7 @@ impl Subject {
         matches!(self, Subject::Drawn(input) if input.has_plate()) && capture_files.has_mattes()
     }
 
-    /// Its picture of a photograph's view, if any, and `with_subject` the alpha of what is before the plate.
+    /// Its picture of a photograph's view, if any, and `with_subject` the alpha of the subject before the plate.
     fn picture(
         &self,
         capture_files: &CaptureFiles,
@@ -122,7 +122,7 @@ impl Subject {
 /// A picture of a subject.
 struct Picture {
     image: Image,
-    /// Alpha of what is before the plate, pixel by pixel, if it was asked for.
+    /// Alpha of the subject before the plate, pixel by pixel, if it was asked for.
     subject: Option<Vec<f64>>,
 }
 

@@ -33,7 +33,7 @@ struct Compared {
 /// `draw` renders a view at a second of the take; `on_frame` is called after each frame. Memory holds two frames.
 ///
 /// # Errors
-/// A [fault of data](program::Fault::Data) if a photograph cannot be read; those of `draw`.
+/// A [fault of data](program::Fault::Data) if a photograph cannot be read; the errors of `draw`.
 pub fn over_time(
     capture_files: &CaptureFiles,
     cameras: &[usize],

@@ -23,7 +23,7 @@ pub struct Strip {
 }
 
 /// Collects strips while pictures are compared, so that none is drawn twice: the central photograph of each
-/// split, the same for every field, and the one with the lowest PSNR.
+/// split, the same for every field, and the photograph with the lowest PSNR.
 #[derive(Clone, Debug)]
 pub struct Strips {
     central: Vec<PhotoId>,

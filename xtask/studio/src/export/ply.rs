@@ -37,7 +37,7 @@ pub(super) fn metadata(info: &ClipInfo) -> Vec<String> {
     comments
 }
 
-/// The comments that say how the Gaussians are drawn, where not as those of most fields: the filter, the near distance.
+/// The comments that say how the Gaussians are drawn, where most fields differ: the filter, the near distance.
 pub(super) fn drawing_comments(field: &Field) -> impl Iterator<Item = String> {
     let Field { filter, near, .. } = *field;
     let filter = (filter != PixelFilter::default()).then(|| format!("{MARK} filter {}", filter.name()));

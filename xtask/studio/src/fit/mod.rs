@@ -99,7 +99,7 @@ pub struct Fitted {
 }
 
 /// Fits a field to the photographs of `views`. `out` is the path of the field: the table, the picture and
-/// the checkpoint are written beside it; the caller writes the field. With a `plate`, its rows and those of the field are
+/// the checkpoint are written beside it; the caller writes the field. With a `plate`, its rows and the field's are
 /// fitted together to whole photographs, and `views` only tell where the first Gaussians of the field are.
 ///
 /// # Errors

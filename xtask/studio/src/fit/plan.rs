@@ -87,7 +87,7 @@ pub enum PlatePlan {
     None,
     /// Photographs get mattes, so that the field is of the subject alone.
     Mattes,
-    /// First a plate is fitted to what is behind the subject, then both together to whole photographs. Mattes only place
+    /// First a plate is fitted to the background, then both together to whole photographs. Mattes only place
     /// the first Gaussians of what moves.
     Fitted,
 }
@@ -242,7 +242,7 @@ impl FitPlan {
         )
     }
 
-    /// The capture with the photographs that place the first Gaussians, which are those of the first steps.
+    /// The capture with the photographs that place the first Gaussians: the photographs of the first steps.
     pub fn start_files(&self, capture_files: &CaptureFiles) -> CaptureFiles {
         capture_files.coarser(self.coarse.factor)
     }
@@ -289,8 +289,8 @@ pub(super) fn default_gaussians(frames: usize, capture_files: &CaptureFiles) -> 
 /// Seconds of a core that a step takes for each pixel of a whole photograph: 0.05 for 320x180.
 const CORE_S_A_PIXEL: f64 = 0.8e-6;
 
-/// Default number of steps for whole photographs, beside those of the plate: with these eleven minutes of two cores at
-/// 640x360.
+/// Default number of steps for whole photographs, beside the steps of the plate: with these eleven minutes of two cores
+/// at 640x360.
 const WHOLE_STEPS: u64 = 10_000;
 
 /// Most steps of a plate: it becomes part of a longer fit.
@@ -306,7 +306,7 @@ pub fn default_fragment_weight(is_whole: bool) -> f64 {
     if is_whole { 1.5 * FRAGMENT_WEIGHT } else { FRAGMENT_WEIGHT }
 }
 
-/// A number of Gaussians for photographs of 512x375 pixels, in proportion to those of the capture if these are fewer.
+/// A number of Gaussians for photographs of 512x375 pixels, in proportion to the capture's pixels if these are fewer.
 fn of_pixels(gaussians: usize, capture_files: &CaptureFiles) -> usize {
     let fraction = (largest_photograph(capture_files) / (512.0 * 375.0)).min(1.0);
     (fraction * gaussians as f64).ceil() as usize

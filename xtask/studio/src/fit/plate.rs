@@ -1,4 +1,4 @@
-//! [`fit_plate`]: the static field of what is behind the subject, fitted to the plates of the cameras.
+//! [`fit_plate`]: the static field of the background, fitted to the plates of the cameras.
 //!
 //! Plates show one instant that lasts, so this is a fit to a capture of one frame, which needs no masks.
 

@@ -130,7 +130,7 @@ fn rig(plan: &FitPlan, parameters: &Parameters<f32>, views: &TrainingViews) -> R
 }
 
 /// Adds the rows of a plate to `parameters`, always on and behind all others, with the columns of these. Returns the past of
-/// each row: `of_plate` for those of the plate, none for the others.
+/// each row: `of_plate` for rows of the plate, none for the others.
 pub(super) fn put_behind(
     parameters: &mut Parameters<f32>,
     plate: &Field,

@@ -1,5 +1,5 @@
-//! [`name_strangers`]: cameras whose photographs show something else than those of the others, or nothing; and
-//! [`name_covered`]: cameras whose photographs do not show their plates.
+//! [`name_strangers`]: cameras whose photographs show something else than the photographs of the others, or nothing;
+//! and [`name_covered`]: cameras whose photographs do not show their plates.
 //!
 //! A fit explains the plate of a stranger, too: by Gaussians before it that no other camera sees, and by a gain next to 0. So
 //! those Gaussians are left out, and gains do not count. Where no other camera looks, nothing contradicts a camera. One without
@@ -79,7 +79,7 @@ pub(super) fn name_strangers(
     Ok(())
 }
 
-/// Names the cameras of which no photograph in `views`, with mattes, shows much of the plate.
+/// Names the cameras without a photograph in `views`, with mattes, that shows much of the plate.
 pub fn name_covered(views: &TrainingViews, cameras: &[CalibratedCamera]) {
     let share = |i: usize| {
         let of_camera = views.train.iter().filter(|(photo_id, _)| photo_id.camera == i);
@@ -310,7 +310,7 @@ mod tests {
     fn strangers_are_far_below_the_median() {
         let [right, worse, other] = [Some(0.8), Some(0.5), Some(0.2)];
         assert_eq!(strangers(&[right, other, right, worse, None]), [1]);
-        // With nothing to compare with, the capture is as it is.
+        // No camera is a stranger where there is nothing to compare with.
         assert!(strangers(&[other, other, other]).is_empty() && strangers(&[None]).is_empty());
         assert!(strangers(&[]).is_empty());
     }

@@ -78,7 +78,7 @@ impl TrainingViews {
         !self.train.iter().any(|(_, view)| view.photograph.is_masked())
     }
 
-    /// The cameras of these views, of which `learned` is learned.
+    /// The cameras of these views; `learned` says what is learned of them.
     pub(super) fn rig(&self, learned: Learned) -> Rig {
         self.rig_from(learned, &self.responses)
     }

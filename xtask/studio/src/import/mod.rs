@@ -1,4 +1,5 @@
-//! Importers, as the commands use them: those of the crate `import`, with faults for errors, and the record of a fit.
+//! Importers, as the commands use them: the importers of the crate `import`, with faults for errors, and the record of
+//! a fit.
 
 mod fit_record;
 

@@ -1,9 +1,10 @@
 //! Checks a calibration against pictures: distances of matched corners from their epipolar lines, and movements of cameras.
 //!
-//! Each corner is compared with those of the other picture in a wide band around its epipolar line. Wrong matches, which
-//! are most of them between far views, lie anywhere in the band; right ones lie on the line, if the calibration is right. So a
-//! pair of cameras tells something if clearly more matches lie near the line than the rest of the band lets expect, and that
-//! many are left out of the median. An error along the line, or one beyond the band, cannot be seen.
+//! Each corner is compared with the corners of the other picture in a wide band around its epipolar line. Wrong
+//! matches, which are most of them between far views, lie anywhere in the band; right ones lie on the line, if the
+//! calibration is right. So a pair of cameras tells something if clearly more matches lie near the line than the rest
+//! of the band lets expect, and that many are left out of the median. An error along the line, or one beyond the band,
+//! cannot be seen.
 //!
 //! A camera's own pictures at the start, in the middle and at the end match easily, and the background that they share shows
 //! whether it moved.

@@ -114,7 +114,7 @@ impl Features {
             let grey =
                 Grey { width: w as usize, height: h as usize, values: small.pixels().map(luma).collect() };
             let [dx, dy] = grey.blurred(1).gradients();
-            // A level has half the pixels of the one before.
+            // A level has half the pixels of the level before.
             let most = CORNERS_MAX / (2 << level);
             for [x, y] in corners(&dx, &dy, most) {
                 features.points.push([
@@ -138,7 +138,7 @@ impl Features {
         other: &Features,
         may_match: impl Fn(usize, usize) -> bool,
     ) -> Vec<[usize; 2]> {
-        // Best match and distance, and that of the second best, for each point of both.
+        // Best match and distance, and the distance of the second best, for each point of both.
         let none = (usize::MAX, f32::INFINITY, f32::INFINITY);
         let (mut of_self, mut of_other) = (vec![none; self.points.len()], vec![none; other.points.len()]);
         for (i, best_of_i) in of_self.iter_mut().enumerate() {

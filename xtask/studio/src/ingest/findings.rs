@@ -23,7 +23,7 @@ const DRIFT_FRAMES: f64 = 0.1;
 /// Mean shares of the subject below and above which mattes deserve a warning.
 const SHARES: [f64; 2] = [0.001, 0.4];
 
-/// Difference between a plate's exposure and that of its video that deserves a warning: that of half a third of a stop.
+/// Difference between a plate's and its video's exposure that deserves a warning: half a third of a stop.
 const GAIN_NOTED: f64 = 0.12;
 
 /// What the steps found.

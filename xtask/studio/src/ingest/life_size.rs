@@ -11,7 +11,7 @@ use refine::fit::{Photograph, Timeline};
 
 use crate::capture::CaptureFiles;
 
-/// Number of frames from the first on, the median of which counts.
+/// Number of frames from the first on. The median of these frames counts.
 const FRAMES: usize = 5;
 
 /// Share of the points of a hull, at the top and at the bottom, that do not count: pixels of a matte that are wrong.

@@ -80,7 +80,7 @@ pub(super) struct MatteSettings<'a> {
 struct Task<'a> {
     video: &'a RigVideo,
     plate: PlateFile,
-    /// Frames of the video at those of the capture; none of them without mattes.
+    /// Frames of the video at the frames of the capture; none of them without mattes.
     frames: Vec<Option<usize>>,
     out: &'a Path,
     /// Name and key of its result.
@@ -197,7 +197,7 @@ impl<'a> Task<'a> {
         let mut mattes = match &kept {
             Some(kept) => kept.clone(),
             None => {
-                // Until all are made, no run takes those of two keys for those of one.
+                // Until all mattes are made, no run takes mattes of two keys for mattes of one key.
                 output::write(&store.path(&self.begun("plate")), b"")?;
                 store.forget(&self.name);
                 self.compare(&opened, plate)?
@@ -243,7 +243,7 @@ impl<'a> Task<'a> {
         Ok(())
     }
 
-    /// Compares the exposure of the plate with that of a few pictures, and shows their mattes.
+    /// Compares the exposure of the plate with the exposure of a few pictures, and shows their mattes.
     fn compare(&self, opened: &Video, plate: &Plate) -> Result<CameraMattes, Fault> {
         let (width, height) = self.video.probe.size;
         let of_plate = RgbImage::from_raw(width, height, plate.colors().as_flattened().to_vec());
@@ -288,7 +288,7 @@ fn share(alpha: &[u8]) -> f64 {
     alpha.iter().map(|alpha| f64::from(*alpha)).sum::<f64>() / 255.0 / alpha.len().max(1) as f64
 }
 
-/// The picture with what is behind the subject darkened.
+/// The picture with the background darkened.
 fn before_darkness(mut picture: RgbImage, alpha: &[u8]) -> RgbImage {
     for (pixel, alpha) in picture.pixels_mut().zip(alpha) {
         let factor = BEHIND + (1.0 - BEHIND) * f64::from(*alpha) / 255.0;

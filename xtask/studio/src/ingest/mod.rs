@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! videos:      finds and probes the files
-//! calibration: reads the cameras; matching finds the one of each video
+//! calibration: reads the cameras; matching finds the camera of each video
 //! starts:      when each video begins: stated, by timecode, or by sound
 //! placement:   up, metres per unit, origin
 //! pictures:    a few frames of each video; features are their corners
@@ -12,8 +12,8 @@
 //! page:        ingest.html, which shows whether all that is any good
 //! ```
 //!
-//! The steps run one after another, each from the results of those before. Those that cost time keep their results in the
-//! output's folder, where `store` says under which conditions they count.
+//! The steps run one after another, each from the results of the steps before. Steps that cost time keep their results
+//! in the output's folder, where `store` says under which conditions they count.
 
 mod calibration;
 mod epipolar;

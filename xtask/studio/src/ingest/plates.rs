@@ -42,7 +42,7 @@ pub(super) struct PlateFile {
     pub(super) source: PlateSource,
 }
 
-/// The file of the plate of each video: itself, or the one of its name in `folder`.
+/// The file of the plate of each video: the video itself, or the file of its name in `folder`.
 ///
 /// # Errors
 /// [`Fault::Data`] if the folder cannot be read, or lacks a plate or has two of a camera.
@@ -135,7 +135,7 @@ pub(super) fn make(cameras: &[(&PlateFile, &RigVideo)]) -> Result<Vec<Plate>, Fa
         plates.extend(decoded.iter().zip(cameras).map(|(pictures, (file, video))| {
             let (width, pixels) = (video.probe.size.0 as usize, pictures.iter().map(colors));
             let plate = Plate::from_pictures(&pixels.collect::<Vec<&[[u8; 3]]>>(), width);
-            // The noise of another video, which may be a still, is not that of this one.
+            // The noise of another video, which may be a still, is not the noise of this video.
             if file.source == PlateSource::EmptyVideo {
                 Plate::from_pictures(&[plate.colors()], width)
             } else {

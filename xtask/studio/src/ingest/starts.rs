@@ -46,7 +46,7 @@ pub struct Starts {
 }
 
 impl Starts {
-    /// Number of the video whose sound is that of the capture: the one that agrees best with all others, or the first with
+    /// Number of the video whose sound is the capture's: the video that agrees best with all others, or the first with
     /// sound where none were compared.
     pub(super) fn sound_of(&self, videos: &[RigVideo]) -> Option<usize> {
         let agreement = |i: usize| {

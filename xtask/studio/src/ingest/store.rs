@@ -45,7 +45,8 @@ impl Store {
         self.folder.join(name)
     }
 
-    /// The result of this name, and whether it was kept: that of an earlier run with the same key, or what `make` returns.
+    /// The result of this name, and whether it was kept: the result of an earlier run with the same key, or what `make`
+    /// returns.
     ///
     /// # Errors
     /// Those of `make`; [`Fault::Usage`] if the result cannot be written.

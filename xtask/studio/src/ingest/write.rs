@@ -91,7 +91,7 @@ pub(super) fn write(
     output::write(&out.join(MANIFEST), text.as_bytes())
 }
 
-/// Whether the manifest at `path` is the one of `before`, but for the size of a unit.
+/// Whether the manifest at `path` is the manifest `before`, but for the size of a unit.
 pub(super) fn is_same_but_for_size(before: &str, path: &Path) -> bool {
     let is_other = |line: &&str| !line.contains("\"metres_per_unit\"");
     let is_same = |now: &str| now.lines().filter(is_other).eq(before.lines().filter(is_other));

@@ -39,7 +39,7 @@ impl TriedOrder {
     }
 }
 
-/// Orders the `retained` rows, which are in the order of the ranking `own`, by the one of `rankings` whose
+/// Orders the `retained` rows, which are in the order of the ranking `own`, by the ranking in `rankings` whose
 /// first layers look most like the whole field: the mean PSNR over all prefixes of layers. `own` keeps its
 /// order unless another's mean is better by more than [`RESOLUTION_DB`]. `order` returns the rows of the whole
 /// field by a ranking, `judge` the PSNR in dB of a draft of rows.

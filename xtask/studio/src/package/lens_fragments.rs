@@ -39,7 +39,7 @@ pub(crate) struct LensCounter {
 }
 
 impl LensCounter {
-    /// A viewer of `subject` at `standpoint`, at a few instants at which `field` has Gaussians. `up` is that of the clip.
+    /// A viewer of `subject` at `standpoint`, at a few instants at which `field` has Gaussians. `up` is the clip's.
     pub(crate) fn new(subject: &Subject, up: [f32; 3], field: &Field, standpoint: Standpoint) -> LensCounter {
         let eyes = LENS.cameras(&standpoint.camera(subject, up), subject.metres_per_unit, LENS.size());
         LensCounter { eyes, instants: instants(field, INSTANTS) }

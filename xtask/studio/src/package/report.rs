@@ -1,4 +1,4 @@
-//! [`PackageReport`]: what went into a package, what was left out and why.
+//! [`PackageReport`]: what went into a package, what was omitted and why.
 
 use std::collections::BTreeMap;
 
@@ -11,7 +11,7 @@ use super::lens_fragments::LensFragments;
 use super::snap::Snapped;
 use crate::fit::RefinementReport;
 
-/// What went into a package, what was left out, and how faithful the rest is.
+/// What went into a package, what was omitted, and how faithful the rest is.
 #[derive(Clone, Debug, Serialize)]
 pub struct PackageReport {
     /// The field.
@@ -43,7 +43,7 @@ pub struct PackageReport {
     pub refined: Option<RefinementReport>,
     /// What was made static before coding.
     pub snapped: Snapped,
-    /// Number of Gaussians that nobody sees from where people stand; they are kept.
+    /// Number of Gaussians that cannot be seen from where people stand; they are kept.
     pub unseen: usize,
     /// Number of Gaussians up to the end of each layer.
     pub layers: Vec<usize>,

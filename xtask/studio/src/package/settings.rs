@@ -14,7 +14,7 @@ pub struct PackageSettings {
     pub rank: Option<Ranking>,
     /// Prune by the ranking alone, without the topology floor.
     pub no_floor: bool,
-    /// Most fragments to keep, as a fraction of those of the retained Gaussians; `None` keeps all.
+    /// Most fragments to keep, as a fraction of the fragments of the retained Gaussians; `None` keeps all.
     pub fragments: Option<f64>,
     /// Fit the colours of the retained Gaussians to pictures of the whole field.
     pub recolor: bool,

@@ -246,7 +246,7 @@ mod tests {
         far[0].camera.camera_from_world[2][3] += DISTANCE;
         assert_eq!(snap(&shifted(0.15), &far, at(QUALITY_DB)).1.made_static, 1);
         assert_eq!(counts(&shifted(0.15), at(QUALITY_DB)), (0, 0));
-        // Nothing is known of what is behind all cameras.
+        // Nothing is known of a Gaussian behind all cameras.
         let mut behind = shifted(0.01);
         behind.centers[0] = [2.0 * DISTANCE as f32, 0.0, -2.0 * DISTANCE as f32];
         assert_eq!(counts(&behind, at(QUALITY_DB)), (0, 0));

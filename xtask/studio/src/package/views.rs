@@ -28,8 +28,8 @@ const ROUNDING: usize = 80;
 /// Maximum number of viewpoints that are used with all their steps aside.
 const VIEWPOINTS: usize = 2;
 
-/// Number of viewpoints, with one step aside each, where a source has at least so many: those of a capture
-/// may surround the subject.
+/// Number of viewpoints, with one step aside each, where a source has at least so many: the viewpoints of a capture may
+/// surround the subject.
 const AROUND: usize = 8;
 
 /// Increments of the camera index from picture to picture, since neighbours in the list are neighbours in space. Both
@@ -57,7 +57,7 @@ const JUDGING_PLACES: Places = Places { aside: 6.0, viewpoint: true, turn: 0.5 }
 /// Placement of the views that measure what is reported of a scene that states no viewpoint; they choose nothing.
 const REPORTED_PLACES: Places = Places { aside: 3.0, viewpoint: false, turn: 0.75 };
 
-/// Placements of the views for joint rounding, apart from those of the steering and the judging views.
+/// Placements of the views for joint rounding, apart from the placements of the steering and the judging views.
 const ROUNDING_PLACES: [Places; 5] = [
     Places { aside: 8.0, viewpoint: false, turn: 0.25 },
     Places { aside: 7.0, viewpoint: false, turn: 0.125 },
@@ -125,7 +125,7 @@ pub(super) fn stand_points(scene: &Scene) -> Vec<Camera> {
 
 /// At most `count` views of a field that show enough of it, alternately from the source's viewpoints and from
 /// all around. A dynamic field gets an instant for each view, because a few shared instants miss Gaussians
-/// that live for a few frames. If no view shows enough, those of the last group. Never empty.
+/// that live for a few frames. If no view shows enough, the views of the last group. Never empty.
 pub(crate) fn views_of(
     scene: &Scene,
     field: &Field,
@@ -199,9 +199,9 @@ fn states_viewpoints(scene: &Scene) -> bool {
     !scene.assumed.contains(&"viewpoints") && !scene.info.viewpoints.is_empty()
 }
 
-/// Cameras for a scene: those of the source's viewpoints, then those of people who stand around the content and elsewhere.
-/// If the source states no viewpoint, half of all are the content's. Never empty; the last group is there whatever the field
-/// is.
+/// Cameras for a scene: the cameras of the source's viewpoints, then the cameras of people who stand around the content
+/// and elsewhere. If the source states no viewpoint, half of all are the content's. Never empty; the last group is
+/// there for every field.
 fn camera_groups(scene: &Scene, places: Places, size: (u32, u32)) -> Vec<Vec<Camera>> {
     let StandPoints { content, around } = scene.surroundings().stand_points(places.turn, size);
     if !states_viewpoints(scene) {

@@ -68,7 +68,7 @@ pub(crate) fn visible_scene(scene: &Scene, settings: &PackageSettings) -> Result
     Ok(VisibleScene { field, subject, plate, plate_counts, parts_removed })
 }
 
-/// Refuses a scene of which a row was changed or left out on import.
+/// Refuses a scene with a row that was changed or left out on import.
 ///
 /// # Errors
 /// [`Fault::Data`] that says how many and why.
@@ -99,7 +99,7 @@ pub(crate) fn visible(imported: &Imported) -> (Field, Counts) {
     (field.select(&rows), counts)
 }
 
-/// The rows of `field` of which no place shows anything where people stand, not even a rim.
+/// The rows of `field` that show nothing at any place where people stand, not even a rim.
 fn hidden(scene: &Scene, field: &Field) -> BTreeSet<usize> {
     let unseen = unseen_rows(field, None, &stand_points(scene));
     let views = posed_views(&stand_points(scene), &instants(field, UNSEEN_INSTANTS));

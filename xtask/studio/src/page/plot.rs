@@ -13,7 +13,7 @@ pub(crate) struct LineChart {
     pub(crate) lines: Vec<PlotLine>,
     /// Points with a ring around them.
     pub(crate) rings: Vec<(f64, f64)>,
-    /// Whether the vertical axis begins at 0, as that of counts does.
+    /// Whether the vertical axis begins at 0, as the axis of counts does.
     pub(crate) from_zero: bool,
     /// Where the cuts of a take are, on the horizontal axis.
     pub(crate) cuts: Vec<f64>,

@@ -29,7 +29,7 @@ pub struct RdSettings {
     /// field.
     pub budgets: Vec<usize>,
     /// Width and height in pixels of the images compared; by default 320x240, and for the rate of the coder
-    /// those of `package`.
+    /// the width and height of `package`.
     pub size: Option<[u32; 2]>,
 }
 

@@ -16,7 +16,7 @@ pub(super) struct Agreement {
 }
 
 impl Agreement {
-    /// Compares a segment with those before it.
+    /// Compares a segment with the segments before it.
     ///
     /// # Errors
     /// [`Fault::Data`] that names both and what differs.

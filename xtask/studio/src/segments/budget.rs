@@ -8,7 +8,7 @@ use std::collections::BinaryHeap;
 
 use super::span::{Span, held_at_starts};
 
-/// The segments that hold an instant, and what is left to those of them without a budget.
+/// The segments that hold an instant, and the number left to its segments without a budget.
 struct Instant {
     segments: Vec<usize>,
     left: u128,

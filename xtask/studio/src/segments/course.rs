@@ -34,7 +34,7 @@ pub struct CourseRow {
     pub segments: usize,
     /// Most Gaussians of segments that hold one instant of it.
     pub gaussians: usize,
-    /// Size of the segments that begin in it, in bytes; in the first row those of the first instant too.
+    /// Size of the segments that begin in it, in bytes; in the first row also of the segments of the first instant.
     pub bytes: u64,
     /// Gaussians of these segments, which a player decodes.
     pub decoded: usize,

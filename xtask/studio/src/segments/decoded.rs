@@ -17,7 +17,7 @@ use crate::scene::Scene;
 pub struct DecodedTake {
     /// Metadata of the take.
     pub info: ClipInfo,
-    /// Duration in seconds; that of `info` is this one, rounded.
+    /// Duration in seconds; the duration of `info` is this duration, rounded.
     pub duration_s: f64,
     /// The viewpoints of `info`, or the opening at the start if there are none. Never empty.
     pub viewpoints: Vec<Viewpoint>,

@@ -1,4 +1,4 @@
-//! [`TakeFile`]: a package on disk, a take or an ordinary clip, of which one segment at a time is in memory.
+//! [`TakeFile`]: a package on disk, a take or an ordinary clip, with one segment at a time in memory.
 
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
@@ -154,7 +154,7 @@ impl TakeFile {
         Ok(poster.map(|poster| Poster { time_s: placed(poster), ..poster }))
     }
 
-    /// The bytes of a whole segment, of which the checksums of all sections are right. `contents` is its head.
+    /// The bytes of a whole segment. The checksums of all its sections are right. `contents` is its head.
     ///
     /// # Errors
     /// [`Fault::Data`] that names the segment if it is missing or damaged.

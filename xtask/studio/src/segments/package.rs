@@ -51,8 +51,9 @@ struct Survey {
 
 /// Packages a take and writes it to `out`.
 ///
-/// `soundtrack` is that of the whole take. `settings` hold in every segment, except that `budget` bounds the Gaussians of all segments that hold one instant.
-/// The same sources and settings give the same bytes, on any number of threads.
+/// `soundtrack` is the sound of the whole take. `settings` hold in every segment, except that `budget` bounds the
+/// Gaussians of all segments that hold one instant. The same sources and settings give the same bytes, on any number of
+/// threads.
 ///
 /// # Errors
 /// Those of [`package_with`]; [`Fault::Data`] that names two segments that do not fit together, [`Fault::Usage`] where
@@ -177,7 +178,7 @@ fn shares(
     }
 }
 
-/// The segments on which rankings are tried: the first, the middle one, and the one with the most Gaussians.
+/// The segments on which rankings are tried: the first, the middle one, and the segment with the most Gaussians.
 fn probes(gaussians: &[usize]) -> Vec<usize> {
     let fullest =
         (0..gaussians.len()).fold(0, |best, i| if gaussians[i] > gaussians[best] { i } else { best });

@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::span::Span;
 use crate::package::PackageReport;
 
-/// What went into a take, what was left out, and how faithful the rest is.
+/// What went into a take, what was omitted, and how faithful the rest is.
 #[derive(Clone, Debug, Serialize)]
 pub struct TakeReport {
     /// Rows of all fields.

@@ -1,4 +1,4 @@
-//! [`SegmentSources`]: the segments that a take is packaged from, a field folder's or those of a field that is split.
+//! [`SegmentSources`]: the segments that a take is packaged from, a field folder's or a split field's.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -42,7 +42,7 @@ impl SegmentSources {
     }
 
     /// The segments of a scene that is split on a grid of `unit_s` seconds. Its plate goes to the segment that spans
-    /// the take. `strict` refuses a scene of which a row was repaired or dropped on import.
+    /// the take. `strict` refuses a scene with a row that was repaired or dropped on import.
     ///
     /// # Errors
     /// [`Fault::Usage`] if the scene lasts no longer than two units, and would be one segment; [`Fault::Data`] if no
@@ -75,7 +75,7 @@ impl SegmentSources {
         Ok(SegmentSources { name, duration_s, whole: Some(counts), segments })
     }
 
-    /// The viewpoints of the take, of which `first` is the first segment. Never empty.
+    /// The viewpoints of the take, whose first segment is `first`. Never empty.
     ///
     /// # Errors
     /// Those of [`FieldFolder::viewpoints`].
@@ -158,7 +158,7 @@ fn spans_all(part: &SplitSegment, duration_s: f64) -> bool {
 }
 
 /// Moves the Gaussian that is alive longest to a segment of its own that spans the take, where there is none. Its
-/// clip time is that of the field.
+/// clip time is the field's.
 fn add_top(field: &Field, duration_s: f64, parts: &mut Vec<SplitSegment>) {
     let lifetime = |row: usize| field.alive_interval(row).map_or(0.0, |(birth, death)| death - birth);
     let Some(longest) = (0..field.len()).max_by(|&a, &b| lifetime(a).total_cmp(&lifetime(b)).then(b.cmp(&a)))

@@ -29,7 +29,7 @@ pub struct TrimmedTake {
     pub source_segments: usize,
     /// Size in bytes.
     pub bytes: u64,
-    /// Longest time before its start, in seconds, of which a segment still holds something.
+    /// Longest time before its start, in seconds, at which a segment still holds something.
     pub before_s: f64,
     /// Longest time after its end.
     pub after_s: f64,

@@ -135,7 +135,7 @@ impl Soundtrack {
     }
 }
 
-/// The package with this sound, in place of the one that it has.
+/// The package with this sound, in place of its own.
 pub(crate) fn put(package: &[u8], sound: Option<&Sound>, path: &Path) -> Result<Vec<u8>, Fault> {
     codec::with_sound(package, sound)
         .map_err(|error| Fault::Data(format!("{}: {error}; leave --audio out", path.display())))

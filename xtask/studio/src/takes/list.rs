@@ -11,7 +11,7 @@ use program::Fault;
 use crate::messages::unreadable;
 use crate::scene::name_of;
 
-/// Maximum number of takes in a list: that of clips in a playlist.
+/// Maximum number of takes in a list: the maximum of clips in a playlist.
 pub const TAKES_MAX: usize = 10_000;
 
 /// Maximum size of a list in bytes.

@@ -10,7 +10,7 @@ use crate::tool::aarc_studio;
 use image::Rgb;
 use serde_json::Value;
 
-/// The report with few steps on five cameras of the stage, of which 03 is held.
+/// The report with few steps on five cameras of the stage; camera 03 is held.
 fn report(folder: &Path) -> Value {
     let weights = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/lpips_weights");
     let weights = ["alexnet.pth", "alex.pth"].map(|name| weights.join(name).display().to_string()).join(",");

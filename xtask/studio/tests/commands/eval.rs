@@ -178,7 +178,7 @@ fn write_colmap(folder: &Path, binary: bool) {
     }
 }
 
-/// The field against its own photographs: what is left is their rounding.
+/// The field against its own photographs: the difference is their rounding.
 #[track_caller]
 fn assert_exact(folder: &Path, expected: &[(&str, u64)]) {
     let splits = aarc_studio(folder, &["eval", "field.ply", "--capture", ".", "--holdout", "odd", "--json"])
@@ -194,7 +194,7 @@ fn assert_exact(folder: &Path, expected: &[(&str, u64)]) {
     assert_eq!(splits.as_object().unwrap().len(), names.len(), "{splits}");
 }
 
-/// A field of short lives, its field folder, and a take that it is split into, of which every frame has several
+/// A field of short lives, its field folder, and a take that it is split into, with each frame in several
 /// segments.
 #[test]
 fn a_take_is_compared_like_its_field() {
@@ -468,7 +468,7 @@ fn several_scenes_have_a_mean_and_a_deviation() {
                 .json();
         json["splits"]["train"]["exact"].as_u64()
     });
-    // Frame 0 is exact in the one, frame 2 in the other, from two cameras.
+    // Frame 0 is exact in the first, frame 2 in the last, from two cameras.
     assert_eq!((first, last), (Some(2), Some(2)));
     let here = tempdir().unwrap();
     let args = ["eval", &subjects[0], &subjects[1], "--capture", folders[0], "--capture", folders[1]];
@@ -570,7 +570,7 @@ fn a_field_is_rendered_between_frames_and_from_new_viewpoints() {
     let args = ["eval", "field.ply", "--capture", ".", "--holdout", "odd", "--json", "-o", "out"];
     let json = aarc_studio(folder, &args).json();
     assert!(json.get("ladder").is_none(), "a field has no layers");
-    // From frame 0 to frame 2, which are fitted to: nine columns, of which three were photographed.
+    // Nine columns lead from frame 0 to frame 2, which are fitted to; three of them were photographed.
     let quarters = picture(&folder.join("out/quarter_frames.png"));
     let (width, height) = (quarters.width() / 9, quarters.height() / 2);
     assert_eq!((width * 9, height * 2), quarters.dimensions());

@@ -123,7 +123,7 @@ fn false_counts_allocate_nothing() {
         assert!(message.contains(&format!("announces {count} Gaussians and the file holds 1")), "{message}");
     }
 
-    // The texture of a .splatv file of 4 billion rows, of which the file has one line.
+    // The texture of a .splatv file of 4 billion rows; the file has one line of it.
     let bytes = splatv(&field(400, 0, Some(1), false), &info());
     let length = 8 + u32::from_le_bytes([bytes[4], bytes[5], bytes[6], bytes[7]]) as usize;
     let mut header: serde_json::Value = serde_json::from_slice(&bytes[8..length]).expect("JSON");

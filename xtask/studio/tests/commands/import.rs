@@ -20,7 +20,7 @@ fn half_turn(mut field: codec::Field) -> codec::Field {
     field
 }
 
-/// The same three Gaussians in three formats, of which SPZ has other axes.
+/// The same three Gaussians in three formats; SPZ has other axes.
 #[test]
 fn inria_ply_splat_and_spz_agree() {
     let Some(folder) = data("format-fixtures/metalsplatter") else { return };
@@ -134,7 +134,7 @@ fn cameras_of_splatv_count_if_they_see_the_field() {
     assert!((viewpoint.fov_y - 2.0 * 0.5f32.atan()).abs() < 1e-6);
     assert!((3.0..9.0).contains(&viewpoint.target[2]), "{viewpoint:?}");
 
-    // Up is that of the cameras: here +z, nearly.
+    // Up is the up axis of the cameras: here +z, nearly.
     let level = [[1.0, 0.0, 0.0], [0.0, 0.1, 0.995], [0.0, -0.995, 0.1]];
     let above = splatv_camera("a\nb", [0.0, -9.0, 6.0], level);
     let tilted = hints(&field, &[above]);

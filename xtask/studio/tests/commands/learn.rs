@@ -56,7 +56,7 @@ fn offsets_are_learned_written_and_read() {
     println!("worst {worst_s} s of {WRONG_S} s");
     assert!(worst_s < 0.25 * WRONG_S, "{worst_s}");
     assert!((mean_s - WRONG_S / 8.0).abs() < 1e-9, "the mean stays: {mean_s}");
-    // A fit passes on the cameras that it was given, and removes those of an earlier one.
+    // A fit passes on the cameras that it was given, and removes the cameras of an earlier fit.
     let short = "fit stage -o given.ply --steps 5 --gaussians 200 --sh-degree 0 --learn none";
     aarc_studio(folder, &words(&format!("{short} --learned learned.cameras.json"))).success();
     assert_eq!(cameras(folder, "given.cameras.json"), learned);

@@ -1,4 +1,4 @@
-//! Tests of the host tool's commands and of what is behind them: one program, as each would link the renderer anew and
+//! Tests of the host tool's commands and of the code behind them: one program, as each would link the renderer anew and
 //! run while no other does.
 
 mod ablation;

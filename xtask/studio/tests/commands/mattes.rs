@@ -1,5 +1,5 @@
-//! `cargo xtask ingest` makes masks: compared with those of a rig whose truth is known, resumed, and with plates of their own.
-//! Without ffmpeg all tests are skipped.
+//! `cargo xtask ingest` makes masks: compared with the masks of a rig whose truth is known, resumed, and with plates of
+//! their own. Without ffmpeg all tests are skipped.
 
 use std::fs;
 use std::path::Path;
@@ -74,7 +74,7 @@ fn ious(folder: &Path, camera: usize) -> Vec<f64> {
     ious
 }
 
-/// Mean of the masks of all cameras, and that of the worst camera.
+/// Mean of the masks of all cameras, and the mean of the worst camera.
 fn mean_and_least(folder: &Path) -> (f64, f64) {
     let means: Vec<f64> = (0..CAMERAS)
         .map(|camera| {
@@ -299,7 +299,7 @@ fn what_ingest_did_not_make_stays() {
     );
     assert_eq!(fs::read(&foreign).unwrap(), b"of another program");
     fs::remove_dir_all(folder.join("studio/masks")).unwrap();
-    // Its own files it replaces, also those of a run that was killed before it had written all.
+    // It replaces its own files, also the files of a run that was killed before it had written all.
     ingest(folder, "--offsets none").success();
     fs::remove_file(folder.join("studio/ingest/mattes-a.json")).unwrap();
     ingest(folder, "--offsets none").success();

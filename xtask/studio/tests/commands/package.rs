@@ -205,7 +205,7 @@ fn the_most_faithful_ranking_wins() {
     let recolored = package(&["--rank", "mass", "--recolor"]);
     let gain = number(&recolored["refit_gain_db"]);
     let difference = number(&recolored["whole_psnr_db"]) - number(&plain["whole_psnr_db"]);
-    // The gain is that of drafts.
+    // The gain is the drafts'.
     assert!((difference - gain.max(0.0)).abs() < 0.05, "{difference} dB for a gain of {gain}");
     // Colours at random leave nothing to fit.
     assert!(gain > -0.01, "{gain} dB");
@@ -729,7 +729,7 @@ fn what_only_seems_to_move_is_packaged_without_temporal_columns() {
     let folder = tempdir().unwrap();
     let mut wall = field(400, 0, Some(3), true);
     make_small(&mut wall);
-    // In front of all cameras: no bound is known for what is beside one.
+    // In front of all cameras: no bound is known for a Gaussian beside a camera.
     wall.centers.iter_mut().flatten().for_each(|x| *x *= 0.3);
     wall.opacities.iter_mut().for_each(|opacity| *opacity = opacity.max(0.2));
     let temporal = wall.temporal.as_mut().unwrap();

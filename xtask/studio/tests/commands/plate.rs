@@ -174,7 +174,7 @@ fn colours_that_are_learned_start_from_measured_gains() {
     assert!(by_default.iter().zip(&colors).all(|(a, b)| (a - b).abs() < 0.02), "{by_default:?} {colors:?}");
 }
 
-/// Pictures of even frames are dark, and those of odd ones bright.
+/// Pictures of even frames are dark, and pictures of odd frames bright.
 #[test]
 fn held_photographs_are_no_part_of_plates() {
     let folder = tempdir().unwrap();

@@ -104,7 +104,7 @@ fn a_refinement_is_judged_by_photographs_that_are_held_out() {
     assert!(!folder.path().join("report").exists());
 }
 
-/// A take of two segments, of which the first has two layers, compared with its fields and with others.
+/// A take of two segments, whose first has two layers, compared with its fields and with others.
 #[test]
 fn a_take_is_measured_over_time() {
     let folder = tempdir().unwrap();

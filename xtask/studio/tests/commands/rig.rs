@@ -257,7 +257,7 @@ fn a_clean_rig_is_synchronous_before_a_static_room() {
     }
 }
 
-/// Equal times show equal poses, whatever perturbs the cameras.
+/// Equal times show equal poses, under every perturbation of the cameras.
 #[test]
 fn the_figure_moves_in_the_time_of_all_cameras() {
     let perturbations = Perturbations { starts_s: 2.0, ..Perturbations::NONE };
@@ -276,7 +276,7 @@ fn the_figure_moves_in_the_time_of_all_cameras() {
     }
 }
 
-/// With a shadow, the floor beside the figure changes.
+/// A shadow changes the floor beside the figure.
 #[test]
 fn a_shadow_falls_on_the_floor() {
     let with = Rig::new(&RigSettings { shadow: true, ..settings(Perturbations::NONE) }).unwrap();

@@ -138,7 +138,7 @@ fn photographs_have_the_times_of_their_frames() {
     let is_same = |camera: usize, frame: usize, stage_frame: usize| {
         let photo = rig.photo(PhotoId { frame, camera }).unwrap().image.pixels;
         let taken = stage.photo(PhotoId { frame: stage_frame, camera }).unwrap().image.pixels;
-        // The masks are those of the frame.
+        // The masks are the frame's.
         let lit = |i: &usize| photo[*i][3] > 0.999 && taken[*i][3] > 0.999;
         (0..photo.len()).filter(lit).all(|i| photo[i][..3] == taken[i][..3])
     };

@@ -126,7 +126,7 @@ impl Damage {
         }
     }
 
-    /// The sentence about all damage, of which there is some; `None` if there is none.
+    /// The sentence about all damage; `None` if there is none.
     pub(super) fn sentence(damages: &[Damage]) -> Option<String> {
         let each = damages.iter().map(|damage| &damage.problem[..]).collect::<Vec<_>>().join("; ");
         (!damages.is_empty()).then(|| format!("{each}; the rest plays; get the file again"))

@@ -12,7 +12,7 @@ use crate::left_out::{LeftOut, TakeLeftOut};
 use crate::messages::{count, decimal};
 use crate::segments::{Course, Span, TakeFile, course, gaps};
 
-/// Description of a take; the fields are the keys of the JSON, those of a clip where they mean the same.
+/// Description of a take; the fields are the keys of the JSON, a clip's keys where they mean the same.
 #[derive(Serialize)]
 struct TakeInspection {
     format_version: String,
@@ -72,7 +72,7 @@ struct SegmentRow {
     problem: Option<String>,
 }
 
-/// Cost of a layer and those before it.
+/// Cost of a layer and the layers before it.
 #[derive(Clone, Copy, Serialize)]
 struct LayerSum {
     gaussians: usize,
@@ -110,7 +110,8 @@ struct Sums {
     poster: Option<PosterRow>,
 }
 
-/// Decodes a segment and adds it to the sums, and its sound to that of the segments before. The first one has the poster.
+/// Decodes a segment and adds it to the sums, and its sound to the sound of the segments before. The first one has the
+/// poster.
 fn row(file: &TakeFile, index: usize, sums: &mut Sums) -> SegmentRow {
     let (take, segment) = (file.take(), &file.take().segments[index]);
     let available = file.available(index);

@@ -34,7 +34,7 @@ pub(super) struct Request<'a> {
     pub(super) size: Option<(u32, u32)>,
     pub(super) part: &'a PartSelection,
     pub(super) options: &'a FitOptions,
-    /// Budgets of packages; if empty, those of `--rd` for a field of as many Gaussians as the fit is asked for.
+    /// Budgets of packages; if empty, the budgets of `--rd` for a field of as many Gaussians as the fit is asked for.
     pub(super) budgets: Vec<usize>,
     pub(super) others: &'a [Comparison],
     /// The folder of the report.

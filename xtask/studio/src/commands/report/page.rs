@@ -28,7 +28,7 @@ pub(super) struct Request<'a> {
     pub(super) path: &'a Path,
     /// Size of the measured pictures, and of the photographs of a refinement.
     pub(super) size: Option<[u32; 2]>,
-    /// Tables of its fits; those beside it if there are none.
+    /// Tables of its fits; the tables beside it if there are none.
     pub(super) logs: &'a [PathBuf],
     /// Folder of its capture, and number of steps to refine it for.
     pub(super) refinement: Option<(&'a Path, u64)>,

@@ -34,7 +34,7 @@ const PARTS: usize = 40;
 /// Most cuts at which it is measured.
 const CUTS: usize = 20;
 
-/// Seconds before a cut at which a picture shows what is before it.
+/// Seconds before a cut at which a picture shows the take before it.
 const BEFORE_S: f64 = 1e-4;
 
 /// Instants at which layers are compared.

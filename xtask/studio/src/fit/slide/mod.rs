@@ -8,7 +8,7 @@
 //! end:   background and all that is finished -> segments by life -> field folder
 //! ```
 //!
-//! A Gaussian may be alive in the photographs of the next part or the one before. If that part is not fitted yet, the
+//! A Gaussian may be alive in the photographs of the next or the previous part. If that part is not fitted yet, the
 //! Gaussian is left to it, and moves there by shorter steps the more of its life is elsewhere:
 //! [`Carried`](refine::fit::Carried). So parts may be fitted in any order, and by several processes, if no two beside
 //! each other are fitted at once.
@@ -62,7 +62,7 @@ pub struct SlidField {
     pub resumed_at: usize,
 }
 
-/// Fits parts of a take, those of a shard of `segments` or all, and makes the field folder if none is missing then.
+/// Fits parts of a take, all or the parts of a shard of `segments`, and makes the field folder if none is missing then.
 ///
 /// # Errors
 /// A [`Fault`] if a photograph or the folder cannot be read or written, another process fits one of these parts or one

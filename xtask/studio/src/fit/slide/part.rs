@@ -94,7 +94,7 @@ pub(super) fn start(
     if parameters.is_empty() || views.train.is_empty() {
         return Ok(Start::Nothing { carried: Box::new(parameters), why: without_anchor });
     }
-    // The limits of capacity control are those of what this part fits.
+    // The limits of capacity control are the limits of what this part fits.
     let of_part = |gaussians: usize| fixed.len() + (gaussians as f64 * windows.units(part)).ceil() as usize;
     let (floor, cap) = (of_part(plan.floor), of_part(2 * plan.gaussians));
     let settings = FitSettings { floor, cap: Some(cap), ..plan.fit_settings() };
@@ -104,8 +104,8 @@ pub(super) fn start(
     Ok(Start::Fit(Box::new(fit.carrying(pasts).seen_by(views.rig(Learned::default())))))
 }
 
-/// What the finished parts beside one leave to it: Gaussians in its photographs that stay as they are, Gaussians that it
-/// goes on with, and the pasts of the latter.
+/// What the finished parts beside one leave to it: Gaussians in its photographs that stay as they are, Gaussians that
+/// it continues, and the pasts of these.
 fn carried(
     photographs: &Photographs,
     part: usize,
@@ -122,7 +122,7 @@ fn carried(
         let rows: Vec<usize> = (0..lives.len()).filter(|row| is_seen(&lives[*row])).collect();
         let shift = (windows.span_s(part)[0] - windows.span_s(number)[0]) / interval_s;
         fixed = joined(fixed, later(finished.select(&rows), shift));
-        // What the part before leaves to the one after it is this one's.
+        // This part takes the Gaussians that the part before leaves to the part after it.
         let open = match side {
             Side::Before => after,
             Side::After => before,
@@ -140,8 +140,9 @@ fn is_alive_in(windows: &Windows, part: usize, [birth_s, death_s]: [f64; 2]) -> 
     death_s > from_s && birth_s < to_s
 }
 
-/// Divides what was fitted in `part` into Gaussians that are finished and those that a part beside it goes on with. One
-/// that is alive in both of these, while neither is finished, is finished: they could not go on with it together.
+/// Divides what was fitted in `part` into Gaussians that are finished and Gaussians that a part beside it continues. A
+/// Gaussian that is alive in both of these parts, while neither is finished, is finished: they could not continue it
+/// together.
 pub(super) fn divided(
     fitted: &Parameters<f32>,
     photographs: &Photographs,

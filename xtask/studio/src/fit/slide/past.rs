@@ -52,8 +52,8 @@ impl PartTime {
 
     /// The past of each row that the part on one side has fitted.
     ///
-    /// The share is that of the integral of the window over the photographs of this part, in that from the end of the
-    /// take on that side up to the farther end of these photographs.
+    /// The share is the integral of the window over the photographs of this part, divided by the integral from the end
+    /// of the take on that side up to the farther end of these photographs.
     pub(super) fn carried(&self, parameters: &Parameters<f32>, side: Side) -> Vec<Carried> {
         (0..parameters.len())
             .map(|row| {

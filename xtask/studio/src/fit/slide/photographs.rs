@@ -1,4 +1,4 @@
-//! [`Photographs`]: those of a window in memory, and those of the next one read ahead of use.
+//! [`Photographs`]: the photographs of a window in memory, and of the next window, read ahead of use.
 
 use std::collections::BTreeSet;
 

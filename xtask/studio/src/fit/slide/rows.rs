@@ -2,7 +2,7 @@
 
 use refine::fit::{Parameters, Timeline};
 
-/// The rows of `first` and then those of `second`; one without rows need not have the columns of the other.
+/// The rows of `first` and then the rows of `second`. Parameters without rows need not have the columns of the others.
 pub(super) fn joined(mut first: Parameters<f32>, second: Parameters<f32>) -> Parameters<f32> {
     if first.is_empty() {
         return second;

@@ -30,7 +30,7 @@ pub(super) fn not_shown(
     let mut is_shown = vec![true; anchors.len()];
     backend.load(TrainingState::from(parameters.clone())).map_err(on_device)?;
     for (_, view) in views {
-        // Anchors have the times of their frames, from which those of cameras may be offset.
+        // Anchors have the times of their frames, from which the times of cameras may be offset.
         let nearest = rows_of.keys().copied().min_by(|a, b| {
             let distance = |bits: &u32| (f64::from(f32::from_bits(*bits)) - view.time).abs();
             distance(a).total_cmp(&distance(b))

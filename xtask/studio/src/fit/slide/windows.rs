@@ -40,7 +40,7 @@ impl Windows {
     }
 
     /// Whether the fit of a part sees a photograph taken at `time_s`, and no finished part beside it does: `is_finished`
-    /// says whether the one before and the one after are.
+    /// says whether the part before and the part after are.
     pub(super) fn is_new(&self, part: usize, is_finished: [bool; 2], time_s: f64) -> bool {
         let seen = |(beside, is_finished): (Option<usize>, bool)| {
             is_finished && beside.is_some_and(|beside| self.sees(beside, time_s))

@@ -1,6 +1,6 @@
 //! Qualisys: the XML text `.qca.txt` that QTM exports.
 //!
-//! Lengths in the picture are in 64ths of a pixel, those in the world in millimetres, and z is up. `transform` is the
+//! Lengths in the picture are in 64ths of a pixel, lengths in the world in millimetres, and z is up. `transform` is the
 //! rotation from the world to a camera whose y and z axes are opposite to OpenCV's, and the camera's position.
 
 use std::path::Path;

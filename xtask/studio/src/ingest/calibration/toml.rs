@@ -1,7 +1,7 @@
 //! TOML as Pose2Sim, Caliscope and aniposelib write it: a table for each camera, in OpenCV's convention.
 //!
 //! `rotation` is a Rodrigues vector, or a matrix, and with `translation` leads from the world to the camera. The unit is
-//! not stated: Pose2Sim and Caliscope use metres, aniposelib that of its board.
+//! not stated: Pose2Sim and Caliscope use metres, aniposelib the unit of its board.
 
 use std::path::Path;
 

@@ -1,7 +1,7 @@
 //! Whitened cross-correlation (GCC-PHAT; Knapp and Carter 1976) of sound tracks.
 //!
-//! Each spectrum is divided by its magnitude within the band. So the correlation has one sharp peak, whatever the sound's own
-//! spectrum and the microphones' are.
+//! Each spectrum is divided by its magnitude within the band. So the correlation has one sharp peak, for any spectrum
+//! of the sound and of the microphones.
 
 use std::f64::consts::PI;
 use std::sync::Arc;

@@ -1,4 +1,4 @@
-//! [`SoundPair`] and [`SoundSync`]: what the sound of two cameras says, and that of all.
+//! [`SoundPair`] and [`SoundSync`]: what the sound of two cameras says, and the sound of all cameras.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,4 +1,4 @@
-//! Least squares over the graph of pairs: a number for each camera whose differences are those of the pairs.
+//! Least squares over the graph of pairs: a number for each camera, whose differences are the pairs' differences.
 
 use super::pair::{CONFIDENCE_MIN, SoundPair};
 

@@ -27,7 +27,7 @@ pub struct Ablation {
     pub lpips: Option<String>,
     /// Fits, then other methods.
     pub methods: Vec<Method>,
-    /// Packages of the fits, those of a fit together.
+    /// Packages of the fits; the packages of a fit follow each other.
     pub packages: Vec<PackageFigures>,
     /// What is not in the tables.
     pub left_out: Vec<LeftOut>,

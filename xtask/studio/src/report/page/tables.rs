@@ -136,7 +136,7 @@ fn saved(feature: &ClipFeature, key: &str) -> Option<f64> {
 }
 
 /// Table of the last line of each fit, with the first and the last step at which its points are on the front.
-/// `points` are those of each fit.
+/// `points` are the points of each fit.
 pub(super) fn fits(logs: &[FitLog], points: &[&[ParameterValue]]) -> String {
     let head = [
         "field",

@@ -15,7 +15,7 @@ use refine::prune::{FloorSettings, RESOLUTION_DB};
 /// Name of the mean in the list of fields.
 const MEAN: &str = "mean of the fields";
 
-/// The part of a report on `fields`, of which there is at least one.
+/// The part of a report on `fields`, at least one.
 ///
 /// # Errors
 /// If a plot cannot be drawn.

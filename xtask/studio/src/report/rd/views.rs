@@ -11,7 +11,7 @@ pub(super) const SIZE: [u32; 2] = [320, 240];
 /// Camera positions, other than those that rank or judge.
 const PLACES: Places = Places { aside: 8.0, viewpoint: false, turn: 0.25 };
 
-/// Number of images compared. A dynamic field gets an instant for each; those of 16 equal parts do not rank
+/// Number of images compared. A dynamic field gets an instant for each; the instants of 16 equal parts do not rank
 /// or judge.
 pub(super) const COUNT: usize = 16;
 

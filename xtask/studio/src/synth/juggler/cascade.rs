@@ -3,7 +3,7 @@
 //! Throw `n` leaves hand `n % 2` at beat `n` with ball `n % 3`, flies a parabola to the other hand
 //! and is thrown again three beats later. A hand swings with the ball from the catch, outside, to
 //! the throw, inside, and returns on its own; its velocity is the ball's at both ends, so that no
-//! path has a kink. Gravity is that of a slow-motion film. Clip time `t` is periodic: 0 and 1 are
+//! path has a kink. Gravity is a slow-motion film's. Clip time `t` is periodic: 0 and 1 are
 //! the same instant.
 
 use std::f64::consts::PI;
@@ -33,7 +33,7 @@ const HEIGHT: f64 = 0.28;
 /// Offset of the ball's centre from the centre of the palm.
 const PALM: DVec3 = DVec3::new(0.0, 0.055, 0.0);
 
-/// Sway of the body at clip time `t`, in `[-1, 1]`: the one cubic, up to its size, that passes
+/// Sway of the body at clip time `t`, in `[-1, 1]`: the only cubic, up to its size, that passes
 /// from the end of the clip to its start without a jump or a kink (the third Bernoulli
 /// polynomial), close to a sine.
 pub(super) fn sway(t: f64) -> f64 {

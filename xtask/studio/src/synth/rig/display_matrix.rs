@@ -41,7 +41,7 @@ pub(super) fn turn_clockwise(path: &Path, height: u32) -> io::Result<()> {
     matrix.iter().try_for_each(|number| file.write_all(&number.to_be_bytes()))
 }
 
-/// The content of the first box of this type among those in a range of a file.
+/// The content of the first box of this type among the boxes in a range of a file.
 fn find(file: &mut File, range: Range<u64>, wanted: [u8; 4]) -> io::Result<Range<u64>> {
     let mut at = range.start;
     while at + 8 <= range.end {

@@ -7,7 +7,7 @@ use program::Fault;
 use super::timing::{TICKS_PER_SECOND, Timing};
 use crate::ffmpeg::Feeding;
 
-/// Threads of the encoder, of which its bytes depend.
+/// Threads of the encoder, on which its bytes depend.
 const THREADS: &str = "4";
 
 /// A video whose pictures are being written.

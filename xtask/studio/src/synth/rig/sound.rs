@@ -132,7 +132,7 @@ pub(super) struct Microphone<'a> {
     pub(super) delay_s: f64,
     /// Power of the sound relative to the noise, in decibels.
     pub(super) noise_db: Option<f64>,
-    /// Number of the camera, of which the noise depends.
+    /// Number of the camera, on which the noise depends.
     pub(super) camera: usize,
 }
 
@@ -170,7 +170,7 @@ impl Microphone<'_> {
         Ok(())
     }
 
-    /// Root mean square of the noise: that of the sound over the recording, less the decibels.
+    /// Root mean square of the noise: the root mean square of the sound over the recording, less the decibels.
     fn noise_amplitude(&self, samples: usize) -> f64 {
         let Some(noise_db) = self.noise_db else { return 0.0 };
         // Every 7th sample estimates the power well enough.

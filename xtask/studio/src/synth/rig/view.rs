@@ -44,7 +44,7 @@ impl Rig {
             cameras: stage::rig(&settings.stage()),
             errors,
             sound: Sound::at(place, settings.seed),
-            // More than 33 frames, of which the first blows are always the same.
+            // More than 33 frames; their first blows are always the same.
             motion: Motion::new(((LEAD_S + end_s) * f64::from(stage::FPS)).ceil() as usize + 34),
         })
     }

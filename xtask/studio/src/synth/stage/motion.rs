@@ -2,7 +2,7 @@
 //!
 //! The first blow is the same for all captures: its keys are written below. Each further blow takes its keys from
 //! pseudorandom numbers seeded by its own number: the place the figure steps to, its heading, the arm that
-//! strikes, amplitudes and times. A blow starts in the pose in which the one before it ends, and every quantity
+//! strikes, amplitudes and times. A blow starts in the pose in which the blow before it ends, and every quantity
 //! moves along smoothsteps that begin and end within the blow. So position and velocity are continuous.
 
 use std::f64::consts::TAU;

@@ -30,7 +30,7 @@ use crate::takes::{OutputState, Record, key};
 /// Name of the field in the folder of a fit.
 const FIELD: &str = "field.ply";
 
-/// Commands in the records; that of `eval` counts the changes of its columns.
+/// Commands in the records; the command of `eval` counts the changes of its columns.
 const FIT: &str = "report: fit";
 pub(super) const EVAL: &str = "report: eval 2";
 const PACKAGE: &str = "report: package";
@@ -166,7 +166,7 @@ impl Bench<'_> {
         Ok(())
     }
 
-    /// Fits, measures and packages a variant. A field that is that of an earlier one has its packages, too.
+    /// Fits, measures and packages a variant. A field that equals an earlier variant's field has its packages, too.
     pub(super) fn variant(
         &mut self,
         variant: &Variant,
@@ -228,7 +228,7 @@ impl Bench<'_> {
         Ok(())
     }
 
-    /// Name of an earlier variant whose field has the same bytes as `field`, that of `variant`.
+    /// Name of an earlier variant whose field has the same bytes as `field`, the field of `variant`.
     fn twin(&self, variant: &Variant, field: &Path) -> Result<Option<&'static str>, Fault> {
         let read = |path: &Path| fs::read(path).map_err(|error| unreadable(path, &error));
         let bytes = read(field)?;
