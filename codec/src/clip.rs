@@ -150,7 +150,7 @@ pub struct Clip {
     pub plate: Option<Field>,
 }
 
-/// Layers of a package without those before them, see [`Contents::decode_layers`](crate::Contents::decode_layers).
+/// Layers of a package without the layers before them, see [`Contents::decode_layers`](crate::Contents::decode_layers).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Layers {
     /// Gaussians of the layers before, which are not in it.
@@ -159,7 +159,7 @@ pub struct Layers {
     pub static_field: Field,
     /// Rows of these layers in [`Clip::dynamic_field`].
     pub dynamic_field: Field,
-    /// Gaussians up to the end of each of these layers, those before included.
+    /// Gaussians up to the end of each of these layers, Gaussians of earlier layers included.
     pub ends: Vec<LayerEnd>,
     /// Rows of `dynamic_field` that can be alive at a given time.
     pub time_index: TimeIndex,
@@ -175,7 +175,7 @@ pub struct LayerEnd {
 }
 
 impl LayerEnd {
-    /// Numbers of Gaussians before layer `first` of those with these ends, counted from 0.
+    /// Numbers of Gaussians before layer `first`, counted from 0, of the layers with these ends.
     ///
     /// # Panics
     /// If there are fewer than `first` layers.
@@ -212,8 +212,8 @@ impl Clip {
         }
     }
 
-    /// Adds layers that were decoded without those of this clip. The clip is then the one that decoding all of them at
-    /// once makes.
+    /// Adds layers that were decoded without the layers of this clip. The clip then equals the clip that decoding all
+    /// layers at once makes.
     ///
     /// # Panics
     /// If they do not follow the last layer of this clip, or have other columns.

@@ -51,7 +51,7 @@ pub fn decode_parallel(bytes: &[u8], limits: &Limits, threads: NonZero<usize>) -
 }
 
 impl Contents {
-    /// Decodes the complete layers of `bytes` from layer `first` on, counted from 0, without those before, on up to
+    /// Decodes the complete layers of `bytes` from layer `first` on, counted from 0, without earlier layers, on up to
     /// `threads` threads. [`Clip::append`] adds them to a clip that was decoded up to there; the clip is then the one
     /// that [`decode`] makes of `bytes`.
     ///
@@ -79,8 +79,8 @@ impl Contents {
     }
 }
 
-/// Decodes the complete layers of `bytes`, whose head is `contents`, to a clip that has `columns`: those of the
-/// package, or more, which are zero.
+/// Decodes the complete layers of `bytes`, whose head is `contents`, to a clip that has `columns`: the columns of
+/// the package, or more, which are zero.
 ///
 /// # Errors
 /// See [`decode`].
@@ -135,7 +135,7 @@ pub(crate) fn decode_further(
     decode_chunks(bytes, contents, columns, first..complete, budget, threads).map(|(layers, _)| layers)
 }
 
-/// Decodes complete layers, of which layer 0 has the plate. Also returns the plate.
+/// Decodes complete layers. Layer 0 has the plate, which is returned, too.
 ///
 /// # Errors
 /// See [`decode`].
@@ -188,7 +188,7 @@ pub(crate) fn decode_regions(package: &[u8], threads: NonZero<usize>) -> Result<
 }
 
 impl Regions {
-    /// Decodes complete layers, of which there is at least one. The plate is empty without layer 0.
+    /// Decodes complete layers, at least one. The plate is empty without layer 0.
     fn decode(
         bytes: &[u8],
         contents: &Contents,

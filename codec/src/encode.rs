@@ -105,8 +105,8 @@ pub struct Rounded {
 }
 
 /// Encodes as [`encode_parallel`] does, and also returns the Gaussians as the package holds them. Chunks take over
-/// `forms`, those of a package with as many Gaussians in each chunk; without, steps are chosen, and each chunk is coded
-/// with and without neighbours, which takes twice as long, and has the smaller form.
+/// `forms`, the forms of a package with as many Gaussians in each chunk. Without `forms`, steps are chosen, and each
+/// chunk is coded with and without neighbours, which takes twice as long, and has the smaller form.
 ///
 /// # Errors
 /// See [`encode`].
@@ -359,7 +359,7 @@ fn check_plate(plate: &Field) -> Result<(), EncodeError> {
     }
 }
 
-/// The near distance of a package: that of the field, or of the plate if the field has none.
+/// The near distance of a package: the field's, or the plate's if the field has none.
 fn near(field: &Field, plate: Option<&Field>) -> f32 {
     let plate = plate.map_or(0.0, |plate| plate.near);
     if field.near > 0.0 { field.near } else { plate }

@@ -86,7 +86,7 @@ pub(crate) fn contents_within(bytes: &[u8], limits: &Limits, budget: &mut Budget
     contents_of(&head, bytes.len(), limits, budget)
 }
 
-/// Parses the head of a clip package, of which `available` bytes are given, with the memory of `budget`.
+/// Parses the head of a clip package, with the memory of `budget`. `available` bytes of the package are given.
 ///
 /// # Errors
 /// See [`contents`].
@@ -203,7 +203,7 @@ pub(crate) struct PlannedSection {
 }
 
 impl Contents {
-    /// Compares the checksums of all sections but those of unknown kinds with their bytes in the whole `package`,
+    /// Compares the checksums of all sections but sections of unknown kinds with their bytes in the whole `package`,
     /// without decoding anything.
     ///
     /// # Errors

@@ -3,7 +3,7 @@
 //! A [`Field`] is a set of Gaussians that move along cubic trajectories and fade in and out of
 //! temporal windows. A package stores a field for streaming: its Gaussians come in *layers*, the
 //! most important first, so that any prefix with the first layer plays. A [`Take`] is a package of
-//! minutes: *segments* that overlap in time, each a clip package, of which a player needs only those
+//! minutes: *segments* that overlap in time, each a clip package. A player needs only the segments
 //! that hold the present instant.
 //!
 //! This crate does no I/O and has no unsafe code. On any bytes it neither panics nor allocates beyond
@@ -35,7 +35,7 @@
 //!
 //! # Conventions
 //!
-//! - Lengths are in the units of the source, axes are those of the source; [`ClipInfo`] has the up
+//! - Lengths are in the units of the source, along the axes of the source; [`ClipInfo`] has the up
 //!   vector and the scale in metres.
 //! - Clip time runs from 0 to 1; [`ClipInfo::duration_s`] converts it to seconds. Times of a take are in
 //!   seconds; [`Segment::clip_time`] converts them.

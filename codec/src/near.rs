@@ -11,14 +11,14 @@ pub const NEAR_SHARE: f64 = 0.2;
 
 /// [`Field::near`](crate::Field::near) as a share of the size of the content, twice
 /// [`Surroundings::content_radius`](crate::Surroundings::content_radius), for a field of another program, which states none:
-/// nobody knows at which distance its cameras stood. It is 0.01 units in a field of unit size, the near plane of other renderers.
+/// the distance of its cameras is unknown. It is 0.01 units in a field of unit size, the near plane of other renderers.
 pub const NEAR_OF_SIZE: f64 = 0.01;
 
 /// Share of [`Field::near`](crate::Field::near) up to which nothing is drawn.
 pub const FADE_START: f64 = 0.5;
 
 /// Factor of the opacity of a Gaussian whose centre is `depth` in front of an eye: 0 up to half of `near`, 1 from `near`
-/// on, linear between. Nothing behind the eye is drawn, whatever `near` is. 0 for NaN.
+/// on, linear between. Nothing behind the eye is drawn at any `near`. 0 for NaN.
 pub fn near_fade(depth: f64, near: f64) -> f64 {
     match depth >= near {
         true if depth > 0.0 => 1.0,

@@ -68,8 +68,8 @@ impl<'a> Head<'a> {
         Ok(Head { body, version_minor, crc: stored })
     }
 
-    /// Offset and value of the checksum that a head at the beginning of `bytes` ends with, of which nothing else is
-    /// checked. `None` if no head is there.
+    /// Offset and value of the checksum that a head at the beginning of `bytes` ends with. Only the head's magic number
+    /// and length are checked. `None` if no head is there.
     pub(crate) fn stored_crc(bytes: &[u8]) -> Option<(usize, u32)> {
         let number = |at: usize| {
             let bytes = bytes.get(at..at.checked_add(4)?)?;

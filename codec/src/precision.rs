@@ -12,7 +12,7 @@ pub struct Precision {
     /// to 160.
     pub psnr: f64,
     /// Standard deviation, in source units, to which a pixel blurs a point; finer detail is lost.
-    /// By default that of a picture of 480 lines that the whole field fills.
+    /// By default the blur of a picture of 480 lines that the whole field fills.
     pub footprint: Option<f32>,
     /// Sensitivity of pictures to each Gaussian, in the order of the field. If empty, the default,
     /// it is estimated from size, opacity and duration.
@@ -53,8 +53,8 @@ const fn deviation(filter: PixelFilter) -> f64 {
 }
 
 /// Detail that the coder keeps of a field with this filter, relative to the footprint `f`. Scales `s` are coded as
-/// `ln(s^2 + f^2)`, which is what blurring makes of them. Compensated opacity falls as `s / f` below the footprint,
-/// of which that code would lose `f sqrt(2 step)`, a fifth of the opacity at a step of 0.02; with an eighth
+/// `ln(s^2 + f^2)`, which is what blurring makes of them. Compensated opacity falls as `s / f` below the footprint.
+/// The code would lose `f sqrt(2 step)` of it, a fifth of the opacity at a step of 0.02; with an eighth
 /// of the footprint it is a fortieth, and detail is right up to 8 times the resolution.
 const fn kept_detail(filter: PixelFilter) -> f32 {
     if filter.compensates() { 0.125 } else { 1.0 }

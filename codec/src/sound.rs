@@ -1,7 +1,7 @@
 //! [`Sound`]: the sound of a clip, as packets of a codec that this crate does not decode.
 //!
 //! A section that is not critical holds it, before all others, so that it arrives with the first layer. Its times are
-//! samples from clip time 0, so a segment keeps its sound wherever a take places it. The packets before the first
+//! samples from clip time 0, so a segment keeps its sound at any start in a take. The packets before the first
 //! sample that is heard prime the decoder: with them any segment can be the first one that plays.
 
 use crate::{
@@ -217,7 +217,7 @@ mod write {
         }
     }
 
-    /// Returns the clip package with `sound` in place of the one it has, if it has one; without any for `None`. All other
+    /// Returns the clip package with `sound` in place of its own sound, and without sound for `None`. All other
     /// sections stay as they are.
     ///
     /// # Errors

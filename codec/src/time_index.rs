@@ -107,7 +107,7 @@ impl TimeIndex {
         self.layers.last().and_then(|layer| layer.last()).copied().unwrap_or(0)
     }
 
-    /// Adds the layers of `further`, whose row numbers count from the first row behind those of this index.
+    /// Adds the layers of `further`, whose row numbers count from the first row behind the rows of this index.
     ///
     /// # Panics
     /// If a row number exceeds 32 bits.

@@ -9,7 +9,7 @@ const COVERED_MIN: f64 = 0.01;
 /// ... by at least so many Gaussians, or half of those alive where there are fewer than twice as many ...
 const GAUSSIANS_MIN: usize = 50;
 
-/// ... of which none has more than this share of the picture.
+/// ... each with at most this share of the picture.
 const SHARE_MAX: f64 = 0.5;
 
 /// Measures of what a camera sees of a field at an instant.

@@ -102,7 +102,7 @@ fn layers_have_the_rows_behind_those_before_and_no_others() {
         assert_eq!(further.dynamic_field.centers, of_all(&all.dynamic_field, further.before.dynamic_count));
         assert_eq!(further.time_index, all.time_index.since(2));
         assert_eq!(all.time_index.since(0), all.time_index);
-        // Candidates are those of the whole clip, counted from the first row of these layers.
+        // Candidates equal the candidates of the whole clip, counted from the first row of these layers.
         let first = further.before.dynamic_count;
         for t in [0.0, 0.3, 1.0] {
             let of_first = all.time_index.candidates(t, 2).count();

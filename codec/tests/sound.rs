@@ -226,7 +226,7 @@ fn limits_bound_the_memory_of_sound() {
     put_u32(&mut payload, 12, 4_000_000_000);
     let error = read(&parts.with_payload(0, payload)).unwrap_err().to_string();
     assert!(error.contains("sound is too short"), "{error}");
-    // And so is a packet that is longer than the section, whatever the limit.
+    // And so is a packet that is longer than the section, at any limit.
     let mut payload = parts.sections[0].clone();
     payload[HEAD_BYTES..HEAD_BYTES + 2].copy_from_slice(&[0xff; 2]);
     let bytes = parts.with_payload(0, payload);

@@ -93,7 +93,7 @@ pub fn check_sound(bytes: &[u8], head: &Contents) {
 ///
 /// # Panics
 /// If an error has no offset in its segment, a table breaks a rule, or a clip breaks an invariant or contradicts its
-/// head or that of the take.
+/// head or the take's head.
 pub fn check_package(bytes: &[u8], mut segment: impl FnMut(usize, Result<Clip, Error>)) {
     let head = contents(bytes, &LIMITS);
     let is_take = Err(Error::Format { offset: 64, error: FormatError::Take });
@@ -162,7 +162,7 @@ fn check_table(take: &Take, available: usize) {
     for group in take.segments.chunk_by(|a, b| spans_take(a) == spans_take(b)) {
         assert!(group.is_sorted_by_key(|segment| (segment.start_s, -segment.duration_s)));
     }
-    // The most are held where a segment begins. Limits are those of the spans as they are written.
+    // The most are held where a segment begins. Limits bound the spans as they are written.
     let starts = take.segments.iter().map(|segment| segment.start_s.max(0.0));
     let residents = starts.map(|t_s| {
         let holds = |segment: &&Segment| segment.start_s <= t_s && t_s < segment.end_s();
@@ -413,10 +413,10 @@ fn check_steps(source: &Source) {
     }
 }
 
-/// Whether opacity and colours of decoded row `j` may be those of source row `i`, for quantiser indices
+/// Whether opacity and colours of decoded row `j` may come from source row `i`, for quantiser indices
 /// of 0 and the step `step` of a chunk.
 fn appearance_holds(step: f64, source: &Field, i: usize, decoded: &Field, j: usize) -> bool {
-    // Rounding keeps visible opacities visible and invisible ones invisible: up to a step more.
+    // Rounding keeps visible opacities visible and invisible opacities invisible: up to a step more.
     let opacity = |x: f32| f64::from(x).max(0.5 * ALPHA_MIN).ln();
     let off = (opacity(source.opacities[i]) - opacity(decoded.opacities[j])).abs();
     let opacity_holds = off <= 1.5 * (1.2 * step).min(0.4) + 1e-5;

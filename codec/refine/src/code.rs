@@ -6,8 +6,8 @@
 //! than it saves.
 //!
 //! [`JointRounding`] rounds the numbers together at coarser precisions, which still meet the target. It begins near the
-//! precision that was found, or for large fields, whose search would take longer than the rounds, near the one that a
-//! single package leads to.
+//! precision that was found, or for large fields, whose search would take longer than the rounds, near the precision
+//! that a single package leads to.
 //!
 //! Pictures take nearly all of the time. `Trials` renders each at most once per precision, and those
 //! first that tell soonest that a precision is too coarse.
@@ -119,7 +119,7 @@ pub struct TargetCoder<'a> {
 
 impl<'a> TargetCoder<'a> {
     /// A coder of `source` in `layers`, given by their ends in rows.
-    /// `sensitivities` are those of its rows, and its footprint, as computed by [`sensitivities`]; `judge` holds
+    /// `sensitivities` are its rows' sensitivities and its footprint, as computed by [`sensitivities`]; `judge` holds
     /// pictures of the source.
     pub fn new(
         source: &'a Source<'a>,
@@ -287,7 +287,7 @@ struct Met {
     precision: Precision,
 }
 
-/// The package at the coarsest precision that meets a target, or the one that comes closest to it.
+/// The package at the coarsest precision that meets a target, or the package that comes closest to it.
 fn meet(trials: &mut Trials, psnr_db: f64, mut on_step: impl FnMut()) -> Result<Met, CodeError> {
     if !trials.is_small() {
         return search(trials, psnr_db, on_step);
@@ -354,8 +354,8 @@ fn scan(
 }
 
 impl Coded {
-    /// Whether this package is the better one for the target: the smaller one of two that are not below it,
-    /// else the one with the higher PSNR.
+    /// Whether this package is better for the target than `other`: the smaller of two packages that are not below it,
+    /// else the package with the higher PSNR.
     fn is_better_than(&self, other: &Coded) -> bool {
         let reaches = |coded: &Coded| coded.miss != Some(Miss::Below);
         match (reaches(self), reaches(other)) {

@@ -49,7 +49,7 @@ impl ColorSums {
 
     /// The transform that leaves the least squared error.
     ///
-    /// A held camera has a response that no fit has learned. The error that is left is that of what the pictures show, as in
+    /// A held camera has a response that no fit has learned. The remaining error is the error of the content, as in
     /// the evaluations of RawNeRF (Mildenhall et al. 2022) and gsplat.
     pub(crate) fn transform(&self) -> ColorTransform {
         if self.pixels == 0.0 {

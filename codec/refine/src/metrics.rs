@@ -37,7 +37,7 @@ pub struct ImageSums {
 }
 
 /// PSNR of a picture after the affine transform of colours that brings all pictures of its camera nearest to their
-/// photographs: what is left of the difference when the camera's own colours are taken away.
+/// photographs: the difference without the camera's own colours.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AlignedPsnr {
     /// In dB over the pixels of the subject, after the transform that fits these best; `None` without such pixels.

@@ -366,7 +366,7 @@ fn a_step(mut gpu: Gpu) -> Result<(), DeviceError> {
     Ok(())
 }
 
-/// Photographs of two cameras, one of which is late, elsewhere and dim.
+/// Photographs of two cameras. One camera is late, elsewhere and dim.
 fn cameras(mut gpu: Gpu) -> Result<(), DeviceError> {
     let dim = Response { vignette: -0.2, ..Response::NEUTRAL };
     let learned =

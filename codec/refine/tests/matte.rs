@@ -1,4 +1,4 @@
-//! Mattes of composites: the knight of ../shared/data/stage-knight walks through real rooms, those of the videos of
+//! Mattes of composites: the knight of ../shared/data/stage-knight walks through real rooms, from the videos of
 //! ../shared/data/pose2sim-4cam, with noise, a shadow, flicker, and JPEG. Skipped, visibly, without the data or ffmpeg.
 
 use std::path::{Path, PathBuf};
@@ -62,7 +62,7 @@ fn knight(camera: &str) -> Option<Vec<Layer>> {
     Some((0..FRAMES).map(masked).collect())
 }
 
-/// A composite: what is before the room, how many pixels to the right, how bright all of it is.
+/// A composite: the subject before the room, how many pixels to the right, how bright all of it is.
 struct Composite<'a> {
     room: &'a [[u8; 3]],
     knight: &'a [([u8; 3], u8)],

@@ -1,4 +1,4 @@
-//! Compares diagrams with those of GUDHI in `gudhi_diagrams.txt`, written by `gudhi_diagrams.py`.
+//! Compares diagrams with GUDHI's diagrams in `gudhi_diagrams.txt`, written by `gudhi_diagrams.py`.
 
 use std::path::Path;
 

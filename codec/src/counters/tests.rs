@@ -31,7 +31,7 @@ const SYMBOLS_PER_ROW: usize = 67 * 32 + 48 * 6 + 26;
 const VISITS_PER_ROW: usize = 24 + 48 + 1 + 1 + 2;
 
 /// Decodes a package, which may be damaged, on one thread and on several, and checks the work of the calling
-/// thread. Returns that of one thread, by [`super::Work`].
+/// thread. Returns the work on one thread, by [`super::Work`].
 fn work(package: &[u8]) -> [usize; 4] {
     let limits = Limits::default();
     // The Gaussians and uncompressed bytes that the head announces, and the entries of its table.

@@ -163,7 +163,7 @@ fn in_order(chunk: &mut Chunk, targets: &[Target]) -> Vec<(u64, usize)> {
     choose_grid(chunk, targets);
     let cells = targets.iter().map(|target| cell_of(chunk, target.trajectory[0]));
     let mut order: Vec<(u64, usize)> = cells.zip(0..).collect();
-    // Within a cell, the order is that of the targets.
+    // Within a cell, the order follows the targets.
     order.sort_unstable();
     order
 }
@@ -234,7 +234,7 @@ fn target<'a>(field: &'a Field, i: usize, step: f64, columns: Columns) -> Target
             (0..4).for_each(|k| trajectory[k][axis] = c[k]);
         }
         if let Some(rates) = &temporal.rotation_rates {
-            // The coded quaternion is that of the decoded tau.
+            // The coded quaternion is the rotation at the decoded tau.
             rate = rates[i].map(f64::from);
             (0..4).for_each(|k| rotation[k] += rate[k] * (decoded_tau - tau));
         }

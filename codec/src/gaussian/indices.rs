@@ -1,6 +1,6 @@
 //! [`choose`]: quantiser indices that take few bits, near those that sensitivities ask for.
 //!
-//! The indices of a Gaussian are coded given those of the one before. Steps that are half an octave off lose little, so
+//! The indices of a Gaussian are coded given its predecessor's. Steps that are half an octave off lose little, so
 //! runs of the same indices pay. `n` numbers whose steps are `e^x` times the best ones take `n x / ln 2` bits fewer, and
 //! have `e^2x` times the squared error. At the best steps a bit is worth `2 ln 2` times the squared error of a number, so
 //! all that costs as much as this number of bits:
@@ -23,7 +23,7 @@ pub(super) type Indices = [u32; 2];
 const VISIBILITY_MAX: f64 = ((1 << VISIBILITY_BITS) - 1) as f64;
 const GEOMETRY_MAX: f64 = ((1 << GEOMETRY_BITS) - 1) as f64;
 
-/// Number of searches. Each takes the bits from the indices of the one before; a third one changed next to nothing.
+/// Number of searches. Each takes the bits from the indices of its predecessor; a third search changed next to nothing.
 const SEARCHES: usize = 2;
 
 /// Count of an index that does not occur. Bits of counts are finite then.

@@ -7,7 +7,7 @@ use crate::rans::math::{self, Unit};
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct History {
     /// Logarithm of the largest blurred scale, relative to the footprint, and the differences between
-    /// each next one and the one before.
+    /// each next logarithm and its predecessor.
     pub(super) scales: [f64; 3],
     /// Direction of the main axis.
     pub(super) direction: [f64; 3],

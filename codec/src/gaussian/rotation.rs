@@ -18,8 +18,8 @@ const CODES_MAX: f64 = 16384.0;
 /// Quantiser of the rotation of a Gaussian, from its blurred standard deviations.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct RotationQuantiser {
-    /// Axes by width, the widest being 0: the axis that the roll turns from, the one that it turns
-    /// to, the main axis.
+    /// Axes by width, the widest being 0: the axis that the roll turns from, the axis that it
+    /// turns to, the main axis.
     pub(super) axes: [usize; 3],
     /// Number of codes of each coordinate of the direction.
     pub(super) direction_codes: u32,

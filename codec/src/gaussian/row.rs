@@ -50,7 +50,7 @@ const COLOR_NEIGHBOR_WEIGHT: f64 = 0.4;
 const SH_LAMBDA: f64 = 0.15;
 
 /// Rate-distortion trade-off of scales, motion and colours, which take more bits. At the same PSNR, packages of
-/// spinach get 1 to 2 % smaller; with 0.1, those of the guitar get larger.
+/// spinach get 1 to 2 % smaller; with 0.1, packages of the guitar get larger.
 const LAMBDA: f64 = 0.05;
 
 /// Bits of the visibility index and of the geometry index. Format.

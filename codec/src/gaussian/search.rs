@@ -36,7 +36,8 @@ impl LastCells {
     /// Positions of the cells nearest to `cell`, nearest first, of the first `count` of the ring. Without as many as
     /// [`NEAREST`], the last positions are undefined.
     ///
-    /// By keys: the bits of the squared distance plus 1 in binary32, the lower ones replaced by the position. Format.
+    /// Cells compare by keys: the bits of the squared distance plus 1 in binary32, whose lower bits are replaced by the
+    /// position. Format.
     #[inline(always)]
     pub(super) fn nearest(&self, cell: [u32; 3], count: usize) -> [usize; NEAREST] {
         Work::Rows.count(count);
@@ -70,7 +71,7 @@ fn sorted<const N: usize>([a, b, c]: [[f32; N]; 3]) -> [[f32; N]; 3] {
 fn halved<const N: usize, const HALF: usize>([a, b, c]: [[f32; N]; 3]) -> [[f32; HALF]; 3] {
     let lower = |list: [f32; N]| -> [f32; HALF] { std::array::from_fn(|lane| list[lane]) };
     let upper = |list: [f32; N]| -> [f32; HALF] { std::array::from_fn(|lane| list[HALF + lane]) };
-    // Of two ascending lists of three, the three lowest are the lower ones of opposite pairs.
+    // The three lowest numbers in two ascending lists of three are the lower numbers of opposite pairs.
     sorted([(a, c), (b, b), (c, a)].map(|(x, y)| exchanged(lower(x), upper(y)).0))
 }
 

@@ -73,7 +73,7 @@ impl<'a, O: BitObserver> Decoder<'a, O> {
         self.bytes.len()
     }
 
-    /// Whether its final state is that of an encoder before the first symbol.
+    /// Whether its final state is the state of an encoder before the first symbol.
     pub(crate) fn is_complete(&self) -> bool {
         self.states == [LOW; 2] && self.bits == 0
     }

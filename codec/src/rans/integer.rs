@@ -24,8 +24,8 @@ pub(crate) struct TokenInteger {
 }
 
 impl TokenInteger {
-    /// Number of the model of a component among those of its attribute. The axes of a power of motion share one, and
-    /// harmonics of the same degree and channel. Format.
+    /// Number of the model of a component among the models of its attribute. The axes of a power of motion share a
+    /// model, as do harmonics of the same degree and channel. Format.
     pub(crate) fn group(attribute: Attribute, component: usize) -> usize {
         match attribute {
             Attribute::Motion => component / 3,
@@ -68,7 +68,7 @@ pub(crate) struct NibbleTree {
     /// Numbers of bits of both symbols.
     upper_bits: u32,
     lower_bits: u32,
-    /// The distribution of the upper symbol, then that of the lower one for each upper one.
+    /// The distribution of the upper symbol, then a distribution of the lower symbol for each upper symbol.
     cdfs: Vec<Cdf>,
 }
 

@@ -92,7 +92,7 @@ pub(crate) fn ln(x: f64) -> f64 {
     f64::from(octaves) * std::f64::consts::LN_2 + (f64::from_bits(LOGARITHMS[part]) + sum)
 }
 
-/// Sine and cosine of `x` in `[0, pi / 2]`, from those of the half angle.
+/// Sine and cosine of `x` in `[0, pi / 2]`, from sine and cosine of the half angle.
 #[inline(always)]
 pub(crate) fn sin_cos(x: f64) -> (f64, f64) {
     const SIN: [f64; 6] = [1.0, -1.0 / 6.0, 1.0 / 120.0, -1.0 / 5040.0, 1.0 / 362_880.0, -1.0 / 39_916_800.0];

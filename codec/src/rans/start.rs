@@ -14,7 +14,7 @@ pub(crate) enum Prior {
     Near(u32),
     /// It is at most another number.
     AtMost(u32),
-    /// Its bits are those of two coordinates in turn, and the middle of the square is likely.
+    /// Its bits are the bits of two coordinates in turn, and the middle of the square is likely.
     NearCenterOfSquare,
 }
 

@@ -27,7 +27,7 @@ pub(super) struct Glance {
     pub(super) filled: f64,
     /// Mean depth of what is seen, in source units; 0 without anything.
     pub(super) depth: f64,
-    /// Mean depth of the content that is seen, in source units; 0 where none is.
+    /// Mean depth of the content that is seen, in source units; 0 without visible content.
     pub(super) content_depth: f64,
 }
 
@@ -59,16 +59,16 @@ pub(super) fn glance(discs: &Discs, camera: &Camera, near: f64, fade: f64) -> Gl
     }
 }
 
-/// Sums over the pixels of what is seen of each disc, 0 to 1.
+/// Sums over pixels and discs. A disc's weight is its visible share of the pixel, 0 to 1.
 #[derive(Clone, Copy, Default)]
 struct Sums {
     weight: f64,
-    /// Of weight times depth.
+    /// Sum of weight times depth.
     depth: f64,
-    /// Of the weight of the content.
+    /// Weight of the content.
     content: f64,
     content_depth: f64,
-    /// Of the weight of what is right before the eye.
+    /// Weight of the discs right before the eye.
     blocked: f64,
 }
 

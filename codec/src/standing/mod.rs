@@ -36,8 +36,8 @@ const AROUND_FOV_Y: f64 = 75.0 * std::f64::consts::PI / 180.0;
 /// Rings of stand points: elevation in degrees, number of points.
 const RINGS: [(f64, u32); 2] = [(10.0, 5), (45.0, 3)];
 
-/// Places within content beside its middle, where somebody may stand, or a table: eighths of a turn around the middle, in the
-/// order in which they are tried, ...
+/// Places within content beside its middle, where a person may stand, or a table: eighths of a turn around the
+/// middle, in the order in which they are tried, ...
 const PLACES: [f64; 8] = [0.0, 3.0, 6.0, 1.0, 4.0, 7.0, 2.0, 5.0];
 
 /// ... at this share of the way to the sides of its box.
@@ -168,7 +168,7 @@ impl Surroundings {
         Surroundings::from_parts(&parts, plate, up)
     }
 
-    /// The surroundings of a field of which nothing but its box is known: all of it is content.
+    /// The surroundings of a field whose box alone is known: all of it is content.
     pub(crate) fn from_box(bounds: [[f32; 3]; 2], up: [f32; 3]) -> Surroundings {
         let bounds = bounds.map(|corner| corner.map(f64::from));
         let [low, high] = bounds;
@@ -200,8 +200,8 @@ impl Surroundings {
         self.content.bounds
     }
 
-    /// As [`Surroundings::content_bounds`], along `axes`: three unit vectors at right angles, such as those of an upright
-    /// frame.
+    /// As [`Surroundings::content_bounds`], along `axes`: three unit vectors at right angles, such as the axes of an
+    /// upright frame.
     pub fn content_bounds_along(&self, axes: [[f64; 3]; 3]) -> [[f64; 3]; 2] {
         bounds_along(axes, &self.content, &self.discs, self.is_alone)
     }

@@ -20,7 +20,7 @@ const TURNS: [f64; 8] = [0.0, 1.0, -1.0, 2.0, -2.0, 3.0, -3.0, 4.0];
 /// Elevation of the views from above, in radians.
 const ELEVATION: f64 = FRAC_PI_6;
 
-/// Things right before the eye cover at most this share of the view: nobody opens in the haze of a wall.
+/// Things right before the eye cover at most this share of the view: no clip opens in the haze of a wall.
 const HAZE_MAX: f64 = 0.03;
 
 /// The first turn is taken from which the content has at least this share of the area that it has from the best one: a
@@ -39,7 +39,7 @@ const FURNITURE_DEPTH_MAX: f64 = 0.6;
 /// About one direction: bins along each side of a cube.
 const BINS: f64 = 4.0;
 
-/// Steps back, as shares of the way to what is behind, in the order in which they are tried.
+/// Steps back, as shares of the way to the content behind, in the order in which they are tried.
 const BACK: [f64; 3] = [0.6, 0.3, 0.0];
 
 /// A direction from which people may look at the content.

@@ -1,4 +1,4 @@
-//! Places in made-up fields: balls, rooms, skies, walls, and what nobody would expect.
+//! Places in made-up fields: balls, rooms, skies, walls, and unlikely fields.
 
 use super::discs::Disc;
 use super::*;
@@ -328,7 +328,7 @@ fn a_background_plate_is_in_the_way_and_never_content() {
     let StandPoints { content, around } = surroundings.stand_points(0.0, (64, 48));
     assert!(content.iter().all(|camera| norm(camera.position()) < 3.0));
     assert!(!around.is_empty());
-    // What fades before the eye hides nothing, and yet nobody stands in it.
+    // Gaussians that fade before the eye hide nothing, and yet no stand point is among them.
     let faded = Surroundings::new(&Field { near: 1.2, ..ball }, Some(&Field { near: 1.2, ..room }), UP);
     let content = faded.stand_points(0.0, (64, 48)).content;
     assert!(content.iter().all(|camera| norm(camera.position()) > 1.0), "nobody stands in the ball");
@@ -441,7 +441,7 @@ fn a_body_stands_on_its_feet_in_a_room() {
         let rows = [slender(), around].concat();
         let [low, high] = surroundings(&rows).content_bounds();
         assert!(low[1].abs() < 0.05 && (high[1] - 1.8).abs() < 0.1, "{what}: {low:?} {high:?}");
-        // Of the whole floor, what is below the body.
+        // The part of the floor below the body counts.
         assert!(low[0] > -1.2 && high[0] < 1.2 && high[2] < 0.5, "{what}: {low:?} {high:?}");
         // The same body on its side.
         let rolled: Vec<Row> = rows.iter().map(|([x, y, z], scale)| ([-y, *x, *z], *scale)).collect();

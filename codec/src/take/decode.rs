@@ -29,7 +29,7 @@ impl Take {
     ///
     /// # Errors
     /// As [`decode`](crate::decode()), where [`FormatError::Truncated`] counts bytes of the segment; also
-    /// [`FormatError::Segment`] if the package is not the one in the table, and
+    /// [`FormatError::Segment`] if the package contradicts the table, and
     /// [`FormatError::Take`] if it is a take. Offsets count from the start of the take.
     ///
     /// # Panics
@@ -49,7 +49,7 @@ impl Take {
         })
     }
 
-    /// Decodes the complete layers of segment `index` from layer `first` on, counted from 0, without those before, as
+    /// Decodes the complete layers of segment `index` from layer `first` on, counted from 0, without earlier layers, as
     /// [`Contents::decode_layers`] does: for a clip that [`Take::decode_segment`] decoded up to there.
     ///
     /// # Errors

@@ -1,6 +1,6 @@
 //! Reads and writes the head of a take.
 //!
-//! The head begins as that of a clip does, with 0 layers. The exact duration, the viewpoints, the near distance and the
+//! The head begins like a clip's head, with 0 layers. The exact duration, the viewpoints, the near distance and the
 //! table of segments follow. Offsets are not stored: segments follow the head and each other without gaps.
 
 use crate::{
@@ -16,8 +16,8 @@ use crate::{
 /// Offset of the number of segments.
 const COUNT_OFFSET: usize = FIXED_BYTES - 4;
 
-/// Reads the head of a take package, of which `available` bytes are given, with the memory of `budget`, which its
-/// table keeps.
+/// Reads the head of a take package. `available` bytes of the package are given. The table keeps its memory of
+/// `budget`.
 ///
 /// # Errors
 /// See [`package`](crate::package()).

@@ -17,11 +17,11 @@ pub(super) const PER_RAY: usize = 2;
 /// Opacity of the first Gaussian on a ray.
 const OPACITY: f64 = 0.5;
 
-/// Opacity of a Gaussian behind the surface, as a fraction of the one on it.
+/// Opacity of a Gaussian behind the surface, as a fraction of the opacity of a Gaussian on it.
 pub(super) const BEHIND: f64 = 0.5;
 
 /// With cameras all around, about one in this many sees a given point of the surface. The rays of n
-/// views are n over this as dense on the surface as those of one view.
+/// views are n over this as dense on the surface as the rays of one view.
 const VIEWS_PER_COVER: f64 = 3.0;
 
 /// Standard deviation of a Gaussian, in distances between sampled rays.

@@ -27,7 +27,7 @@ pub(super) struct FrameRows {
 /// Mean velocity of a Gaussian to or from a neighbouring frame, per interval, and the time between the two frames.
 type Leg = (DVec3, f64);
 
-/// Starts the motion of `gaussians`; `frames` are those of each frame, in ascending order of time. The first and the
+/// Starts the motion of `gaussians`; `frames` has the rows of each frame, in ascending order of time. The first and the
 /// last frame have a neighbour on one side only, and start with constant velocities.
 pub(super) fn start_motion(gaussians: &mut Parameters<f32>, frames: &[FrameRows]) {
     let order = usize::from(gaussians.motion_order);
@@ -90,10 +90,10 @@ fn nearest(points: &[DVec3], position: DVec3) -> usize {
 
 /// The coefficients `c1` and `c2` of a trajectory.
 ///
-/// Its curvature is that of the parabola through the three positions. Its velocity is not: a parabola overshoots where
-/// a motion starts or stops at once. As in monotone cubic interpolation (Fritsch and Butland, "A method for
-/// constructing local monotone piecewise cubic interpolants", 1984) the slower side counts more, and a motion that
-/// turns back rests for an instant.
+/// Its curvature is the curvature of the parabola through the three positions. Its velocity is not the parabola's: a
+/// parabola overshoots where a motion starts or stops at once. As in monotone cubic interpolation (Fritsch and Butland,
+/// "A method for constructing local monotone piecewise cubic interpolants", 1984) the slower side counts more, and a
+/// motion that turns back rests for an instant.
 fn parabola(before: Option<Leg>, after: Option<Leg>) -> [DVec3; 2] {
     let (Some((v0, h0)), Some((v1, h1))) = (before, after) else {
         return [before.or(after).map_or(DVec3::ZERO, |(velocity, _)| velocity), DVec3::ZERO];

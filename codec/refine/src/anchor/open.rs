@@ -1,8 +1,8 @@
 //! Plane sweep through all the space in front of the cameras, for photographs without masks.
 //!
 //! Each pixel tries depths from near the camera to far behind the point that the cameras look at, evenly in inverse
-//! depth and for several normals (Gallup et al., 2007), and takes the one at which neighbouring photographs agree best.
-//! Depths stay that a neighbour confirms and others around support. Other pixels, such as those of bare walls, get the
+//! depth and for several normals (Gallup et al., 2007), and takes the depth at which neighbouring photographs agree
+//! best. Depths stay that a neighbour confirms and others around support. Other pixels, such as bare walls, get the
 //! inverse depth of the farthest around them, from a pyramid that is filled from coarse to fine (pull-push: Gortler et al.,
 //! 1996).
 

@@ -26,7 +26,7 @@ pub struct AnchorSettings {
     /// Settings of the plane sweep.
     pub sweep: SweepSettings,
     /// Temporal width (standard deviation) of the Gaussians, in intervals (see [`Timeline`](crate::fit::Timeline)).
-    /// The paper's is 1.5 frames of the capture, of which it holds out every other one: 0.75 intervals. Halfway
+    /// The paper's is 1.5 frames of the capture, and it holds out every other frame: 0.75 intervals. Halfway
     /// between two photographs, a Gaussian of either still has 0.80 of its opacity.
     pub width: f64,
     /// The filter that the Gaussians are drawn with.

@@ -44,7 +44,7 @@ const ANGLES: [f64; 2] = [0.9998, 0.5];
 /// Half-size of a patch: it has `2 PATCH_HALF + 1` pixels a side.
 const PATCH_HALF: i32 = 2;
 
-/// Depths of a tilted patch, in those of its middle.
+/// Depths of a tilted patch, in units of the depth of its middle.
 const TILTS: std::ops::Range<f64> = 0.7..1.4;
 
 /// Least number of pixels of a patch that must show the subject.
@@ -108,8 +108,8 @@ pub(super) fn sweep(
     (0..all.len()).map(checked).collect()
 }
 
-/// At most `count` views whose direction to `center` is closest to that of view `i`, closest first, if the cosine of the
-/// angle is more than `widest`.
+/// At most `count` views whose direction to `center` is closest to the direction of view `i`, closest first, if the
+/// cosine of the angle is more than `widest`.
 pub(super) fn nearest(
     views: &[(&Pinhole, &Photograph)],
     i: usize,

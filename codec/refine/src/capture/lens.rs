@@ -81,7 +81,7 @@ impl Lens {
     fn new(model: Model) -> Lens {
         let end_squared = match &model {
             Model::Rational { numerator, denominator, .. } => {
-                // With q = r^2, the derivative of r N(q) / D(q) times D^2 is
+                // For q = r^2, the derivative of r N(q) / D(q) times D^2 is
                 // (N + 2 q N') D - 2 q N D' = sum of (1 + 2 i - 2 j) n_i d_j q^(i + j).
                 let mut slope = [0.0; 7];
                 for (i, n) in numerator.iter().enumerate() {
@@ -103,7 +103,8 @@ impl Lens {
         Lens { model, end_squared }
     }
 
-    /// Its coefficients in the order of [`Lens::fisheye`] if the flag is set, and else in that of [`Lens::rational`].
+    /// Its coefficients in the order of [`Lens::fisheye`] if the flag is set, and else in the order of
+    /// [`Lens::rational`].
     pub fn coefficients(&self) -> (bool, Vec<f64>) {
         match &self.model {
             Model::Rational {
@@ -147,7 +148,7 @@ impl Lens {
     }
 
     /// For each pixel of the undistorted image, row by row, its coordinates in the distorted one, in pixels
-    /// from the image corner. `columns` by `rows` is the size of both, which may differ from that of
+    /// from the image corner. `columns` by `rows` is the size of both, which may differ from the size of
     /// `camera`. `None` for pixels beyond the lens; coordinates may lie outside the image.
     pub fn sources(
         self,

@@ -1,8 +1,8 @@
 //! [`Capture`]: calibrated cameras and the index of their photographs.
 //!
 //! A capture names its cameras and photographs, but contains no pixels. Each photograph has a time of its
-//! own: that of its frame, later by its camera's offset and by a deviation of its own. [`Photo`] is a photograph in memory, free of lens
-//! distortion and multiplied by its mask.
+//! own: the time of its frame, later by its camera's offset and by a deviation of its own. [`Photo`] is a photograph in
+//! memory, free of lens distortion and multiplied by its mask.
 
 mod focus;
 mod lens;
@@ -61,7 +61,7 @@ pub struct PhotoId {
     pub camera: usize,
 }
 
-/// Times in seconds of `frames` frames, of which a second has `fps`.
+/// Times in seconds of `frames` frames at `fps` frames per second.
 pub fn even_times_s(frames: usize, fps: f64) -> Vec<f64> {
     (0..frames).map(|frame| frame as f64 / fps).collect()
 }

@@ -1,4 +1,4 @@
-//! [`Response`]: how a camera turns the colours of a scene into those of its photographs.
+//! [`Response`]: how a camera turns the colours of a scene into the colours of its photographs.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,7 +1,7 @@
 //! [`JointRounding`]: rounds the numbers of Gaussians together, so that their errors cancel in pictures.
 //!
 //! A coder rounds each number to the nearest multiple of its step. Neighbouring Gaussians overlap, so the error of one
-//! can make up for that of another. Each round decodes the package, renders it in some views, backpropagates the
+//! can make up for the error of another. Each round decodes the package, renders it in some views, backpropagates the
 //! difference to pictures of the field, and moves the numbers that the coder is given a little against the gradient:
 //!
 //! ```text
@@ -36,7 +36,7 @@ const PARTS: usize = 5;
 
 /// Part of the Gauss-Newton step of each number that a target moves in the first round; it falls linearly to 0 after the
 /// last one. The steps ignore that neighbours move together: with a constant 0.03, the error of the guitar rises again
-/// after 6 rounds, with 0.05 that of spinach.
+/// after 6 rounds, with 0.05 the error of spinach.
 const SHARE: f64 = 0.03;
 
 /// Addition to the curvature of a number, as a fraction of the mean of its column: numbers that hardly any picture shows
@@ -270,7 +270,7 @@ fn before([r, g, b, alpha]: [f32; 4], behind: [f32; 3]) -> [f32; 3] {
     [r + through * behind[0], g + through * behind[1], b + through * behind[2]]
 }
 
-/// The gradient with respect to a premultiplied pixel, for that with respect to what [`before`] makes of it.
+/// The gradient with respect to a premultiplied pixel, given the gradient with respect to the output of [`before`].
 fn d_pixel(d: [f32; 3], behind: [f32; 3]) -> [f32; 4] {
     [d[0], d[1], d[2], -(d[0] * behind[0] + d[1] * behind[1] + d[2] * behind[2])]
 }

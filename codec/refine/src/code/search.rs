@@ -42,7 +42,7 @@ const FINEST_DB: f64 = 130.0;
 pub enum Miss {
     /// The finest precision of the coder is below the target.
     Below,
-    /// The PSNR is that of the target or above; the next coarser precision is below it.
+    /// The PSNR is at the target or above; the next coarser precision is below it.
     Above,
     /// The PSNR is above the target, for the worst picture would be more than [`WORST_BELOW_DB`] below the
     /// target otherwise.
@@ -64,7 +64,7 @@ pub(super) fn miss_of(fidelity: &Fidelity, target_db: f64) -> Option<Miss> {
     }
 }
 
-/// PSNR above the target in dB, or that of the worst picture above its own, if it is less; [`EQUAL_DB`] at most.
+/// PSNR above the target in dB, or the worst picture's PSNR above its own target, if it is less; [`EQUAL_DB`] at most.
 pub(super) fn surplus_db(fidelity: &Fidelity, target_db: f64) -> f64 {
     let worst = fidelity.worst.as_ref().map_or(f64::INFINITY, |worst| worst.psnr_db + WORST_BELOW_DB);
     (fidelity.psnr_db.min(worst) - target_db).min(EQUAL_DB)

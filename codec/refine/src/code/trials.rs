@@ -25,8 +25,8 @@ pub(super) struct Trials<'a> {
     pub(super) judge: &'a Pictures,
     /// By the bits of the precision in dB.
     pub(super) known: BTreeMap<u64, Trial>,
-    /// Latest squared error in each picture, times that of the precision: about the same for each trial. Infinite
-    /// before the first.
+    /// Latest squared error in each picture, times the squared error of the precision: about the same for each trial.
+    /// Infinite before the first.
     errors: Vec<f64>,
 }
 

@@ -16,8 +16,8 @@ const SHADED_HOLE: f64 = 5e-3;
 /// Radius of the guided filter: 20 pixels of 1080p. IoU 0.977 with 0.010, 0.979 with 0.014.
 const RADIUS: f64 = 0.014;
 
-/// Variance of colours, from 0 to 1, below which the guide does not tell: that of 2.5 levels. IoU 0.983, and 0.982 with ten times
-/// of it.
+/// Variance of colours, from 0 to 1, below which the guide does not tell: the variance of 2.5 levels. IoU 0.983, and
+/// 0.982 with ten times the variance.
 const SMOOTHNESS: f32 = 1e-4;
 
 /// Pixels from the edge of a mask to which means have widened it.
@@ -80,7 +80,7 @@ fn softened(plate: &Plate, mask: &[bool], picture: &[[u8; 3]], gains: [f64; 3]) 
     (0..mask.len()).map(soft).collect()
 }
 
-/// Alpha of a mask with soft edges: that of the guided filter around the mask, and 0 elsewhere.
+/// Alpha of a mask with soft edges: the guided filter's alpha around the mask, and 0 elsewhere.
 fn feathered(mask: &[bool], soft: &[f32], picture: &[[u8; 3]], width: usize) -> Vec<u8> {
     let mut alpha = vec![0; mask.len()];
     let height = mask.len() / width.max(1);

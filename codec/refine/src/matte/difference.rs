@@ -1,9 +1,10 @@
 //! [`Difference`]: which pixels of a picture differ from the plate, and which of these only lie in a shadow.
 //!
 //! A shadow multiplies the plate by a factor, so that both its hue and its texture stay. A single pixel knows its hue only,
-//! and a grey jacket before a grey wall has that of a shadow. So squares of the picture are compared with the plate by the
-//! factor that fits best: the square lies in a shadow, or in the open, if what is left is noise, and the factor is one of
-//! a shadow. A pixel counts as shaded if it lies in such a square, and by itself has the hue of the plate.
+//! and a grey jacket before a grey wall has the hue of a shadow. So squares of the picture are compared with the plate
+//! by the factor that fits best: the square lies in a shadow, or in the open, if the remaining difference is noise, and
+//! the factor is one of a shadow. A pixel counts as shaded if it lies in such a square, and by itself has the hue of
+//! the plate.
 
 use super::box_mean::{box_mean, radius_of};
 use super::plate::Plate;
@@ -27,10 +28,11 @@ const SHADES: [f32; 2] = [0.55, 1.05];
 /// How much further a single pixel may go, because of noise.
 const SHADE_SLACK: f32 = 0.1;
 
-/// Radii of the squares, 23 and 12 pixels of 1080p, and the variance of what a factor leaves in them, in units of that of noise,
-/// up to which it is noise. Large squares resemble a shadow less often where they show a subject. Small ones fit into
-/// the shadows of limbs, and so have to be smoother. IoU of the knights is 0.983 with large ones alone and 0.983 with both; of a
-/// figure of 160x120 whose limbs cast shadows, 0.80 and 0.84.
+/// Radii of the squares, 23 and 12 pixels of 1080p, and the variance of the difference that a factor leaves in them, in
+/// units of the variance of noise, up to which the difference is noise. Large squares resemble a shadow less often
+/// where they show a subject. Small ones fit into the shadows of limbs, and so have to be smoother. IoU of the knights
+/// is 0.983 with large squares alone and 0.983 with both; of a figure of 160x120 whose limbs cast shadows, 0.80 and
+/// 0.84.
 const SQUARES: [(f64, f32); 2] = [(0.016, 1.4), (0.008, 1.2)];
 
 /// Squared deviation of a pixel's colour from the plate's hue, in units of noise, up to which it has that hue: 3 standard

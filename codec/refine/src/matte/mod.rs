@@ -4,7 +4,7 @@
 //! pictures over time -> Plate: colours and noise                     plate, gain
 //! plate, picture     -> pixels that differ and are no shadow         difference, box_mean
 //!                    -> regions, without islands and holes           regions
-//!                    -> alpha, whose edges follow those of the picture   alpha, guided, box_mean
+//!                    -> alpha, whose edges follow the picture's edges   alpha, guided, box_mean
 //! ```
 //!
 //! Colours are 8-bit and display-referred. Display curves are powers, nearly, so a shadow and a change of exposure multiply

@@ -17,7 +17,7 @@ const SPREAD_MAX: f32 = 2.0;
 /// Luma, in standard deviations of noise, that belongs to one mode: two on each side.
 const MODE_WIDTH: f32 = 4.0;
 
-/// Noise in levels that is assumed where one picture tells nothing: that of a camera indoors, after compression.
+/// Noise in levels that is assumed where one picture tells nothing: the noise of a camera indoors, after compression.
 const SPREAD_ASSUMED: f32 = 4.0;
 
 /// Colours that a still camera shows without the subject, and how much they vary.
@@ -137,7 +137,8 @@ fn tables(pictures: &[&[[u8; 3]]]) -> Vec<[Vec<f32>; 3]> {
     gains.into_iter().map(|gain| std::array::from_fn(|c| table(gain[c], middle[c]))).collect()
 }
 
-/// The commonest of colours: the median of those in the range of luma of this width that has most of them; the darker of two.
+/// The commonest of colours: the median of the colours in the range of luma of this width that has most of them; the
+/// darker of two.
 fn mode(mut samples: Vec<[f32; 3]>, width: f32) -> [u8; 3] {
     let luma = |[r, g, b]: &[f32; 3]| 0.25 * r + 0.5 * g + 0.25 * b;
     samples.sort_by(|a, b| luma(a).total_cmp(&luma(b)));

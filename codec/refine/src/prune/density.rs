@@ -22,7 +22,7 @@ const SUPPORT: f64 = 3.0;
 /// Margin of the grid around the content of the field, in sizes of the content.
 const MARGIN: f64 = 1.0;
 
-/// The topology is the same, whichever way is up.
+/// The topology does not depend on the up axis.
 const UP: [f32; 3] = [0.0, 1.0, 0.0];
 
 /// Slices of voxels that one task fills.

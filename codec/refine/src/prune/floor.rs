@@ -281,7 +281,7 @@ impl Floor {
             demands.push(at_level(&[birth_voxel], death + epsilon + spare));
         }
         if self.settings.measure == Measure::Strict {
-            // The neck must be high enough that the persistence does not exceed that in the whole.
+            // The neck must be high enough that the persistence does not exceed the persistence in the whole.
             for &(feature, piece) in &matching.deepened {
                 let persistence = whole.feature(feature).persistence();
                 let level = part.feature(piece).birth - persistence - spare;
@@ -314,7 +314,7 @@ impl Gap {
         Gap { demands, candidates }
     }
 
-    /// Greedily selects candidates that fill the gap together with those already taken: the one that
+    /// Greedily selects candidates that fill the gap together with the candidates already taken: the candidate that
     /// adds most of the missing density first, on ties the highest-ranked. `None` if that takes more than
     /// `most`.
     fn fill(&self, taken: &[bool], most: usize) -> Option<Vec<usize>> {

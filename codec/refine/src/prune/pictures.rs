@@ -41,7 +41,7 @@ impl Pictures {
     }
 
     /// Compares `scene` with these pictures as [`Pictures::compare`] does, in `order`; `None`, as soon as that is
-    /// known, if the PSNR over all pictures is below the first of `least_db` or that of one picture is
+    /// known, if the PSNR over all pictures is below the first of `least_db` or the PSNR of one picture is
     /// below the second. `known` holds the errors of `scene` that are known, one entry per picture, and
     /// gets those that are computed.
     pub(crate) fn compare_at_least(

@@ -85,7 +85,7 @@ fn ratio(part: usize, whole: usize) -> f64 {
 pub(crate) struct Matching {
     /// Features of the whole field without a match.
     pub(crate) deleted: Vec<usize>,
-    /// Matched but severed features: the one of the whole field, and the one of the subset.
+    /// Matched but severed features: the feature of the whole field, and the feature of the subset.
     pub(crate) deepened: Vec<(usize, usize)>,
     /// Features of the subset without a match: severed pieces.
     pub(crate) split: Vec<usize>,

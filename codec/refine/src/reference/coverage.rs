@@ -59,7 +59,7 @@ pub(super) fn fragments(splat: &Splat, radius: Radius, width: u32, height: u32) 
     Arch::new().dispatch(Quad { splat, radius, width, height })
 }
 
-/// A quad of which pixels are counted.
+/// A quad whose pixels are counted.
 struct Quad<'a> {
     splat: &'a Splat,
     radius: Radius,

@@ -27,7 +27,7 @@ const TINY_END: f64 = f64::from_bits(0x3e30_0001_0000_0000);
 const ONE_BEGIN: f64 = f64::from_bits(0x3fd6_2e43_0000_0000);
 const MORE_BEGIN: f64 = f64::from_bits(0x3ff0_a2b2_0000_0000);
 
-/// Below it the result is 0 here; that of `libm` is less than 1e-304.
+/// Below it the result is 0 here; the result of `libm` is less than 1e-304.
 pub(super) const LEAST: f64 = -700.0;
 
 /// Its mantissa has the bits of an integer that is added to it.

@@ -5,7 +5,7 @@
 //! them. Tests compare the GPU with it, pruning compares candidates by it, and tools draw with it where
 //! there is no GPU.
 //!
-//! Conventions are those of gsplat, and so of nearly all fitted fields: variances get the filter of the field,
+//! Conventions follow gsplat, and so nearly all fitted fields: variances get the filter of the field,
 //! alpha is limited to 0.999 and skipped below 1/255, and a pixel is finished before its transmittance
 //! falls to 1e-4.
 //!
@@ -110,7 +110,7 @@ impl<'a> RenderScene<'a> {
     }
 
     /// The union of the `segments` of a take: each is shown during its span, and all that are shown are sorted
-    /// together. The time of the scene is that of the take.
+    /// together. The time of the scene is the time of the take.
     pub fn of_take(segments: impl IntoIterator<Item = (SceneSpan, RenderScene<'a>)>) -> RenderScene<'a> {
         let mut union = RenderScene::default();
         for (span, scene) in segments {
@@ -154,7 +154,7 @@ pub fn render_with_subject(scene: &RenderScene, camera: &Camera, t: f64, order: 
     (whole, subject.pixels.iter().map(|pixel| pixel[3]).collect())
 }
 
-/// The sorted splats of a scene, and those of its plates.
+/// The sorted splats of a scene, and the sorted splats of its plates.
 fn sorted(scene: &RenderScene, camera: &Camera, t: f64, order: Order) -> (Vec<Splat>, Vec<Splat>) {
     let mut splats = evaluate_all(&scene.prefixes, camera, t);
     sort::sort(&mut splats, order);

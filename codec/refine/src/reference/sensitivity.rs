@@ -16,7 +16,7 @@ use crate::prune::PosedView;
 
 /// Mean over all pixels that is added for each Gaussian, for other viewpoints show what no picture does: a weight of 1 in
 /// one pixel of 240 pictures of 640x480, and a tenth of the colour difference. With 10 times as much, packages of the
-/// guitar get 3 % larger at the same PSNR in other views, those of spinach 1 %.
+/// guitar get 3 % larger at the same PSNR in other views, packages of spinach 1 %.
 const UNSEEN: Sums = Sums { color: 1.4e-8, geometry: 1.4e-10 };
 
 /// Sums over pixels of the squared factors that scale errors of a Gaussian.

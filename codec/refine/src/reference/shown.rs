@@ -23,7 +23,7 @@ pub struct Shown {
 struct Sums {
     weight: f64,
     weight_max: f64,
-    /// Pixels of which the Gaussian is the first.
+    /// Pixels whose first Gaussian is this Gaussian.
     pixels: usize,
 }
 

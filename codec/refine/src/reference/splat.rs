@@ -230,7 +230,7 @@ impl Walk {
         })
     }
 
-    /// Adds the sums of all bands, from top to bottom; `of_band` computes those of one.
+    /// Adds the sums of all bands, from top to bottom; `of_band` computes the sums of one band.
     pub(super) fn sum_bands<T: Clone + Default + PartialEq + Send>(
         &self,
         merge: impl Fn(&mut T, &T),

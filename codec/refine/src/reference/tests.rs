@@ -137,7 +137,7 @@ fn the_mip_filter_compensates_the_opacity() {
         let sharp = (FOCAL * f64::from(sigma) / 4.0).powi(2);
         let expected = f64::from(0.95f32) * sharp / (sharp + 0.1);
         let image = render(&(&field).into(), &camera(), 0.0, Order::Depth);
-        // The centre of the ball is that of a pixel.
+        // The centre of the ball is the centre of a pixel.
         let alpha = image.pixel(32, 24)[3];
         let expected = if expected < ALPHA_MIN { 0.0 } else { expected };
         // Off the axis by 0.3 degrees, which stretches it by 1e-5.
@@ -402,7 +402,7 @@ fn layers_of_a_clip_are_prefixes_drawn_together() {
     assert_eq!(draw(RenderScene::from_layers(&clip, 0)), draw(RenderScene::from_layers(&clip, 1)));
     assert_eq!(draw(RenderScene::from_layers(&clip, 9)), draw(RenderScene::from(&clip)));
     assert_ne!(draw(RenderScene::from(&clip)), draw(RenderScene::from_layers(&clip, 1)));
-    // The moving ball at depth 3 covers the still ones at 4, the one at 5 does not.
+    // The moving ball at depth 3 covers the still balls at 4, the ball at 5 does not.
     let mut joined = field(&[]);
     for (part, row) in [(&static_part, 0), (&static_part, 1), (&dynamic_part, 0), (&dynamic_part, 1)] {
         joined.centers.push(part.centers[row]);

@@ -71,7 +71,8 @@ impl Numbers {
         })
     }
 
-    /// Calls `change` for each number: with its column, its place in it, the number of `field`, and that of `other`.
+    /// Calls `change` for each number: with its column, its place in it, the number of `field`, and the number of
+    /// `other`.
     pub(super) fn for_each_in(
         &self,
         field: &mut Field,

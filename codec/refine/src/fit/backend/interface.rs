@@ -63,7 +63,7 @@ pub type PixelGradients<'a> = dyn Fn(usize, &[[f32; 4]]) -> Vec<Vec<[f32; 4]>> +
 /// Computes the steps of a fit, by the conventions of [`crate::reference`]. From [`Backend::load`] to
 /// [`Backend::store`] the training state lives where the back end computes.
 pub trait Backend {
-    /// Name for logs, including that of the device if there is one.
+    /// Name for logs, including the name of the device if there is one.
     fn name(&self) -> String;
 
     /// Takes over a training state and drops the one it had.

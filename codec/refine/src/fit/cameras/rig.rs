@@ -102,8 +102,8 @@ impl SeenView {
 }
 
 impl Rig {
-    /// Cameras with these responses, of which `learned` is learned; `fixed` is the number of the first one that the field
-    /// is fitted to.
+    /// Cameras with these responses. `learned` says which numbers are learned; `fixed` is the number of the first
+    /// camera that the field is fitted to.
     pub fn new(learned: Learned, responses: Vec<Response>, fixed: usize) -> Rig {
         let cameras =
             Learning::zeros(if learned.is_nothing() { 0 } else { responses.len() * CAMERA_NUMBERS });
@@ -169,8 +169,8 @@ impl Rig {
         numbers.map_or([0.0; CAMERA_NUMBERS], |numbers| numbers.try_into().expect("a camera's numbers"))
     }
 
-    /// The view of a photograph; `place` is its place among those of the fit, `None` for one that is held out, whose
-    /// exposure is not known.
+    /// The view of a photograph; `place` is its place among the photographs of the fit, `None` for a held-out
+    /// photograph, whose exposure is not known.
     pub(in crate::fit) fn seen(&self, view: &TrainingView, place: Option<usize>) -> SeenView {
         let mut response = self.response(view.camera_id);
         let log_exposure = place.and_then(|place| self.exposures.values.get(place)).copied().unwrap_or(0.0);

@@ -2,7 +2,7 @@
 //!
 //! Densification adds Gaussians where pictures are wrong, and hidden ones stay as long as they are opaque: a room ends with
 //! many that others hide or that lie thinly over a wall. A player pays for every pixel that they cover. The steps after
-//! densification make up for what is left out.
+//! densification make up for the Gaussians that are left out.
 
 use codec::Field;
 

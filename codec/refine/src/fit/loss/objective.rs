@@ -4,9 +4,9 @@
 //! for LPIPS its term is left out. The photograph is masked over black, as the image is rendered.
 //!
 //! Beyond the paper, L1 also compares the alpha of the image with the mask of the photograph, or with 1 where it has none.
-//! Over black alone, dark parts of the subject could as well be transparent, and would show what is behind it in a headset.
-//! It also tells apart what is far and faint from what is near: stage-knight gains 0.5 dB at held frames, and a film of a
-//! whole room 0.4 dB at held cameras.
+//! Over black alone, dark parts of the subject could as well be transparent, and would show its background in a
+//! headset. It also tells apart what is far and faint from what is near: stage-knight gains 0.5 dB at held frames, and
+//! a film of a whole room 0.4 dB at held cameras.
 
 use std::ops::Range;
 
@@ -106,9 +106,9 @@ fn comparable<T: Real>(image: &[[T; 4]], photograph: &Photograph) -> [Vec<[T; 4]
     [(0..image.len()).map(pixel).collect(), target]
 }
 
-/// The terms L1 and SSIM of `count` pixels in rows of `width`, given as pairs of those of the image and of the target.
-/// They are computed where either `is_lit`: elsewhere both are black, which is equal, and no Gaussian was drawn that a
-/// gradient could move.
+/// The terms L1 and SSIM of `count` pixels in rows of `width`, given as pairs of a pixel of the image and of the
+/// target. They are computed where either `is_lit`: elsewhere both are black, which is equal, and no Gaussian was drawn
+/// that a gradient could move.
 fn photometric<T: Real>(
     pair: impl Fn(usize) -> [[T; 4]; 2],
     is_lit: impl Fn(usize) -> bool,

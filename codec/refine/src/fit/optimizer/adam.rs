@@ -22,7 +22,7 @@ const CHUNK: usize = 1024;
 /// The first of the columns of time, which are the last: window, motion and rotation rates.
 const TIME_COLUMN: usize = 5;
 
-/// Moves `rows` against their gradients (row `i` of `gradient` is that of `rows[i]`) and projects them
+/// Moves `rows` against their gradients (row `i` of `gradient` is the gradient of `rows[i]`) and projects them
 /// into the bounds. Steps of carried rows are shorter by their [share](super::super::parameters::Carried::share). Skips
 /// rows whose gradient, or its square, is not finite; returns how many.
 ///
@@ -64,7 +64,7 @@ pub(in crate::fit) fn adam<T: Real>(
         };
         if !values.is_empty() {
             let column = Column { values, first, second };
-            // The compiler makes vectors of a row whose length it knows: those of the columns up to degree 3.
+            // The compiler makes vectors of a row whose length it knows: rows of the columns up to degree 3.
             match rates.len() {
                 1 => step::<T, 1>(column, rows, gradient, corrections, &rates),
                 3 => step::<T, 3>(column, rows, gradient, corrections, &rates),
@@ -142,7 +142,7 @@ fn step<T: Real, const N: usize>(
         for i in before(begin)..before(begin + CHUNK) {
             let Some([bias1, bias2]) = corrections[i] else { continue };
             let (row, g) = (rows[i] as usize - begin, &gradient[i]);
-            // Copies, of which the compiler knows that they do not overlap.
+            // Copies: the compiler knows that they do not overlap.
             let (mut value, mut mean, mut square) = (values[row], first[row], second[row]);
             for k in 0..N {
                 mean[k] = beta1 * mean[k] + rest1 * g[k];

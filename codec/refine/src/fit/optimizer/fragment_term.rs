@@ -7,10 +7,10 @@ use crate::fit::parameters::Parameters;
 use crate::fit::precision::Real;
 
 /// Adds the gradient of `weight` times the sum, over `rows`, of `ab + bc + ca` for the standard deviations `a, b, c`;
-/// row `i` of `gradient` is that of `rows[i]`. `weight` is per squared unit of the capture.
+/// row `i` of `gradient` is the gradient of `rows[i]`. `weight` is per squared unit of the capture.
 ///
 /// `ab + bc + ca` is nearly proportional to the area that an ellipsoid covers in the mean over all directions, a
-/// quarter of its surface: the views of a player are not those of the capture.
+/// quarter of its surface: the views of a player are not the views of the capture.
 pub(in crate::fit) fn add_fragment_term<T: Real>(
     gradient: &mut Parameters<T>,
     parameters: &Parameters<T>,

@@ -28,8 +28,8 @@ const LOGITS: f64 = 5e-2;
 /// For the spherical harmonics coefficient of degree 0: 10 times the rate of 3D Gaussian Splatting.
 const SH_FIRST: f64 = 2.5e-2;
 
-/// For the coefficients of degrees 1 to 3: 40 times the rate of 3D Gaussian Splatting, which is a 20th of that of
-/// degree 0.
+/// For the coefficients of degrees 1 to 3: 40 times the rate of 3D Gaussian Splatting, which is a 20th of its rate
+/// for degree 0.
 const SH_REST: f64 = 5e-3;
 
 /// For the window centres, in intervals: the rate of Spacetime Gaussians for clips of 50 frames.

@@ -18,9 +18,9 @@ pub(in crate::fit) const STATIC_SHARE: f32 = 0.4;
 /// What is known of a Gaussian in a fit that goes on from earlier ones.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Carried {
-    /// Share of its life that the photographs of this fit show, of that which they and those of earlier fits show, 0 to
-    /// 1; weighted by the opacity over time. The learning rates are multiplied by it. Capacity control leaves rows below
-    /// 1 as they are.
+    /// Share of its life that the photographs of this fit show, of the share that they and the photographs of earlier
+    /// fits show, 0 to 1; weighted by the opacity over time. The learning rates are multiplied by it. Capacity control
+    /// leaves rows below 1 as they are.
     pub share: f32,
     /// Earliest and latest time, in intervals, at which it may be alive; infinite if any will do.
     pub limits: [f32; 2],

@@ -81,7 +81,7 @@ impl<T: Real> Parameters<T> {
             && absent_or(self.behind.len())
     }
 
-    /// Whether the columns are consistent and as long as those of `other`.
+    /// Whether the columns are consistent and as long as the columns of `other`.
     pub fn has_shape_of(&self, other: &Parameters<T>) -> bool {
         self.is_consistent()
             && self.len() == other.len()

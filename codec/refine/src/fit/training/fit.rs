@@ -86,7 +86,7 @@ pub struct Fit {
 }
 
 impl Fit {
-    /// A fit that starts from `parameters`. The positions of `cameras`, those of all training views,
+    /// A fit that starts from `parameters`. The positions of `cameras`, the cameras of all training views,
     /// scale its learning rates and bounds.
     pub fn new<'a>(
         settings: FitSettings,
@@ -131,7 +131,7 @@ impl Fit {
         self
     }
 
-    /// The photographs are taken by the cameras of `rig`, which has those of all training views.
+    /// The photographs are taken by the cameras of `rig`, which has the cameras of all training views.
     pub fn seen_by(self, rig: Rig) -> Fit {
         Fit { rig: (!rig.is_neutral()).then_some(rig), ..self }
     }

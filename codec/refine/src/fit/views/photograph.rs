@@ -76,7 +76,7 @@ impl Photograph {
     }
 
     /// The mask at a pixel as the loss compares it. 1 of 255 is 0: a device's word for a pixel has no room for all values
-    /// beside that of an invalid pixel.
+    /// beside the value of an invalid pixel.
     pub(in crate::fit) fn opacity(&self, pixel: usize) -> u8 {
         let mask = self.pixels[pixel][3];
         if mask > 1 { mask } else { 0 }

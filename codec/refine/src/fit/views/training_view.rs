@@ -18,7 +18,7 @@ pub struct TrainingView {
 }
 
 impl TrainingView {
-    /// The view with pixels `factor` times as large; what is left at the right and bottom is cut off.
+    /// The view with pixels `factor` times as large; the remainder at the right and bottom is cut off.
     ///
     /// # Panics
     /// If `factor` is 0.

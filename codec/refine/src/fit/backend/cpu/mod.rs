@@ -1,7 +1,7 @@
 //! The back end for the CPU: the forward pass and its gradient.
 //!
 //! It follows the conventions of [`crate::reference`] and renders the same images, faster: in tiles of
-//! 16x16 pixels, of which a block of 4x4 is a SIMD vector. The backward pass composites a tile a second time,
+//! 16x16 pixels. A block of 4x4 pixels is a SIMD vector. The backward pass composites a tile a second time,
 //! front to back, because the light behind a fragment is the pixel's total minus the running sum.
 //!
 //! Every sum has a fixed order and no operation is fused with another. Results are therefore the same

@@ -219,7 +219,7 @@ pub(super) struct TileSplat<'a, T> {
     splat: &'a Splat<T>,
     /// The centre of the tile's first pixel, from the splat's centre.
     first: [T; 2],
-    /// `d.x - shear d.y` of a block's pixels, from that of its first.
+    /// `d.x - shear d.y` of a block's pixels, minus its value at the first pixel.
     slant: Lanes<T>,
 }
 
@@ -263,7 +263,7 @@ impl<'a, T: Real> TileSplat<'a, T> {
 
     /// The blocks that the splat may reach: bit `b` is set for block `b`. Within a block, `d.x - shear d.y` and
     /// `d.y` are at least their magnitudes at its centre minus its half extents, so the Mahalanobis distance is at
-    /// least that of these differences.
+    /// least the Mahalanobis distance of these differences.
     #[inline(always)]
     fn blocks(&self, grid: &Grid<T>) -> u32 {
         let splat = self.splat;

@@ -2,7 +2,7 @@
 //!
 //! A tile is composited again, front to back. `rest` = sum over the fragments behind of their colour dot
 //! the pixel's gradient: the total minus the running sum. Nothing is divided by a transmittance, which can
-//! be tiny. Tiles compute their contributions in parallel; then each splat sums those of its tiles, in
+//! be tiny. Tiles compute their contributions in parallel; then each splat sums the contributions of its tiles, in
 //! the order of the tiles.
 
 use pulp::{Arch, NullaryFnOnce};
@@ -29,7 +29,7 @@ pub(super) struct SplatGradient<T> {
     pub(super) color: [T; 3],
 }
 
-/// The gradients of all `splats`, given that of the pixels. The result does not depend on the vector width
+/// The gradients of all `splats`, given the gradient of the pixels. The result does not depend on the vector width
 /// of `arch`.
 pub(super) fn rasterize_backward<T: Real>(
     arch: Arch,

@@ -62,7 +62,7 @@ fn front_to_back<T: Real>(
 
 impl<T: Real> ForwardPass<T> {
     /// Backpropagates `d_image`, the gradient of a loss with respect to the pixels, to the parameters.
-    /// `parameters` and `view` are those of the forward pass. For `detach_tau` see
+    /// `parameters` and `view` are the inputs of the forward pass. For `detach_tau` see
     /// [`FitSettings`](crate::fit::FitSettings::detach_tau).
     ///
     /// # Panics

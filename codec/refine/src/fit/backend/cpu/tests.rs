@@ -20,7 +20,7 @@ fn render_field<T: Real>(field: &Field, camera: &Camera, frame: f64) -> Rendered
     render(&Parameters::<T>::from_field(field, TIMELINE), &FrameView { camera, time: frame }).image
 }
 
-/// Differences between the channels of an image and those of the reference.
+/// Differences between the channels of an image and the channels of the reference.
 fn differences<T: Real>(field: &Field, camera: &Camera, frame: f64) -> Vec<f64> {
     let expected =
         reference::render(&RenderScene::from(field), camera, frame / TIMELINE.intervals, Order::Depth);

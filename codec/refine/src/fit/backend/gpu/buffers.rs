@@ -12,13 +12,13 @@ use crate::fit::backend::DeviceError;
 /// Bytes per number.
 const WORD: u64 = 4;
 
-/// Significant bits of a sort key: those of a positive float, and one for what is behind all others.
+/// Significant bits of a sort key: the bits of a positive float, and a bit for keys behind all others.
 pub(super) const DEPTH_BITS: u32 = 32;
 
 /// The buffers that a sort alternates between.
 pub(super) type PingPong = [Buffer; 2];
 
-/// All buffers. The names of the fields are those of [`shaders::fit::binding`].
+/// All buffers. The fields have the names in [`shaders::fit::binding`].
 pub(super) struct Buffers {
     pub(super) fixed: Fixed,
     pub(super) gaussians: PerGaussian,

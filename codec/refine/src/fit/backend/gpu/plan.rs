@@ -161,7 +161,7 @@ impl Builder<'_> {
         (&pairs.tiles[last], &pairs.indices[last])
     }
 
-    /// Scans the counts, of which there are at most `most`.
+    /// Scans the counts, at most `most`.
     fn scan(&self, plan: &mut Vec<Dispatch>, series: &Buffer, most: u64) {
         let Buffers { fixed, scanned, .. } = self.buffers;
         let buffers = [

@@ -104,7 +104,8 @@ pub(super) fn rows_of(
     Ok(all)
 }
 
-/// The uniforms of a step; `near` is that of the parameters, `alpha_channels` the weight of alpha in the loss.
+/// The uniforms of a step; `near` is the near distance of the parameters, `alpha_channels` the weight of alpha in the
+/// loss.
 pub(super) fn step_uniforms(
     view: &FrameView,
     near: f64,

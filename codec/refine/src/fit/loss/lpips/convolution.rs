@@ -195,7 +195,7 @@ impl<T: Real> Convolution<T> {
         output
     }
 
-    /// The gradient with respect to an input of `size`, given that of its `output`.
+    /// The gradient with respect to an input of `size`, given the gradient of its `output`.
     pub(super) fn backward(
         &self,
         output: &FeatureMap<T>,

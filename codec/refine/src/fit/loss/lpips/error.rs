@@ -7,7 +7,7 @@ use std::fmt;
 pub enum LpipsError {
     /// A tensor is missing.
     Missing(String),
-    /// The shape of the first tensor is that of neither network.
+    /// The shape of the first tensor fits neither network.
     Network(Vec<usize>),
     /// A tensor has the wrong shape.
     Shape {
