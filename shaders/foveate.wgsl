@@ -3,9 +3,9 @@
 //
 // Inputs: both images, premultiplied, with one layer per eye. Output: the pixel of the composed image, premultiplied.
 //
-// Pixels of the inset coincide with those of the composed image. Near its edge it fades into the wide image, which is
-// interpolated linearly. Both are blended in the values that splats are blended in, so that alpha is that of either where
-// both agree.
+// Pixels of the inset coincide with pixels of the composed image. Near its edge it fades into the wide image, which is
+// interpolated linearly. Both are blended in the values that splats are blended in, so that alpha equals either image's
+// alpha where both agree.
 
 struct Foveation {
     // Upper left corner of the inset in the composed image, in pixels.

@@ -52,8 +52,8 @@ pub fn decode_parallel(bytes: &[u8], limits: &Limits, threads: NonZero<usize>) -
 
 impl Contents {
     /// Decodes the complete layers of `bytes` from layer `first` on, counted from 0, without earlier layers, on up to
-    /// `threads` threads. [`Clip::append`] adds them to a clip that was decoded up to there; the clip is then the one
-    /// that [`decode`] makes of `bytes`.
+    /// `threads` threads. [`Clip::append`] adds them to a clip that was decoded up to there; the clip then equals the
+    /// clip that [`decode`] makes of `bytes`.
     ///
     /// `bytes` are the package of this head, or a prefix of it. `limits` bound the whole clip: the layers before count,
     /// and so does the section table.

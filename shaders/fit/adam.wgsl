@@ -5,8 +5,8 @@
 // counts the gradients of each row, not the steps.
 
 struct AdamUniforms {
-    // Learning rates by column; at MOTION one per power of time, at SH_REST that of the spherical harmonics
-    // of degrees 1 to 3, at ROTATION_RATE_AT that of the rotation rates.
+    // Learning rates by column; at MOTION one per power of time, at SH_REST the rate of the spherical
+    // harmonics of degrees 1 to 3, at ROTATION_RATE_AT the rate of the rotation rates.
     rates: array<vec4<f32>, 3>,
     // Smallest and largest log-scale, log-width and tau; the largest logit.
     log_scales: vec2<f32>,
@@ -93,7 +93,7 @@ fn step_quaternion(to: u32, by: u32, rate: f32, bias: vec2<f32>) {
     }
 }
 
-// Steps the three log-scales at `to` along their gradient at `by` and that of ab + bc + ca, for the standard
+// Steps the three log-scales at `to` along their gradient at `by` and the gradient of ab + bc + ca, for the standard
 // deviations a, b, c.
 fn step_scales(to: u32, by: u32, rate: f32, bias: vec2<f32>) {
     let scales = exp(vec3<f32>(parameters[to], parameters[to + 1u], parameters[to + 2u]));

@@ -1,15 +1,15 @@
 // Stage camera: the image as the camera shows it, and the gradient with respect to the camera.
 //
 // respond: from the image to what the camera shows of it. respond_backward: the gradient the same way back.
-// sum_response: the gradient with respect to the response, one group. sum_view: that with respect to the view, one
-// group.
+// sum_response: the gradient with respect to the response, one group. sum_view: the gradient with respect to
+// the view, one group.
 //
 // What the camera adds to a colour counts by alpha, because the image is premultiplied.
 
 struct Response {
-    // Rows give red, green and blue: factors of those of the image, and what is added.
+    // Rows give red, green and blue: three factors of the image's colours, and an addend.
     color: array<vec4<f32>, 3>,
-    // Of the factor 1 + v r^2, where r is 1 in the corners.
+    // v of the factor 1 + v r^2, where r is 1 in the corners.
     vignette: f32,
 }
 

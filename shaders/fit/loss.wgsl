@@ -19,7 +19,7 @@
 @group(0) @binding(16) var<storage, read_write> blurred: array<f32>;
 // `[derivative][channel][pixel]`: with respect to the mean of the image, its mean square, the mean product.
 @group(0) @binding(17) var<storage, read_write> derivatives: array<f32>;
-// Per pixel, summed over the channels: absolute difference, with that of alpha; similarity.
+// Per pixel, summed over the channels: absolute difference, with the difference of alpha; similarity.
 @group(0) @binding(18) var<storage, read_write> differences: array<vec2<f32>>;
 @group(0) @binding(19) var<storage, read_write> d_image: array<vec4<f32>>;
 
@@ -51,7 +51,7 @@ fn alpha_difference(pixel: u32) -> f32 {
     return uniforms.alpha_channels * (image[pixel].w - opacity);
 }
 
-// Colour of the image; that of the photograph for an invalid pixel.
+// Colour of the image; the photograph's colour for an invalid pixel.
 fn image_color(pixel: u32) -> vec3<f32> {
     if is_valid(pixel) {
         return image[pixel].xyz;

@@ -1,7 +1,8 @@
 // Stage project: projects every Gaussian, one thread each.
 //
 // In: parameters and statistics. Out: by row, its splat and the number of tiles that it overlaps; a sort key that
-// ascends with depth, above all others for what is behind them (NOT_DRAWN for a Gaussian that reaches no pixel); its row.
+// ascends with depth, above all others for what lies behind them (NOT_DRAWN for a Gaussian that reaches no pixel); its
+// row.
 
 @group(0) @binding(5) var<storage, read_write> splats: array<Splat>;
 @group(0) @binding(6) var<storage, read_write> keys: array<u32>;

@@ -1,7 +1,7 @@
 // Stage project_backward: backpropagates the gradient from splats to parameters, one thread per drawn
 // Gaussian, which is projected again for its intermediate results.
 //
-// In: the sums that `rasterize_backward` left per pair. Out: row `i` of the gradient is that of row
+// In: the sums that `rasterize_backward` left per pair. Out: row `i` of the gradient is the gradient of row
 // `order[i]` of the parameters, 0 if it is not finite. Updates the statistics.
 
 @group(0) @binding(3) var<storage, read_write> totals: array<atomic<u32>>;
@@ -56,7 +56,7 @@ fn splat_backward(row: u32, splat: Splat) -> SplatGradient {
             sums[k] += d_pairs[pair * SPLAT_NUMBERS + k];
         }
     }
-    // The exponent is -q / 2; the sums are those of its gradient times 1, s, dy, s s, s dy, dy dy.
+    // The exponent is -q / 2; the sums are sums of its gradient times 1, s, dy, s s, s dy, dy dy.
     let inverse_variance = splat.inverse_variance;
     return SplatGradient(
         vec2<f32>(inverse_variance.x * sums[1], inverse_variance.y * sums[2] - splat.shear * inverse_variance.x * sums[1]),

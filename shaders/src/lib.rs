@@ -32,8 +32,8 @@ pub const ALPHA_MAX: f32 = 0.999;
 /// Share of the near distance up to which nothing is drawn.
 pub const FADE_START: f32 = 0.5;
 
-/// Variance of a field's filter, added to those of every footprint, in px^2, so that no splat falls between pixels:
-/// of the mip filter, which compensates opacities, or of blur.
+/// Variance of a field's filter, added to the variances of every footprint, in px^2, so that no splat falls between
+/// pixels: of the mip filter, which compensates opacities, or of blur.
 pub const fn filter_variance(mip: bool) -> f32 {
     if mip { 0.1 } else { 0.3 }
 }
@@ -95,7 +95,7 @@ pub struct Features {
     pub motion: Option<Motion>,
     /// Whether the field has the mip filter, which compensates opacities.
     pub mip: bool,
-    /// Whether the Gaussians are those of several segments, each in a slot with ranges and a clip time of its own.
+    /// Whether the Gaussians belong to several segments, each in a slot with ranges and a clip time of its own.
     pub segmented: bool,
 }
 

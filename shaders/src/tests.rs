@@ -7,7 +7,7 @@ use naga::valid::{Capabilities, ValidationFlags, Validator};
 use super::*;
 use crate::layout::{Foveation, Frame, Gaussian, Ranges, Slot, ViewUniform};
 
-/// All features of clips, then those of takes.
+/// All features of clips, then the features of takes.
 fn all_features() -> Vec<Features> {
     let clips = features_of_clips();
     let takes: Vec<_> = clips.iter().map(|&features| Features { segmented: true, ..features }).collect();
@@ -64,7 +64,7 @@ fn every_composition_is_valid() {
     }
 }
 
-/// A root of a number that rounding makes negative is NaN, of which WGSL promises nothing.
+/// A root of a number that rounding makes negative is NaN, and WGSL promises nothing of NaN.
 #[test]
 fn no_root_is_of_a_number_that_may_be_negative() {
     // The variances of a footprint are at least FILTER.

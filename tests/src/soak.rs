@@ -1,5 +1,5 @@
 //! Playback that goes on and on: what a person can do, at random and as fast as the device draws,
-//! and what is left in memory each time a clip was put away.
+//! and the memory that remains each time a clip was put away.
 //!
 //! A round takes a clip in from memory or from a server, uploads it, draws it for one eye or two into
 //! images whose size changes, through seeks, steps, speeds, pauses and all settings, counts and reads
@@ -45,10 +45,10 @@ const ROUNDS_MIN: usize = 12;
 const GROWTH: f64 = 0.02;
 const GROWTH_BYTES: u64 = 8 << 20;
 
-/// What the heap may grow by, of which every byte is counted.
+/// Growth of the heap that is allowed, in bytes. Every byte of the heap is counted.
 const HEAP_GROWTH_BYTES: u64 = 64 << 10;
 
-/// What is left after a round.
+/// The memory in use after a round.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Sample {
     /// Since the beginning.

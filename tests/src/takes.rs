@@ -11,7 +11,7 @@ use crate::scene::{Motion, Recipe};
 
 /// A take of a synthetic field, and its segments.
 pub struct SplitTake {
-    /// The field unsplit; its clip time is that of the take.
+    /// The field unsplit; its clip time is the time of the take.
     pub field: Field,
     /// Duration in seconds.
     pub duration_s: f64,

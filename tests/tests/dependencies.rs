@@ -42,7 +42,7 @@ fn main() -> ExitCode {
     libtest_mimic::run(&Arguments::from_args(), tests).exit_code()
 }
 
-/// Cargo's metadata of a workspace's packages, optionally with those of all dependencies on all systems.
+/// Cargo's metadata of a workspace's packages, optionally with the metadata of all dependencies on all systems.
 ///
 /// # Errors
 /// If Cargo lacks some of the dependencies.

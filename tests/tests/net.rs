@@ -56,7 +56,7 @@ struct Events {
 }
 
 impl Events {
-    /// Adds a clip. One that continues the one before has its rows.
+    /// Adds a clip. A clip that continues the clip before has the earlier clip's rows.
     fn add(&mut self, version: ClipVersion) {
         let clip = Arc::unwrap_or_clone(version.clip);
         if version.is_continued {

@@ -257,7 +257,7 @@ fn take(headset: &Headset) -> Result<(), String> {
     let path = headset.path("take.aarc");
     let (bytes, _) = take_package(3.0 * SEGMENT_S, 30.0, &segments);
     fs::write(&path, bytes).map_err(|error| error.to_string())?;
-    // On a busy machine the segment of the instant may not be decoded in time; the one before is then shown.
+    // On a busy machine the segment of the instant may not be decoded in time; the segment before is then shown.
     const TRIES: usize = 3;
     let mut result = Ok(());
     for _ in 0..TRIES {
@@ -287,8 +287,8 @@ fn shows_the_segment(gpu: &Gpu, played: &Played, segments: &[SegmentFile]) -> Re
     check("headset-take-right", right_image, &expected[1], TOLERANCE).map(drop)
 }
 
-/// The share of frames that are missed in a take whose segments change four times a second, over that in a take of one
-/// segment, of as many Gaussians drawn. Run it with `--ignored` on an idle machine.
+/// The share of frames that are missed in a take whose segments change four times a second, over the share in a take of
+/// one segment, with as many Gaussians drawn. Run it with `--ignored` on an idle machine.
 fn changing_segments(headset: &Headset) -> Result<(), String> {
     const CHANGES: u32 = 120;
     let recipe = Recipe {
@@ -651,8 +651,8 @@ fn odd_runtimes(headset: &Headset) -> Result<(), String> {
     Ok(())
 }
 
-/// All allocations on the player's device fail from one on, those of the runtime too. Opening the session then fails
-/// before or after its first drawing.
+/// All allocations on the player's device fail from one on, the runtime's allocations too. Opening the session then
+/// fails before or after its first drawing.
 fn little_memory(headset: &Headset) -> Result<(), String> {
     for call in [1, 2, 4, 6, 8, 10] {
         let mut command = headset.command(client());

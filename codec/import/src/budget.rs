@@ -6,7 +6,7 @@ use std::path::Path;
 
 use codec::{Field, Temporal, sh_coefficients};
 
-/// Largest ratio of unpacked to packed bytes that is accepted: that of DEFLATE, in gzip and ZIP, cannot be larger.
+/// Largest ratio of unpacked to packed bytes that is accepted: DEFLATE's ratio, in gzip and ZIP, cannot be larger.
 const RATIO_MAX: u64 = 1032;
 
 /// Bounds on what importing a file may allocate.

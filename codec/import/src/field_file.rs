@@ -97,7 +97,7 @@ pub(crate) fn hints(ply: &Ply) -> Result<Hints, String> {
     Ok(hints)
 }
 
-/// The filter in the comments of any PLY; that of most fields if there is none.
+/// The filter in the comments of any PLY; the filter of most fields if the comments name no filter.
 ///
 /// # Errors
 /// One sentence that names the comment, if it names no filter.

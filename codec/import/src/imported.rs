@@ -27,8 +27,8 @@ pub struct Imported {
 }
 
 impl Imported {
-    /// The field with the near distance that its file states, or with a share of the size of its content. So what stands
-    /// right before the eye fades, whatever the unit is.
+    /// The field with the near distance that its file states, or with a share of the size of its content. So Gaussians
+    /// right before the eye fade, in any unit.
     pub(crate) fn with_near(mut self) -> Imported {
         let near = self.hints.near.unwrap_or_else(|| {
             let up = self.hints.up.unwrap_or(DEFAULT_UP);
@@ -79,7 +79,7 @@ pub struct Hints {
     pub fps: Option<f32>,
     /// Suggested viewpoints, the initial one first.
     pub viewpoints: Vec<Viewpoint>,
-    /// Number of frames of a sequence: its clip lasts one less of them, at whatever rate it has.
+    /// Number of frames of a sequence: its clip lasts one frame less, at any frame rate.
     pub frames: Option<usize>,
     /// Further comments of a field file, by their keys, in order: those on its fit, and unknown ones.
     pub comments: Vec<(String, String)>,

@@ -8,7 +8,7 @@ use serde::Deserialize;
 
 use crate::error::ImportError;
 
-/// Metadata of a clip that takes precedence over that of its field file; `None` where the file has the word.
+/// Metadata of a clip that takes precedence over the metadata of its field file; `None` where the file decides.
 #[derive(Clone, Debug, Default)]
 pub struct Overrides {
     /// Length of the clip in seconds, above 0.

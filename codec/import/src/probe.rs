@@ -9,7 +9,7 @@ use codec::{ALPHA_MIN, Camera, Field, Visibility};
 
 use crate::budget::ImportBudget;
 
-/// Instants, of which one must show enough, for a field that changes.
+/// Instants for a field that changes. One of the instants must show enough.
 const INSTANTS: [f64; 3] = [1.0 / 6.0, 0.5, 5.0 / 6.0];
 
 /// Most rows that are drawn; a larger field is thinned.

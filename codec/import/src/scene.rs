@@ -164,7 +164,7 @@ impl ImportedScene {
     }
 }
 
-/// Gives both the near distance that their package has: that of the field, or of the plate if the field has none.
+/// Gives both the near distance that their package has: the field's, or the plate's if the field has none.
 fn share_near(field: &mut Field, plate: &mut Field) {
     let near = if field.near > 0.0 { field.near } else { plate.near };
     (field.near, plate.near) = (near, near);

@@ -115,7 +115,7 @@ impl FieldSource {
         Ok((imported, lost))
     }
 
-    /// Reads the rows unchecked, most of which must be there.
+    /// Reads the rows unchecked. Most of the rows must be there.
     fn read_complete(&self, path: &Path, budget: &mut ImportBudget) -> Result<Imported, ImportError> {
         let read = |budget: &mut ImportBudget| -> Result<Imported, String> {
             let imported = self.read(budget)?;

@@ -13,10 +13,10 @@
 //! | 13-14 | rates of the quaternion, `f16` |
 //! | 15 | tau, and w in `exp(-((t - tau) / w)^2)`, so `s = w / sqrt(2)`; `f16`, infinite where always on |
 //!
-//! The chunk's `size` is that of a texture of whole lines of 1024 rows. Files leave the rest of
+//! The chunk's `size` is the size of a texture of whole lines of 1024 rows. Files leave the rest of
 //! the last line out or fill it with zeros. A chunk also lists `cameras`. They are often copied from another scene, so
-//! a camera counts only if it sees the field; else the viewpoint is that of the capture's first camera, which the fit
-//! puts at the origin, if that one does. This project's files describe their clip under the key `aarc`, which other
+//! a camera counts only if it sees the field; else the viewpoint is the capture's first camera, which the fit
+//! puts at the origin, if that camera does. This project's files describe their clip under the key `aarc`, which other
 //! readers skip.
 
 use std::f32::consts::FRAC_1_SQRT_2;
@@ -226,7 +226,7 @@ fn hints_of(field: &Field, cameras: &serde_json::Value, budget: &mut ImportBudge
 }
 
 impl SplatvCamera {
-    /// The camera, unless it is broken or the one that converters copy.
+    /// The camera, unless it is broken or the camera that converters copy.
     fn to_camera(&self) -> Option<Camera> {
         let (position, r) = (self.position, self.rotation);
         let is_copied = position.iter().zip(COPIED_POSITION).all(|(a, b)| (a - b).abs() < 1e-6);

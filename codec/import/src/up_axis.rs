@@ -2,7 +2,7 @@
 
 use codec::Camera;
 
-/// Default up axis: that of upright cameras in COLMAP's and OpenCV's axes.
+/// Default up axis: the up axis of upright cameras in COLMAP's and OpenCV's axes.
 pub const DEFAULT_UP: [f32; 3] = [0.0, -1.0, 0.0];
 
 /// Mean up direction of cameras, snapped to an axis within about 25 degrees, since cameras are rarely exactly level;

@@ -83,9 +83,9 @@ impl AdamUniforms {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Response {
-    /// Rows give red, green and blue: factors of those of the image, and what is added.
+    /// Rows give red, green and blue: three factors of the image's colours, and an addend.
     pub color: [[f32; 4]; 3],
-    /// Of the factor `1 + v r^2`, where `r` is 1 in the corners.
+    /// `v` of the factor `1 + v r^2`, where `r` is 1 in the corners.
     pub vignette: f32,
     /// Padding.
     pub _pad0: [u32; 3],

@@ -40,8 +40,8 @@ pub(crate) struct PlayerRow {
     pub(crate) psnr_db: f64,
 }
 
-/// Measures `kinds`, of which the first is ours, on the work and the fields of `clip` in `folder`. Writes images
-/// to `folder`.
+/// Measures `kinds`, whose first is this project's player, on the work and the fields of `clip` in `folder`. Writes
+/// images to `folder`.
 pub(crate) fn compare(
     kinds: &[PlayerKind],
     (clip, work): (&Clip, &Workload),

@@ -26,8 +26,8 @@ const RUNS: usize = 11;
 /// How long a server is silent: less than what counts as a break.
 const STALL: Duration = Duration::from_secs(2);
 
-/// What `ip` does to the loopback of the namespace. Packets are as on a network: a loopback's are of 64 KiB,
-/// of which one in a hundred is hardly any.
+/// What `ip` does to the loopback of the namespace. Packets are as on a network: a loopback's packets have 64 KiB,
+/// too few for a loss of one in a hundred to count.
 const LINK: &str = "link set lo up mtu 1500 gso_max_segs 1 gso_max_size 1500";
 
 /// First argument of the process in the namespace.

@@ -105,7 +105,7 @@ impl Played {
         Ok(Played { gpu, image, renderer, take, player: Player::new(duration_s, 30.0) })
     }
 
-    /// A frame, `elapsed_s` seconds after the one before; whether the clock waited.
+    /// A frame, `elapsed_s` seconds after the frame before; whether the clock waited.
     fn frame(&mut self, elapsed_s: f64) -> Result<bool, String> {
         self.take.update(&self.gpu, &mut self.renderer, &self.player);
         let is_missing = self.take.is_missing(self.player.position_s());
@@ -147,7 +147,7 @@ impl Played {
 }
 
 /// Plays a take of `count` segments once, and returns the most memory that was taken, of the heap and the device, and
-/// that of the device at the end.
+/// the memory of the device at the end.
 fn memory(count: u32) -> Result<[u64; 2], String> {
     let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
     let path = folder.path().join("take.aarc");
@@ -324,7 +324,7 @@ fn fetched(server: &Server) -> Result<Arc<OpenTake>, String> {
 const BYTES_PER_S: u64 = 58_000_000 / 8;
 const DELAY: Duration = Duration::from_millis(30);
 
-/// A server of a take of `count` segments, each of `gaussians` of which 1/4 are in the first layer, that sends `rate`
+/// A server of a take of `count` segments, each of `gaussians` with 1/4 of them in the first layer, that sends `rate`
 /// bytes a second, `delay` after each request. Also the bytes of a segment in one layer and in both.
 fn paced_server(count: u32, gaussians: usize, rate: Arc<AtomicU64>, delay: Duration) -> (Server, [usize; 2]) {
     let recipe = Recipe {

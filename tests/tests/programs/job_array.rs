@@ -1,4 +1,4 @@
-//! Job arrays on a real Slurm: many takes, of which one fails, and the parts of one take, of which one fails.
+//! Job arrays on a real Slurm: many takes, and the parts of one take. One take fails, and one part.
 
 use std::fs;
 use std::path::Path;

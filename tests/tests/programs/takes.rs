@@ -22,7 +22,7 @@ use refine::image::Image;
 
 use crate::playlist::{CenterColor, center_color};
 
-/// Centres of a take have another origin than those of its clips, so their rounding differs; images have 8 bits.
+/// Centres of a take have another origin than centres of its clips, so their rounding differs; images have 8 bits.
 const TOLERANCE: Tolerance = Tolerance { max_diff: 2.0, diff_pixels: 40, psnr: 54.0 };
 
 /// Start and duration of the clips of the take, in seconds. Nothing is seen between the second and the third.
@@ -228,7 +228,7 @@ fn fetched(folder: &Folder, url: &str, time_s: f64) -> Outcome {
 
 fn from_url(_: &Gpu) -> Result<(), String> {
     let folder = Folder::default();
-    // Ten seconds, of which one instant is looked at.
+    // Ten seconds. One instant is looked at.
     let clip = lasting(&Recipe { seed: 3, ..RECIPE }.field(), 1.0, 8.0);
     let segment = |i: u32| SegmentFile { start_s: f64::from(i), duration_s: 1.0, package: clip.clone() };
     let (bytes, offsets) = take_package(10.0, 8.0, &(0..10).map(segment).collect::<Vec<_>>());

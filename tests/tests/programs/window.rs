@@ -114,7 +114,7 @@ fn rests(display: &Display) -> Result<(), String> {
     player.close()
 }
 
-/// The clips beside the one on display, the dialog, and what is remembered.
+/// The clips beside the clip on display, the dialog, and the list of recent clips.
 fn opens_others(display: &Display) -> Result<(), String> {
     let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
     let root = folder.path();

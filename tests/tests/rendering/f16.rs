@@ -1,5 +1,5 @@
-//! Fragments in f16: their pictures are within 50 dB of those in f32, in targets of 8 and of 16 bits, and the player
-//! uses them only after it has measured that.
+//! Fragments in f16: their pictures are within 50 dB of the pictures in f32, in targets of 8 and of 16 bits, and the
+//! player uses them only after it has measured that.
 
 use aarc_tests::data;
 use aarc_tests::gpu::{draw, f16_trial};

@@ -77,7 +77,7 @@ fn sampled(image: &Image, x: f64, y: f64) -> [f64; 4] {
     mix(upper, lower, fy)
 }
 
-/// The stage `foveate` in f64: the pixels of the inset are those of the image at full resolution.
+/// The stage `foveate` in f64: the pixels of the inset are the pixels of the image at full resolution.
 fn compose(wide: &Image, full: &Image, corner: (u32, u32)) -> Image {
     let mut composed = Image::new(SIZE.0, SIZE.1);
     for (i, pixel) in composed.pixels.iter_mut().enumerate() {
@@ -124,7 +124,8 @@ fn composed(gpu: &Gpu, stereo: bool) -> Result<(), String> {
     Ok(())
 }
 
-/// The middle of the inset is that of a frame at full resolution, to a few roundings of 16 bits, each 5e-4 near 1.
+/// The middle of the inset equals the middle of a frame at full resolution, to a few roundings of 16 bits, each 5e-4
+/// near 1.
 fn blurred(gpu: &Gpu) -> Result<(), String> {
     let (clip, eye) = (clip(PixelFilter::Blur), eye());
     let frame = |settings: &RenderSettings| {

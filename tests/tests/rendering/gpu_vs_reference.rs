@@ -97,7 +97,7 @@ impl Expected {
         Expected::of_places(stereo, |_| clip.clone())
     }
 
-    /// Of a clip for each place.
+    /// The expected views of a clip for each place.
     fn of_places(stereo: bool, clip: impl Fn(Place) -> Clip) -> Expected {
         let views = PLACES.into_iter().zip([0.5, 0.15, 0.4, 0.85]).map(|(place, t)| {
             let camera = camera(place, SIZE.0, SIZE.1);
@@ -112,7 +112,7 @@ impl Expected {
     }
 }
 
-/// A clip most of which fades where it is seen from `place`, and whose plate does, too.
+/// A clip that mostly fades where it is seen from `place`, as its plate does.
 fn fading(place: Place) -> Clip {
     // The ball has a radius of 1. From inside, hardly more than what is behind the eye is drawn.
     let near = match place {

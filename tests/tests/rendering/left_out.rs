@@ -1,5 +1,5 @@
 //! A clip's package, GPU memory and pipelines hold nothing that the clip does not use: their sizes are
-//! exactly those of its columns.
+//! exactly the sizes of its columns.
 
 use std::mem::size_of;
 use std::sync::Arc;
@@ -128,7 +128,7 @@ fn columns_that_say_nothing() -> Result<(), Failed> {
 
 fn expect(what: &str, clip: &Clip, bytes: usize, pipelines: usize) -> Result<(), String> {
     let fault = |fault: program::Fault| fault.to_string();
-    // Its own device: it keeps pipelines, so that those of other clips would be missing in the count.
+    // Its own device: it keeps pipelines, so that pipelines of other clips would be missing in the count.
     let gpu = &Gpu::new_headless().map_err(fault)?;
     let uploaded = Arc::new(GpuClip::upload(gpu, clip).map_err(fault)?);
     // By the graphics API's own report.

@@ -49,7 +49,7 @@ fn encode(light: f64) -> f64 {
 }
 
 /// Display-referred picture of a layer over the room, whose pixel's light `layer` computes from the stored pixel. The
-/// formula is that of a layer with BLEND_TEXTURE_SOURCE_ALPHA: its light, and the room's times 1 - alpha.
+/// formula describes a layer with BLEND_TEXTURE_SOURCE_ALPHA: its light, and the room's times 1 - alpha.
 fn over(image: &Image, layer: impl Fn([f64; 4], usize) -> f64) -> Image {
     let compose = |pixel: &[f64; 4]| {
         let [r, g, b] = [0, 1, 2].map(|c| encode(layer(*pixel, c) + (1.0 - pixel[3]) * ROOM[c]));

@@ -157,7 +157,7 @@ pub(crate) fn spinach_clip(path: &Path) -> Result<(Clip, Camera), String> {
 }
 
 /// A real field at five times from its cameras' viewpoint: each image is the reference's, and differs
-/// from the one before, since the cook's arm moves.
+/// from the image before, since the cook's arm moves.
 fn spinach(gpu: &Gpu, path: PathBuf) -> Result<(), String> {
     let (clip, camera) = spinach_clip(&path)?;
     let uploaded = Arc::new(GpuClip::upload(gpu, &clip).map_err(|fault| fault.to_string())?);

@@ -82,7 +82,7 @@ fn is_black(image: &Image) -> bool {
     image.pixels.iter().all(|pixel| *pixel == [0.0; 4])
 }
 
-/// Of static and dynamic fields, with a plate and layers. Centres have another origin than those of a clip, so their
+/// Fields are static and dynamic, with a plate and layers. Centres have another origin than a clip's centres, so their
 /// rounding differs, and pixels by up to two steps of 16-bit floats below 1.
 fn one_segment(gpu: &Gpu) -> Result<(), String> {
     for (motion, filter, near) in [
@@ -330,8 +330,8 @@ fn appended(gpu: &Gpu) -> Result<(), String> {
     insert(gpu, &mut take, (&clip, span), &layout).map(|_| ())
 }
 
-/// What is removed leaves room at once; ids of segments that are gone have no effect. Static Gaussians come to rows whose
-/// motion is that of others.
+/// What is removed leaves room at once; ids of segments that are gone have no effect. Static Gaussians come to rows
+/// with the motion of other Gaussians.
 fn room(gpu: &Gpu) -> Result<(), String> {
     let clip = clip_of(&SplitTake::new(&RECIPE, 2.0, 2.0).field);
     let dynamic = clip_of(&RECIPE.field());

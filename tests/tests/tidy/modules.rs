@@ -339,7 +339,7 @@ pub(crate) fn cycles(edges: &Edges) -> Vec<(BTreeSet<PathBuf>, Vec<PathBuf>)> {
     found
 }
 
-/// The files that `start` reaches, each with the one before it on a shortest way.
+/// The files that `start` reaches, each with its predecessor on a shortest way.
 fn search<'a>(edges: &'a Edges, start: &'a PathBuf) -> BTreeMap<&'a PathBuf, &'a PathBuf> {
     let mut before = BTreeMap::new();
     let mut queue = VecDeque::from([start]);

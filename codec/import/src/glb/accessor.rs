@@ -136,7 +136,7 @@ pub(super) struct Numbers<'b> {
 }
 
 impl Numbers<'_> {
-    /// The rows; `N` is that of [`Column::new`].
+    /// The rows; `N` equals `N` in [`Column::new`].
     pub(super) fn rows<const N: usize>(&self) -> impl Iterator<Item = [f32; N]> + '_ {
         (0..self.rows).map(|row| {
             std::array::from_fn(|k| {

@@ -28,7 +28,7 @@ use primitive::{Gaussians, ScaleForm};
 
 pub use primitive::{EXTENSION, PREFIX};
 
-/// Extensions that may be required: the one that is read, and one that allows integers in attributes.
+/// Extensions that may be required: the extension that is read, and an extension that allows integers in attributes.
 const KNOWN: [&str; 2] = [EXTENSION, "KHR_mesh_quantization"];
 
 /// Reads a `.glb`.

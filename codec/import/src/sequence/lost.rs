@@ -1,4 +1,5 @@
-//! [`LostRows`]: rows of frames that cannot be used, such as those with a centre that is no number, and what fills them.
+//! [`LostRows`]: rows of frames that cannot be used, such as rows with a centre that is no number, and how they are
+//! filled.
 //!
 //! One bad number in one frame would otherwise move all rows behind it, and nothing would correspond.
 
@@ -14,7 +15,7 @@ pub(super) struct LostRows {
 }
 
 impl LostRows {
-    /// Adds rows of a frame, which comes after those before.
+    /// Adds rows of a frame that follows all frames added before.
     pub(super) fn add(&mut self, frame: usize, rows: &[usize]) {
         rows.iter().for_each(|row| self.frames.entry(*row).or_default().push(frame));
     }
@@ -24,9 +25,9 @@ impl LostRows {
         self.frames.get(&row).map_or(0, Vec::len)
     }
 
-    /// Gives the rows, which are constant in colour, values between those of the frames beside, at `times`. Before the
-    /// first frame that has a row, and after the last, it stands still and is invisible. Rows that no frame has stay as
-    /// they are. Returns how many rows were filled, one in each frame counted.
+    /// Gives the rows, which are constant in colour, values between the values of the frames beside, at `times`. Before
+    /// the first frame that has a row, and after the last, it stands still and is invisible. Rows that no frame has
+    /// stay as they are. Returns how many rows were filled, one in each frame counted.
     pub(super) fn fill(&self, times: &[f64], frames: &mut [Field]) -> usize {
         let (mut filled, count) = (0, frames.len());
         for (&row, lost) in self.frames.iter().filter(|(_, lost)| lost.len() < count) {

@@ -72,7 +72,7 @@ pub fn import_sequence(files: &SequenceFiles, limits: ImportLimits) -> Result<Im
     }
 }
 
-/// The metadata of the clip: those of the first frame, and the duration from the number of frames.
+/// The metadata of the clip: the first frame's, and the duration from the number of frames.
 fn hints(first: &Hints, steps: usize) -> Hints {
     let duration_s = first.fps.map(|fps| (steps - 1) as f32 / fps);
     Hints { duration_s, frames: Some(steps), comments: Vec::new(), ..first.clone() }

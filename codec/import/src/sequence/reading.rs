@@ -17,7 +17,7 @@ use crate::padding::padded_sh;
 /// Bytes of a row in a frame without view-dependent colour.
 const BYTES_PER_ROW: u64 = 56;
 
-/// Bytes of a row that cannot be used, at most: that of a row of its own.
+/// Most bytes of a row that cannot be used: the bytes of an entry of its own.
 const BYTES_PER_LOST_ROW: u64 = 64;
 
 /// A static field and its place in the sequence. It may have no rows.
@@ -146,7 +146,7 @@ impl Sequence {
         Ok(sequence)
     }
 
-    /// Why the rows of a frame are others than those of the one before.
+    /// Why the rows of a frame differ from the rows of the frame before.
     fn difference(&self, before: &Frame, frame: &Frame) -> Option<Apart> {
         let [a, b] = [before, frame].map(|frame| frame.path.file_name().unwrap_or_default().display());
         let (rows_a, rows_b) = (before.field.len(), frame.field.len());
@@ -162,7 +162,7 @@ impl Sequence {
         Some(Apart { reason, first_rows })
     }
 
-    /// Adds a frame with the rows of those before.
+    /// Adds a frame with the rows of the frames before.
     fn add(&mut self, frame: &Frame, budget: &mut ImportBudget) -> Result<(), String> {
         let field = &frame.field;
         budget.spend(field.len() as u64 * BYTES_PER_ROW + frame.lost.len() as u64 * BYTES_PER_LOST_ROW)?;

@@ -7,7 +7,7 @@ pub(super) struct Samples<'a> {
     /// Clip times of the frames, ascending.
     pub(super) times: &'a [f64],
     pub(super) positions: Vec<[f64; 3]>,
-    /// Quaternions of unit length, each nearer to the one before than its negative.
+    /// Quaternions of unit length, each nearer to its predecessor than its negative.
     pub(super) rotations: Vec<[f64; 4]>,
     pub(super) log_scales: Vec<[f64; 3]>,
     /// Constant SH coefficients.
@@ -42,7 +42,7 @@ impl Filled {
         filled
     }
 
-    /// The values at all times, of those of the frames.
+    /// The values at all times, from the values of the frames.
     fn values<const N: usize>(&self, of_frames: &[[f64; N]]) -> Vec<[f64; N]> {
         let value = |&(frame, fraction): &(usize, f64)| {
             let (a, b) = (of_frames[frame], of_frames[(frame + 1).min(of_frames.len() - 1)]);

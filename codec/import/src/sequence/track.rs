@@ -19,7 +19,7 @@ const COLOR_TOLERANCE: f64 = 0.03;
 const ANGLE_TOLERANCE: f64 = 0.1;
 
 /// Where no number of windows is within the tolerances, twice as many must lower the error by 2 to this power, to 71 %:
-/// those of a resolved motion lower it to less than 20 %, those that chase jitter to between 80 and 105 %.
+/// windows of a resolved motion lower it to less than 20 %, windows that chase jitter to between 80 and 105 %.
 const GAIN_POWER: f64 = 0.5;
 
 /// A Gaussian that follows a row for a while.

@@ -66,7 +66,7 @@ pub trait Backend {
     /// Name for logs, including the name of the device if there is one.
     fn name(&self) -> String;
 
-    /// Takes over a training state and drops the one it had.
+    /// Takes over a training state and drops its previous state.
     ///
     /// # Errors
     /// A [`DeviceError`] if the state does not fit on the device.

@@ -1,6 +1,6 @@
 //! [`LearningRates`]: the step length of each column, and [`decay`], their schedule.
 //!
-//! The rates of 3D Gaussian Splatting are made for 30,000 steps, in each of which most Gaussians are visible. In a
+//! The rates of 3D Gaussian Splatting are made for 30,000 steps, each with most Gaussians visible. In a
 //! fit over time a photograph shows the Gaussians of a few frames only, so each of them moves in a fraction of the
 //! steps, and colours and sizes arrive at those rates too late. The rates here were swept on captures with and
 //! without time; `codec/refine/README.md` has the tables.

@@ -18,7 +18,7 @@ pub struct Timeline {
 }
 
 impl Timeline {
-    /// A clip of `frames` evenly spaced frames, all of which the field is fitted to.
+    /// A clip of `frames` evenly spaced frames. The field is fitted to all of them.
     pub const fn even(frames: usize) -> Timeline {
         Timeline { frames, intervals: (if frames > 2 { frames } else { 2 } - 1) as f64 }
     }
