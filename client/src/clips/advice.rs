@@ -6,7 +6,7 @@ use codec::Error;
 pub(crate) fn advice(error: &Error, again: &'static str) -> &'static str {
     match error {
         Error::Format { .. } => again,
-        Error::Version { .. } => "update the player",
+        Error::Version { .. } => "update the player, or package the field again",
         Error::Limits { .. } => "package it with a smaller --budget",
     }
 }

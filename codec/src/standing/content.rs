@@ -217,8 +217,8 @@ pub(super) fn bounds_along(
 /// The smallest box around a box and `points`.
 fn with_points(bounds: [[f64; 3]; 2], points: impl Iterator<Item = [f64; 3]>) -> [[f64; 3]; 2] {
     points.fold(bounds, |[low, high], point| {
-        let outer = |corner: [f64; 3], outermost: fn(f64, f64) -> f64| {
-            std::array::from_fn(|axis| outermost(corner[axis], point[axis]))
+        let outer = |corner: [f64; 3], extreme: fn(f64, f64) -> f64| {
+            std::array::from_fn(|axis| extreme(corner[axis], point[axis]))
         };
         [outer(low, f64::min), outer(high, f64::max)]
     })

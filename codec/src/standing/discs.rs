@@ -84,7 +84,10 @@ impl DiscsBuilder {
     pub(super) fn add(&mut self, field: &Field, [from, to]: [f64; 2]) {
         let count = match self.all <= self.most {
             true => field.len(),
-            false => (field.len() as f64 * self.most as f64 / self.all as f64) as usize,
+            // A small field among many large ones is looked at, too.
+            false => {
+                ((field.len() as f64 * self.most as f64 / self.all as f64) as usize).max(field.len().min(1))
+            }
         };
         let first = self.field_rows;
         for (instant, discs) in self.instants.iter_mut().enumerate() {
@@ -109,7 +112,7 @@ impl DiscsBuilder {
     /// peaks.
     pub(super) fn build(self) -> Discs {
         let DiscsBuilder { instants, peaks, is_dynamic, plate, field_rows, near, .. } = self;
-        let mut instants = if instants.iter().all(Vec::is_empty) { vec![peaks] } else { instants.to_vec() };
+        let mut instants = if instants.iter().all(Vec::is_empty) { vec![peaks] } else { Vec::from(instants) };
         if !is_dynamic {
             instants.truncate(1);
         }

@@ -431,21 +431,25 @@ impl Clip {
     }
 }
 
-/// Rows of `field`, among those that live at one of four instants, that no camera of `cameras` shows in pictures of 48x36
-/// pixels, ascending. The rims of some of them show in larger ones.
-pub fn unseen_rows(field: &Field, plate: Option<&Field>, cameras: &[Camera]) -> Vec<usize> {
-    let mut builder = DiscsBuilder::new(field.len(), usize::MAX);
-    builder.add(field, [0.0, 1.0]);
-    plate.into_iter().for_each(|plate| builder.add_plate(plate));
-    let discs = builder.build();
-    let mut is_hidden = vec![false; discs.rows];
-    let of_field = discs.instants.iter().flatten().filter(|disc| disc.row < discs.field_rows);
-    of_field.for_each(|disc| is_hidden[disc.row] = true);
-    for camera in cameras {
-        let seen = glance(&discs, &camera.resized(SIZE.0, SIZE.1), 0.0, discs.near).seen;
-        is_hidden.iter_mut().zip(seen).for_each(|(hidden, seen)| *hidden &= !seen);
+/// Rows of `field` that no camera of `cameras` shows in pictures of 48x36 pixels, ascending: at none of four instants in each
+/// of `parts` equal parts of the clip, and at least one of these instants is in the row's life. The rims of some rows
+/// show in larger pictures.
+pub fn unseen_rows(field: &Field, plate: Option<&Field>, cameras: &[Camera], parts: usize) -> Vec<usize> {
+    let (mut is_alive, mut is_seen) = (vec![false; field.len()], vec![false; field.len()]);
+    let parts = if field.temporal.is_some() { parts.max(1) } else { 1 };
+    for part in 0..parts {
+        let mut builder = DiscsBuilder::new(field.len(), usize::MAX);
+        builder.add(field, [part, part + 1].map(|end| end as f64 / parts as f64));
+        plate.into_iter().for_each(|plate| builder.add_plate(plate));
+        let discs = builder.build();
+        let of_field = discs.instants.iter().flatten().filter(|disc| disc.row < discs.field_rows);
+        of_field.for_each(|disc| is_alive[disc.row] = true);
+        for camera in cameras {
+            let seen = glance(&discs, &camera.resized(SIZE.0, SIZE.1), 0.0, discs.near).seen;
+            is_seen.iter_mut().zip(seen).for_each(|(is_seen, seen)| *is_seen |= seen);
+        }
     }
-    (0..field.len()).filter(|row| is_hidden[*row]).collect()
+    (0..field.len()).filter(|&row| is_alive[row] && !is_seen[row]).collect()
 }
 
 /// A unit vector along `up`, or along y where that has no direction.

@@ -341,12 +341,12 @@ fn rows_that_nothing_shows_are_counted() {
     let field = field(&[closed, ball(100, 0.3), below(ball(50, 0.1), 500.0)].concat());
     let surroundings = Surroundings::new(&field, None, UP);
     let ring = &surroundings.stand_points(0.0, (64, 48)).content[..8];
-    let of_sphere = unseen_rows(&field.select(&(0..COUNT).collect::<Vec<_>>()), None, ring);
+    let of_sphere = unseen_rows(&field.select(&(0..COUNT).collect::<Vec<_>>()), None, ring, 1);
     assert!(of_sphere.len() < COUNT / 4, "its lower side: {}", of_sphere.len());
     let within_and_below: Vec<usize> = (COUNT..COUNT + 150).collect();
-    assert_eq!(unseen_rows(&field, None, ring), [of_sphere, within_and_below].concat());
-    assert_eq!(unseen_rows(&field, None, &[]).len(), field.len());
-    assert!(unseen_rows(&Field::default(), None, ring).is_empty());
+    assert_eq!(unseen_rows(&field, None, ring, 1), [of_sphere, within_and_below].concat());
+    assert_eq!(unseen_rows(&field, None, &[], 1).len(), field.len());
+    assert!(unseen_rows(&Field::default(), None, ring, 1).is_empty());
 }
 
 #[test]

@@ -20,7 +20,7 @@ pub(crate) fn unreadable(path: &Path, error: &io::Error) -> Fault {
 pub(crate) fn bad_package(path: &Path, error: &Error) -> Fault {
     let advice = match error {
         Error::Format { .. } => "get the file again, or package its field again",
-        Error::Version { .. } => "update this program",
+        Error::Version { .. } => "update this program, or package the field again",
         Error::Limits { .. } => "package its field with a smaller --budget",
     };
     Fault::Data(format!("{}: {error}; {advice}", path.display()))

@@ -125,15 +125,15 @@ pub(super) fn fitted(frames: &Frames, budget: &mut ImportBudget) -> Result<(Fiel
     Ok((pieces, error))
 }
 
-/// The results of `of` for each of `rows`, in order, with a thread for every [`ROWS_PER_THREAD`].
-fn in_parallel<T: Send>(rows: Range<usize>, result: &(impl Fn(usize) -> T + Sync)) -> Vec<T> {
+/// The results of `of_row` for each of `rows`, in order, with a thread for every [`ROWS_PER_THREAD`].
+fn in_parallel<T: Send>(rows: Range<usize>, of_row: &(impl Fn(usize) -> T + Sync)) -> Vec<T> {
     let parts: Vec<Range<usize>> = rows
         .clone()
         .step_by(ROWS_PER_THREAD)
         .map(|first| first..rows.end.min(first + ROWS_PER_THREAD))
         .collect();
     thread::scope(|scope| {
-        let part = |part: Range<usize>| scope.spawn(move || part.map(result).collect::<Vec<T>>());
+        let part = |part: Range<usize>| scope.spawn(move || part.map(of_row).collect::<Vec<T>>());
         let running: Vec<_> = parts.into_iter().map(part).collect();
         let result = |thread: thread::ScopedJoinHandle<Vec<T>>| {
             thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))

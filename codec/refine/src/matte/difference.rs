@@ -126,9 +126,8 @@ fn shades(plate: &Plate, picture: &[[u8; 3]], gains: [f32; 3]) -> Vec<bool> {
     let [large, small] = SQUARES.map(|(part, variance_max)| {
         in_squares(&planes, plate.width, radius_of(picture.len(), part), variance_max)
     });
-    let is_subject_pixel =
-        |i: usize| (large[i] || small[i]) && products(i).is_shade(SHADE_SLACK, PIXEL_VARIANCE);
-    (0..picture.len()).map(is_subject_pixel).collect()
+    let is_shade = |i: usize| (large[i] || small[i]) && products(i).is_shade(SHADE_SLACK, PIXEL_VARIANCE);
+    (0..picture.len()).map(is_shade).collect()
 }
 
 /// Whether each pixel is in a square that shows the plate, in the open or in a shadow, by planes of [`Products`].

@@ -36,7 +36,7 @@ use super::capture::{
 use super::fit_folder::{fit_folder, report_finished, report_folder};
 use super::fit_plate::{PlateWhen, fit_plate, settle_plate, write_plate};
 use super::fit_progress::show;
-use super::fit_setting::{self, FitConstants, FitSetting, fit_setting};
+use super::fit_setting::{self, FitConstants, FitSetting, check_settings, fit_setting};
 use super::fit_source::FitSource;
 use super::takes::{self, TakeCommand, TakeOptions, part_seconds};
 
@@ -124,7 +124,7 @@ pub(super) struct FitOptions {
     #[arg(long, value_enum, value_name = "WHEN", default_value_t = PlateWhen::Auto)]
     pub(super) plate: PlateWhen,
     #[arg(long = "set", value_name = "KEY=VALUE", value_parser = fit_setting, help = fit_setting::HELP)]
-    settings: Vec<FitSetting>,
+    pub(super) settings: Vec<FitSetting>,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -208,6 +208,7 @@ pub(super) fn by_default(
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
+    check_settings(&args.options.settings, args.from.is_some(), args.depths.is_some())?;
     match args.many.list_and_folder(&args.out) {
         Some((list, folder)) => run_many(args, list, folder),
         None => run_one(args),
@@ -526,20 +527,7 @@ pub(super) fn fit_and_write(
 }
 
 fn plan(args: &Args, plan: FitPlan) -> anyhow::Result<FitPlan> {
-    let settings = &args.options.settings;
-    let of_anchor = settings.iter().find_map(FitSetting::anchor_key).filter(|_| args.from.is_some());
-    if let Some(key) = of_anchor {
-        bail!(Fault::Usage(format!(
-            "--set {key}: a fit that starts from a field has no anchor; leave it out"
-        )));
-    }
-    let is_depth_scale = |setting: &FitSetting| matches!(setting, FitSetting::DepthScale(_));
-    if args.depths.is_none() && settings.iter().any(is_depth_scale) {
-        bail!(Fault::Usage(
-            "--set depth-scale: there are no depth maps; add --depths, or leave it out".into()
-        ));
-    }
-    let FitConstants { depth_scale, .. } = FitConstants::new(settings);
+    let FitConstants { depth_scale, .. } = FitConstants::new(&args.options.settings);
     let start = match (&args.depths, &args.from) {
         (Some(folder), _) => FitStart::Depths(folder.to_string_lossy().into_owned(), depth_scale),
         (_, Some(path)) => FitStart::Field(path.to_string_lossy().into_owned(), fit::file_crc(path)?),

@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use clap::ValueEnum;
+use program::Fault;
 use refine::anchor::Mirror;
 
 use crate::fit::{CHECKPOINT_EVERY, DepthScale};
@@ -74,17 +75,27 @@ impl FitConstants {
     }
 }
 
-impl FitSetting {
-    /// The key, if the setting is of an anchor: a fit that starts from a field has none.
-    pub(super) fn anchor_key(&self) -> Option<&'static str> {
-        match self {
-            FitSetting::AnchorCameras(_) => Some("anchor-cameras"),
-            FitSetting::Mirror(_) => Some("mirror"),
-            FitSetting::MotionStart(_) => Some("motion-start"),
-            FitSetting::DepthScale(_) => Some("depth-scale"),
-            _ => None,
-        }
+/// Refuses settings of an anchor where a fit starts from a field, and of depth maps where there are none.
+pub(super) fn check_settings(
+    settings: &[FitSetting],
+    has_field: bool,
+    has_depths: bool,
+) -> Result<(), Fault> {
+    for setting in settings {
+        let (key, why) = match setting {
+            FitSetting::AnchorCameras(_) if has_field => {
+                ("anchor-cameras", "a fit that starts from a field has no anchor")
+            }
+            FitSetting::Mirror(_) if has_field => ("mirror", "a fit that starts from a field has no anchor"),
+            FitSetting::MotionStart(_) if has_field => {
+                ("motion-start", "a fit that starts from a field has no anchor")
+            }
+            FitSetting::DepthScale(_) if !has_depths => ("depth-scale", "there are no depth maps"),
+            _ => continue,
+        };
+        return Err(Fault::Usage(format!("--set {key}: {why}; leave it out")));
     }
+    Ok(())
 }
 
 /// Parses `KEY=VALUE`.
@@ -94,11 +105,15 @@ pub(super) fn fit_setting(text: &str) -> Result<FitSetting, String> {
         "anchor-cameras" => Ok(FitSetting::AnchorCameras(value.split(',').map(str::to_owned).collect())),
         "mirror" => match value {
             "auto" => Ok(FitSetting::Mirror(Mirror::Auto)),
-            _ => switch(value).map(|is_on| FitSetting::Mirror(if is_on { Mirror::On } else { Mirror::Off })),
+            "on" => Ok(FitSetting::Mirror(Mirror::On)),
+            "off" => Ok(FitSetting::Mirror(Mirror::Off)),
+            _ => Err("mirror is auto, on or off".into()),
         },
-        "motion-start" => switch(value).map(FitSetting::MotionStart),
-        "depth-scale" => DepthScale::from_str(value, false).map(FitSetting::DepthScale),
-        "floor" => switch(value).map(FitSetting::Floor),
+        "motion-start" => switch(key, value).map(FitSetting::MotionStart),
+        "depth-scale" => DepthScale::from_str(value, false)
+            .map(FitSetting::DepthScale)
+            .map_err(|_| "depth-scale is auto, metric, rig or hull".into()),
+        "floor" => switch(key, value).map(FitSetting::Floor),
         "fragment-weight" => fragment_weight(value).map(FitSetting::FragmentWeight),
         "checkpoint-every" => {
             let seconds = value.parse().ok().filter(|seconds| (1e-3..=1e6).contains(seconds));
@@ -106,7 +121,7 @@ pub(super) fn fit_setting(text: &str) -> Result<FitSetting, String> {
             every.ok_or_else(|| "seconds from 0.001 to 1000000".into())
         }
         "seed" => value.parse().map(FitSetting::Seed).map_err(|_| "seed is a whole number from 0 on".into()),
-        _ => Err(format!("no constant {key}; --help lists them")),
+        _ => Err(format!("there is no constant {key}")),
     }
 }
 
@@ -116,11 +131,11 @@ pub(super) fn fragment_weight(text: &str) -> Result<f64, String> {
     weight.ok_or_else(|| "a number from 0 to 1".into())
 }
 
-fn switch(value: &str) -> Result<bool, String> {
+fn switch(key: &str, value: &str) -> Result<bool, String> {
     match value {
         "on" => Ok(true),
         "off" => Ok(false),
-        _ => Err("it is on or off".into()),
+        _ => Err(format!("{key} is on or off")),
     }
 }
 
@@ -160,10 +175,11 @@ mod tests {
         for (text, why) in [
             ("seed", "KEY=VALUE"),
             ("seed=-1", "whole number"),
-            ("mirror=maybe", "on or off"),
+            ("mirror=maybe", "auto, on or off"),
             ("fragment-weight=2", "0 to 1"),
             ("checkpoint-every=0", "seconds from"),
-            ("depth-scale=big", "invalid variant"),
+            ("depth-scale=big", "auto, metric, rig or hull"),
+            ("floor=2", "floor is on or off"),
             ("gravity=9.81", "no constant gravity"),
         ] {
             assert!(fit_setting(text).unwrap_err().contains(why), "{text}");

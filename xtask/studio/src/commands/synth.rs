@@ -125,7 +125,7 @@ fn perturbation(text: &str) -> Result<Perturbation, String> {
         "offsets" => switch(|rig, on| rig.offsets = on),
         "rotated" => switch(|rig, on| rig.rotated = on),
         "variable-rate" => switch(|rig, on| rig.variable_rate = on),
-        _ => Err(format!("{part}: nothing of this name perturbs; --help lists what does")),
+        _ => Err(format!("{part}: nothing of this name perturbs")),
     }
 }
 

@@ -165,8 +165,9 @@ impl EpipolarLines<'_> {
 
     /// Distance in pixels of two points from each other's lines, the larger.
     fn distance(&self, [p, q]: [DVec3; 2]) -> f64 {
-        let to_line = |line: DVec3, point: DVec3| line.dot(point).abs() / line.x.hypot(line.y).max(1e-300);
-        to_line(self.fundamental * p, q).max(to_line(self.fundamental.transpose() * q, p))
+        let distance_to_line =
+            |line: DVec3, point: DVec3| line.dot(point).abs() / line.x.hypot(line.y).max(1e-300);
+        distance_to_line(self.fundamental * p, q).max(distance_to_line(self.fundamental.transpose() * q, p))
     }
 
     /// Distances of the matches within the band.

@@ -159,12 +159,11 @@ pub(super) fn describe_epipolar(check: &EpipolarCheck) -> String {
     let telling: Vec<f64> = check.pairs.iter().filter_map(|pair| pair.all.median_px).collect();
     let mut sorted = telling.clone();
     sorted.sort_by(f64::total_cmp);
-    let telling_pairs =
-        format!("{} of {} match enough to tell", telling.len(), count(check.pairs.len(), "pair"));
+    let how_many = format!("{} of {} match enough to tell", telling.len(), count(check.pairs.len(), "pair"));
     match sorted.last() {
-        None => format!("not checked: {telling_pairs}"),
+        None => format!("not checked: {how_many}"),
         Some(worst) => format!(
-            "corners are {} px from their epipolar lines, at worst {} px ({telling_pairs})",
+            "corners are {} px from their epipolar lines, at worst {} px ({how_many})",
             decimal(sorted[sorted.len() / 2], 2),
             decimal(*worst, 2)
         ),

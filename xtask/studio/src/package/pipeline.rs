@@ -1,6 +1,6 @@
 //! [`package`]: the stages of packaging, one after another.
 
-use codec::{Field, unseen_rows};
+use codec::Field;
 use program::Fault;
 use refine::code::Miss;
 use refine::fit::{Backend, Cpu};
@@ -10,7 +10,7 @@ use super::encode::{VerifiedPackage, encode, explain};
 use super::lens_fragments::lens_fragments;
 use super::report::{PackageReport, Shortfall, WorstView};
 use super::settings::PackageSettings;
-use super::views::stand_points;
+use super::views::unseen;
 use super::visible::{VisibleScene, visible_scene};
 use crate::fit::{Refinement, RefinementReport};
 use crate::progress::StagedProgress;
@@ -80,7 +80,7 @@ pub fn package_with(
         snapped,
         recolor_gain_db: choice.recolor_gain_db,
         refined,
-        unseen: unseen_rows(&choice.field, plate.as_ref(), &stand_points(scene)).len(),
+        unseen: unseen(scene, &choice.field, plate.as_ref()).0.len(),
         layers: coded.clip.layers.iter().map(|end| end.total()).collect(),
         lens_fragments,
         duration_s: scene.info.duration_s,
@@ -131,7 +131,7 @@ mod tests {
 
     use super::*;
     use crate::package::settings::{Coding, DropPart, QUALITY_DB};
-    use crate::package::views::judging_views;
+    use crate::package::views::reported_views;
 
     /// Rows of the ball, and as many of the room.
     const COUNT: usize = 1500;
@@ -190,9 +190,39 @@ mod tests {
         let dropped = subject.dropped.values().sum::<usize>();
         assert!((COUNT / 10..COUNT).contains(&dropped), "only in the ball: {dropped}");
         assert_eq!(field.len() + dropped, 2 * COUNT);
-        let views = judging_views(&scene, &field);
+        let views = reported_views(&scene, &field, (256, 192)).expect("no viewpoint is stated");
         let pictures = Pictures::take(&RenderScene::from(&scene.subject.field), views, || ());
         let psnr_db = pictures.psnr(&RenderScene::from(&field), || ());
         assert!(psnr_db > 70.0, "{psnr_db}");
+    }
+
+    /// A case around the ball is gone for a tenth of a second, three times.
+    #[test]
+    fn what_is_seen_for_a_moment_is_kept() {
+        let mut field = ball_in_a_room();
+        let unit = |x: &[f32; 3]| x.map(|x| 0.1 * x);
+        let case: Vec<[f32; 3]> = field.centers[COUNT..].iter().map(unit).collect();
+        field.centers[..COUNT].iter_mut().for_each(|center| *center = center.map(|x| 0.5 * x));
+        field.centers[COUNT..].copy_from_slice(&case);
+        field.log_scales[COUNT..].fill([libm::log(0.15) as f32; 3]);
+        let dropped = |field: Field| {
+            let scene = Scene::made("case", field, ClipInfo { duration_s: 1.0, ..ClipInfo::default() });
+            let settings = PackageSettings { drop: vec![DropPart::Unseen], ..PackageSettings::default() };
+            visible_scene(&scene, &settings).unwrap().subject.dropped.values().sum::<usize>()
+        };
+        let closed = dropped(field.clone());
+        assert!(closed > COUNT * 9 / 10, "{closed}");
+        // The case is there at four instants, and gone between them.
+        let case = || COUNT..2 * COUNT;
+        let rows: Vec<usize> = (0..COUNT).chain((0..4).flat_map(|_| case())).collect();
+        let mut field = field.select(&rows);
+        let life = |row: usize| match row.checked_sub(COUNT) {
+            None => (0.5, 100.0),
+            Some(of_case) => (0.125 + 0.25 * (of_case / COUNT) as f32, 0.036),
+        };
+        let (tau, s) = (0..field.len()).map(life).unzip();
+        field.temporal = Some(codec::Temporal { tau, s, ..Default::default() });
+        let open = dropped(field);
+        assert!(open < closed / 2, "{open} of {closed}");
     }
 }

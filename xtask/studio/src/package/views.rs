@@ -4,7 +4,7 @@
 //! walk around. Judging views differ from steering views, so that no choice is judged by the pictures that led to it. A view
 //! that shows next to nothing, or one Gaussian's inside, does not count.
 
-use codec::{Camera, Field, StandPoints};
+use codec::{Camera, Field, StandPoints, unseen_rows};
 use rayon::prelude::*;
 use refine::prune::{PosedView, instants, is_informative, steps_aside};
 use refine::reference::RenderScene;
@@ -112,8 +112,22 @@ pub(crate) fn reported_views(scene: &Scene, field: &Field, size: (u32, u32)) -> 
     (!states_viewpoints(scene)).then(|| views_of(scene, field, REPORTED_PLACES, size, COMPARED))
 }
 
+/// Seconds between the instants at which Gaussians are looked for from where people stand, and most parts of a clip with four
+/// of these instants each.
+const UNSEEN_STEP_S: f64 = 0.1;
+const UNSEEN_PARTS_MAX: f64 = 64.0;
+
+/// The rows of `field` that no place shows where people stand, whether it judges or steers, and no viewpoint; and these
+/// places.
+pub(super) fn unseen(scene: &Scene, field: &Field, plate: Option<&Field>) -> (Vec<usize>, Vec<Camera>) {
+    let parts =
+        (f64::from(scene.info.duration_s) / (4.0 * UNSEEN_STEP_S)).ceil().clamp(1.0, UNSEEN_PARTS_MAX);
+    let cameras = stand_points(scene);
+    (unseen_rows(field, plate, &cameras, parts as usize), cameras)
+}
+
 /// The places where people stand, whether they judge or steer, and the viewpoints.
-pub(super) fn stand_points(scene: &Scene) -> Vec<Camera> {
+fn stand_points(scene: &Scene) -> Vec<Camera> {
     let info = &scene.info;
     let turned =
         [STEERING_PLACES, JUDGING_PLACES].map(|places| scene.surroundings().stand_points(places.turn, SIZE));

@@ -1,19 +1,19 @@
 //! [`visible_scene`]: the Gaussians of a scene that are visible at some instant, without dropped parts.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
-use codec::{ALPHA_MIN, Field, unseen_rows};
+use codec::{ALPHA_MIN, Field};
 use program::Fault;
 use refine::prune::{contributions_to, instants, posed_views};
 
 use super::report::Counts;
 use super::settings::{DropPart, PackageSettings};
-use super::views::stand_points;
+use super::views::unseen;
 use crate::import::{Imported, Repairs};
 use crate::scene::Scene;
 
-/// Instants at which Gaussians are looked for from where people stand.
-const UNSEEN_INSTANTS: usize = 4;
+/// Instants at which the rims of Gaussians are looked for, at most: in larger pictures, which take longer.
+const RIM_INSTANTS: usize = 16;
 
 /// The visible Gaussians of a scene, without the dropped parts.
 pub(crate) struct VisibleScene {
@@ -51,14 +51,15 @@ pub(crate) fn visible_scene(scene: &Scene, settings: &PackageSettings) -> Result
     }
 
     if drop(DropPart::Unseen) {
-        let hidden = hidden(scene, &field);
-        field = field.select(&(0..field.len()).filter(|row| !hidden.contains(row)).collect::<Vec<_>>());
-        subject.drop("seen from nowhere people stand", hidden.len());
+        let (is_hidden, all) = (hidden(scene, &field), field.len());
+        field = field.select(&(0..all).filter(|row| !is_hidden[*row]).collect::<Vec<_>>());
+        subject.drop("seen from nowhere people stand", all - field.len());
     }
 
     if field.is_empty() {
+        let what = if drop(DropPart::Unseen) { ", or leave --drop unseen out" } else { "" };
         return Err(Fault::Data(format!(
-            "{}: it has no Gaussian that can be seen; check its opacities and times",
+            "{}: it has no Gaussian that can be seen; check its opacities and times{what}",
             scene.name
         )));
     }
@@ -99,12 +100,14 @@ pub(crate) fn visible(imported: &Imported) -> (Field, Counts) {
     (field.select(&rows), counts)
 }
 
-/// The rows of `field` that show nothing at any place where people stand, not even a rim.
-fn hidden(scene: &Scene, field: &Field) -> BTreeSet<usize> {
-    let unseen = unseen_rows(field, None, &stand_points(scene));
-    let views = posed_views(&stand_points(scene), &instants(field, UNSEEN_INSTANTS));
+/// Whether no place shows anything of each row of `field` where people stand, not even a rim.
+fn hidden(scene: &Scene, field: &Field) -> Vec<bool> {
+    let (unseen, cameras) = unseen(scene, field, None);
+    let views = posed_views(&cameras, &instants(field, RIM_INSTANTS));
     let seen = contributions_to(&views, field, || ());
-    unseen.into_iter().filter(|row| seen[*row].weight_max < ALPHA_MIN).collect()
+    let mut is_hidden = vec![false; field.len()];
+    unseen.into_iter().for_each(|row| is_hidden[row] = seen[row].weight_max < ALPHA_MIN);
+    is_hidden
 }
 
 /// Removes a part of every Gaussian; returns how many had it.

@@ -49,7 +49,7 @@ impl Numbers {
     }
 
     /// Adds `of` each number of a gradient.
-    pub(super) fn add(&mut self, gradient: &Gradient<f32>, function: impl Fn(f64) -> f64) {
+    pub(super) fn add(&mut self, gradient: &Gradient<f32>, term: impl Fn(f64) -> f64) {
         let Parameters { centers, log_scales, sh, .. } = &gradient.values;
         let columns = [centers.as_flattened(), log_scales.as_flattened(), sh.as_flattened()];
         let rows = gradient.rows.len().max(1);
@@ -57,7 +57,7 @@ impl Numbers {
             let per_row = values.len() / rows;
             for (row, values) in gradient.rows.iter().zip(values.chunks(per_row.max(1))) {
                 let sum = &mut sum[*row as usize * per_row..][..per_row];
-                sum.iter_mut().zip(values).for_each(|(sum, value)| *sum += function(f64::from(*value)));
+                sum.iter_mut().zip(values).for_each(|(sum, value)| *sum += term(f64::from(*value)));
             }
         }
     }

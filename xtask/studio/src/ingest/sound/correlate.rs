@@ -208,7 +208,7 @@ mod tests {
             let tracks: Vec<Track> = (0..6)
                 .map(|i| {
                     let samples: Vec<f32> = (0..seconds * 16_000).map(|_| 2e4 * random()).collect();
-                    Track::write(folder.path().join(i.to_string()), &samples)
+                    Track::from_samples(folder.path().join(i.to_string()), &samples)
                 })
                 .collect();
             let highest = whole(&tracks).unwrap().iter().map(|pair| pair.confidence).fold(0.0, f64::max);

@@ -110,7 +110,7 @@ fn extract(video: &Path, to: &Path) -> Result<u64, Fault> {
 impl Track {
     /// A track of these samples, for tests.
     #[cfg(test)]
-    pub(super) fn write(path: PathBuf, samples: &[f32]) -> Track {
+    pub(super) fn from_samples(path: PathBuf, samples: &[f32]) -> Track {
         let bytes: Vec<u8> = samples.iter().flat_map(|x| (*x as i16).to_le_bytes()).collect();
         std::fs::write(&path, bytes).unwrap();
         Track { path, len: samples.len() }

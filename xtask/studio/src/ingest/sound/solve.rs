@@ -40,13 +40,13 @@ pub(super) fn groups<'p>(cameras: usize, pairs: impl Iterator<Item = &'p SoundPa
     groups
 }
 
-fn solve(cameras: usize, pairs: &[SoundPair], measure: fn(&SoundPair) -> f64, kept: f64) -> Solution {
+fn solve(cameras: usize, pairs: &[SoundPair], difference: fn(&SoundPair) -> f64, kept: f64) -> Solution {
     let mut used: Vec<bool> = pairs.iter().map(|pair| pair.confidence >= CONFIDENCE_MIN).collect();
     loop {
-        let values = least_squares(cameras, pairs, &used, measure);
+        let values = least_squares(cameras, pairs, &used, difference);
         let residual = |values: &[f64], i: usize| {
             let [a, b] = pairs[i].cameras;
-            measure(&pairs[i]) - (values[b] - values[a])
+            difference(&pairs[i]) - (values[b] - values[a])
         };
         // The worst goes first: it bends the others. A pair that alone joins its cameras leaves no residual.
         let worst = (0..pairs.len())
@@ -58,7 +58,7 @@ fn solve(cameras: usize, pairs: &[SoundPair], measure: fn(&SoundPair) -> f64, ke
             .max_by(|a, b| residual(&values, *a).abs().total_cmp(&residual(&values, *b).abs()));
         let is_outlier = worst.is_some_and(|worst| {
             used[worst] = false;
-            let others = least_squares(cameras, pairs, &used, measure);
+            let others = least_squares(cameras, pairs, &used, difference);
             let mut sizes: Vec<f64> =
                 (0..pairs.len()).filter(|i| used[*i]).map(|i| residual(&others, i).abs()).collect();
             sizes.sort_by(f64::total_cmp);
@@ -86,7 +86,7 @@ fn least_squares(
     cameras: usize,
     pairs: &[SoundPair],
     used: &[bool],
-    measure: fn(&SoundPair) -> f64,
+    difference: fn(&SoundPair) -> f64,
 ) -> Vec<f64> {
     let mut rows = vec![vec![0.0; cameras + 1]; cameras];
     for (pair, _) in pairs.iter().zip(used).filter(|(_, used)| **used) {
@@ -96,7 +96,7 @@ fn least_squares(
         for (i, j, sign) in [(a, b, -1.0), (b, a, 1.0)] {
             rows[i][i] += weight;
             rows[i][j] -= weight;
-            rows[i][cameras] += sign * weight * measure(pair);
+            rows[i][cameras] += sign * weight * difference(pair);
         }
     }
     // The first, and any that nothing joins, is at 0.

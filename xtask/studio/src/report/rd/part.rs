@@ -11,6 +11,7 @@ use crate::package::{FLOOR_INSTANTS, QUALITY_DB};
 use crate::page::{LineChart, PlotLine, Scale, Table, escape, grouped, prose, svg};
 use crate::report::ReportPart;
 use refine::prune::{FloorSettings, RESOLUTION_DB};
+use serde_json::Map;
 
 /// Name of the mean in the list of fields.
 const MEAN: &str = "mean of the fields";
@@ -53,7 +54,11 @@ pub fn part(fields: &[FieldRd]) -> anyhow::Result<ReportPart> {
         }
         body += &curve.table().html();
     }
-    let json = [("rd".to_owned(), serde_json::to_value(fields)?)].into_iter().collect();
+    let mut json = Map::from_iter([("rd".to_owned(), serde_json::to_value(fields)?)]);
+    if let Some(mean) = curves.first().filter(|_| fields.len() > 1) {
+        let points: Vec<&RatePoint> = mean.points.iter().map(|(point, _)| point).collect();
+        json.insert("rd_mean".into(), serde_json::to_value(points)?);
+    }
     Ok(ReportPart { title: "Rate and distortion".into(), body, text, json })
 }
 
@@ -108,6 +113,8 @@ impl Curve {
         }
         Curve { name: MEAN.into(), points: means }
     }
+
+    /// PSNR and topology over the rate.
     fn plot(&self) -> anyhow::Result<String> {
         let line = |row: Selector, y: fn(&RatePoint) -> f64| {
             let points = self.points.iter().map(|(point, _)| point).filter(|point| point.row == row);
@@ -272,6 +279,7 @@ fn rates(fields: &[FieldRd]) -> Table {
 #[cfg(test)]
 mod tests {
     use super::*;
+
     fn field(name: &str, budgets: &[usize]) -> FieldRd {
         let point = |budget: usize, (i, row): (usize, Selector)| RatePoint {
             budget,
@@ -342,7 +350,11 @@ mod tests {
     fn a_mean_counts_only_fields_that_have_the_budget() {
         let mut other = field("b", &[5_000]);
         other.points.iter_mut().for_each(|point| point.psnr_db += 2.0);
-        let ReportPart { body, text, .. } = part_of(&[field("a", &[10_000, 5_000]), other]);
+        let ReportPart { body, text, json, .. } = part_of(&[field("a", &[10_000, 5_000]), other]);
+        assert_eq!(
+            (json["rd_mean"].as_array().unwrap().len(), &json["rd_mean"][9]["psnr_db"]),
+            (10, &30.0.into())
+        );
         assert_eq!(body.matches("<svg").count(), 2, "one budget of b makes no curve");
         assert!(text.contains("PSNR (dB)      10000 (of 1)  5000 (of 2)"), "{text}");
         assert!(text.contains("ours                  34.00        30.00"), "{text}");

@@ -23,18 +23,18 @@ pub(super) enum Draw {
 impl Draw {
     /// A different number for each quantity.
     fn number(self) -> u64 {
-        let numbered = |kind: u64, index: usize| kind << 32 | index as u64;
+        let key = |kind: u64, index: usize| kind << 32 | index as u64;
         match self {
-            Draw::Start => numbered(0, 0),
-            Draw::End => numbered(1, 0),
-            Draw::Drift => numbered(2, 0),
-            Draw::Exposure => numbered(3, 0),
-            Draw::Red => numbered(4, 0),
-            Draw::Blue => numbered(5, 0),
-            Draw::Skew => numbered(6, 0),
-            Draw::Place(axis) => numbered(7, axis),
-            Draw::Jitter(slot) => numbered(8, slot),
-            Draw::Drop(part) => numbered(9, part),
+            Draw::Start => key(0, 0),
+            Draw::End => key(1, 0),
+            Draw::Drift => key(2, 0),
+            Draw::Exposure => key(3, 0),
+            Draw::Red => key(4, 0),
+            Draw::Blue => key(5, 0),
+            Draw::Skew => key(6, 0),
+            Draw::Place(axis) => key(7, axis),
+            Draw::Jitter(slot) => key(8, slot),
+            Draw::Drop(part) => key(9, part),
         }
     }
 }

@@ -269,9 +269,9 @@ mod tests {
         let parts = figure(&Motion::new(33).pose(16.0));
         let camera = Camera::look_at([1.5, 1.6, 2.6], [0.0, 0.9, 0.0], [0.0, 1.0, 0.0], 0.8, 48, 48);
         let side = |point: DVec3| {
-            let side_of_part =
+            let distance_to =
                 |part: &FigurePart| part.solid.side(part.axes.transpose() * (point - part.center));
-            parts.iter().map(side_of_part).fold(f64::INFINITY, f64::min)
+            parts.iter().map(distance_to).fold(f64::INFINITY, f64::min)
         };
         let image = trace(&parts, &camera);
         let m = &camera.camera_from_world;
