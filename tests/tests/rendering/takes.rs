@@ -108,7 +108,7 @@ fn one_segment(gpu: &Gpu) -> Result<(), String> {
                 return Err(format!("{motion:?}, t = {t}: the clip shows too little"));
             }
             // Drivers round differently. A difference of half an 8-bit step is never visible.
-            let tolerance = Tolerance { max_diff: 0.5, diff_pixels: 0, psnr: 85.0 };
+            let tolerance = Tolerance { max_diff: 0.5, diff_pixels: 2, psnr: 80.0 };
             check(&format!("one segment, {motion:?}, t = {t}"), &take, &alone, tolerance.on(gpu))?;
         }
     }
