@@ -75,6 +75,9 @@ impl FitConstants {
     }
 }
 
+/// Why a setting of the anchor is refused.
+const NO_ANCHOR: &str = "a fit that starts from a field has no anchor";
+
 /// Refuses settings of an anchor where a fit starts from a field, and of depth maps where there are none.
 pub(super) fn check_settings(
     settings: &[FitSetting],
@@ -83,13 +86,9 @@ pub(super) fn check_settings(
 ) -> Result<(), Fault> {
     for setting in settings {
         let (key, why) = match setting {
-            FitSetting::AnchorCameras(_) if has_field => {
-                ("anchor-cameras", "a fit that starts from a field has no anchor")
-            }
-            FitSetting::Mirror(_) if has_field => ("mirror", "a fit that starts from a field has no anchor"),
-            FitSetting::MotionStart(_) if has_field => {
-                ("motion-start", "a fit that starts from a field has no anchor")
-            }
+            FitSetting::AnchorCameras(_) if has_field => ("anchor-cameras", NO_ANCHOR),
+            FitSetting::Mirror(_) if has_field => ("mirror", NO_ANCHOR),
+            FitSetting::MotionStart(_) if has_field => ("motion-start", NO_ANCHOR),
             FitSetting::DepthScale(_) if !has_depths => ("depth-scale", "there are no depth maps"),
             _ => continue,
         };
@@ -131,7 +130,8 @@ pub(super) fn fragment_weight(text: &str) -> Result<f64, String> {
     weight.ok_or_else(|| "a number from 0 to 1".into())
 }
 
-fn switch(key: &str, value: &str) -> Result<bool, String> {
+/// Parses the value of a switch.
+pub(super) fn switch(key: &str, value: &str) -> Result<bool, String> {
     match value {
         "on" => Ok(true),
         "off" => Ok(false),

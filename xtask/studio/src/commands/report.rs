@@ -12,7 +12,7 @@ mod take;
 use crate::input::is_take;
 use crate::progress::StagedProgress;
 use crate::report::rd::{self, RdSettings};
-use crate::report::{ReportPart, ReportSubject, report_page};
+use crate::report::{ReportPart, ReportSubject};
 use ::program::{Fault, output};
 use anyhow::bail;
 use serde_json::Value;
@@ -116,14 +116,17 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         return Err(Fault::Usage(how.into()).into());
     }
     let Measured { parts, failed } = args.measure(page_of)?;
-    let page = report_page(&parts);
-    let text: Vec<String> = parts.iter().map(|part| part.text.clone()).collect();
+    let bodies: Vec<(&str, &str)> =
+        parts.iter().map(|part| (part.title.as_str(), part.body.as_str())).collect();
+    let page = crate::page::page(&bodies);
+    let text: Vec<&str> = parts.iter().map(|part| part.text.as_str()).collect();
+    let text = text.join("\n");
     let json = format!("{:#}\n", Value::Object(parts.into_iter().flat_map(|part| part.json).collect()));
     write(&args.out, [(PAGE, &page), (NUMBERS, &json)])?;
     if args.json {
         print!("{json}");
     } else {
-        print!("{}", text.join("\n"));
+        print!("{text}");
         let (out, seconds) = (args.out.display(), start.elapsed().as_secs_f64());
         println!("\n{out}: {PAGE}, {NUMBERS}, written in {seconds:.1} s");
     }

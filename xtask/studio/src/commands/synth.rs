@@ -11,6 +11,7 @@ use clap::Subcommand;
 use codec::{ClipInfo, Field};
 use program::output;
 
+use super::fit_setting::switch;
 use super::render::size;
 
 /// Make a procedural scene.
@@ -109,10 +110,8 @@ fn perturbation(text: &str) -> Result<Perturbation, String> {
         Ok(number) => Ok(Perturbation::Number(set, number)),
         Err(_) => Err(format!("{part} is a number, such as {part}=0.1")),
     };
-    let switch = |set: fn(&mut rig::Perturbations, bool)| match value {
-        "on" => Ok(Perturbation::Switch(set, true)),
-        "off" => Ok(Perturbation::Switch(set, false)),
-        _ => Err(format!("{part} is on or off")),
+    let switch = |set: fn(&mut rig::Perturbations, bool)| {
+        switch(part, value).map(|is_on| Perturbation::Switch(set, is_on))
     };
     match part {
         "starts" => number(|rig, x| rig.starts_s = x),

@@ -59,7 +59,7 @@ pub(super) fn page(
     text += &matte_sheet::section(findings, mattes);
     text += "<h2>Coverage</h2>\n";
     text += &coverage(findings);
-    Ok(page::page(&[(format!("Ingest of {}", escape(&findings.rig)), text)]))
+    Ok(page::page(&[(&format!("Ingest of {}", escape(&findings.rig)), &text)]))
 }
 
 fn headed(columns: &[&str]) -> String {

@@ -103,6 +103,9 @@ pub(crate) fn visible(imported: &Imported) -> (Field, Counts) {
 /// Whether no place shows anything of each row of `field` where people stand, not even a rim.
 fn hidden(scene: &Scene, field: &Field) -> Vec<bool> {
     let (unseen, cameras) = unseen(scene, field, None);
+    if unseen.is_empty() {
+        return vec![false; field.len()];
+    }
     let views = posed_views(&cameras, &instants(field, RIM_INSTANTS));
     let seen = contributions_to(&views, field, || ());
     let mut is_hidden = vec![false; field.len()];

@@ -34,7 +34,7 @@ pub(crate) fn decimals(x: Option<f64>, decimals: usize) -> String {
 }
 
 /// A page of parts, each with its title and its body, both HTML. It loads nothing.
-pub(crate) fn page(parts: &[(String, String)]) -> String {
+pub(crate) fn page(parts: &[(&str, &str)]) -> String {
     let title = parts.first().map_or("", |(title, _)| title);
     let mut text = format!(
         "<!doctype html>\n<html lang=en><head><meta charset=utf-8>\n\

@@ -19,5 +19,5 @@ mod subject;
 pub(crate) use page::layers_parameter;
 #[cfg(feature = "measure")]
 pub use page::{Findings, LayerInstant, TakeFindings, TakeInstant, TakePhotographs, TakeSetup};
-pub use part::{ReportPart, report_page};
+pub use part::ReportPart;
 pub use subject::ReportSubject;

@@ -2,8 +2,6 @@
 
 use serde_json::{Map, Value};
 
-use crate::page::page;
-
 /// A part of a report.
 #[derive(Debug)]
 pub struct ReportPart {
@@ -15,9 +13,4 @@ pub struct ReportPart {
     pub text: String,
     /// All of its numbers.
     pub json: Map<String, Value>,
-}
-
-/// The page of a report.
-pub fn report_page(parts: &[ReportPart]) -> String {
-    page(&parts.iter().map(|part| (part.title.clone(), part.body.clone())).collect::<Vec<_>>())
 }

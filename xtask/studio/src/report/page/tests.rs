@@ -5,7 +5,6 @@ use std::collections::BTreeMap;
 use super::*;
 use crate::fit::log::{Density, LogEntry};
 use crate::report::fitting::FitLog;
-use crate::report::report_page;
 use measure::parameter::{ImageErrors, Quartiles};
 use measure::playing::{ClipFeature, NamedPicture, Playing, PlayingSetup, ResourceUse};
 
@@ -100,7 +99,8 @@ fn findings_of(points: Vec<ParameterValue>) -> Findings {
 
 #[test]
 fn the_page_is_self_contained_and_names_beaten_defaults() {
-    let page = report_page(&[findings().part().unwrap()]);
+    let ReportPart { title, body, .. } = findings().part().unwrap();
+    let page = crate::page::page(&[(&title, &body)]);
     assert!(page.contains("<title>a &amp; b: error against run time</title>"));
     assert!(
         page.contains(
