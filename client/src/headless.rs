@@ -289,7 +289,7 @@ impl ClipTarget for HeadlessTarget {
         &self,
         entry: &Entry,
         clip: Content,
-        _: Beginning,
+        _: Beginning<'_>,
         _: &mut Option<()>,
     ) -> Result<Content, Fault> {
         views(&self.args, &clip, None)

@@ -45,7 +45,7 @@ impl<T: ClipTarget> ClipController<T> {
         cyclic: bool,
         wake: impl Fn() + Send + 'static,
     ) -> Result<ClipController<T>, Fault> {
-        let work = |request, report: Report<'_, TargetEvent<T>>| {
+        let work = |request, report: &Report<'_, TargetEvent<T>>| {
             let _ = load(request, report);
         };
         let worker = Worker::new(work, wake)
@@ -236,7 +236,7 @@ fn failure<C>() -> LoadEvent<C> {
 
 #[cfg(test)]
 mod tests {
-    use std::sync::mpsc::channel;
+    use std::sync::mpsc::{Sender, channel};
 
     use super::*;
     use crate::clips::state::Transition;
@@ -256,7 +256,7 @@ mod tests {
         type Ready = ();
         type Uploaded = ();
 
-        fn prepare(&self, _: &Entry, _: Content, _: Beginning, _: &mut Option<()>) -> Result<(), Fault> {
+        fn prepare(&self, _: &Entry, _: Content, _: Beginning<'_>, _: &mut Option<()>) -> Result<(), Fault> {
             panic!("of the test")
         }
     }
@@ -280,6 +280,47 @@ mod tests {
         assert!(!clips.is_loading(), "a display that waits on would load for ever");
     }
 
+    /// Waits for every clip but the demo, as for a server that is silent.
+    #[derive(Clone)]
+    struct Patient(Sender<()>);
+
+    impl ClipTarget for Patient {
+        type Ready = ();
+        type Uploaded = ();
+
+        fn prepare(
+            &self,
+            entry: &Entry,
+            _: Content,
+            beginning: Beginning<'_>,
+            _: &mut Option<()>,
+        ) -> Result<(), Fault> {
+            self.0.send(()).unwrap();
+            while entry.name.is_some() && !(beginning.is_overtaken)() {
+                std::thread::sleep(Duration::from_millis(1));
+            }
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn another_clip_opens_while_one_is_waited_for() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.aarc");
+        std::fs::write(&path, DEMO).unwrap();
+        let (begin, begun) = channel();
+        let mut clips = ClipController::new(options(), true, || ()).unwrap();
+        clips.set_target(Patient(begin), 0.0);
+        clips.open(Some(path.to_str().unwrap().into()));
+        begun.recv_timeout(Duration::from_secs(60)).unwrap();
+        clips.open(None);
+        let shown = std::iter::from_fn(|| clips.wait()).find_map(|change| match change {
+            Change::Show { entry, .. } => Some(entry.name),
+            _ => None,
+        });
+        assert_eq!(shown, Some(None), "it is the demo");
+    }
+
     /// Shows every clip.
     #[derive(Clone)]
     struct Display;
@@ -288,7 +329,7 @@ mod tests {
         type Ready = ();
         type Uploaded = ();
 
-        fn prepare(&self, _: &Entry, _: Content, _: Beginning, _: &mut Option<()>) -> Result<(), Fault> {
+        fn prepare(&self, _: &Entry, _: Content, _: Beginning<'_>, _: &mut Option<()>) -> Result<(), Fault> {
             Ok(())
         }
     }

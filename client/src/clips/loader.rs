@@ -16,16 +16,18 @@ use super::worker::Report;
 use program::{Fault, counted};
 
 /// How a clip begins to be shown.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy)]
 #[cfg_attr(
     not(any(feature = "window", feature = "xr")),
     allow(dead_code, reason = "a window and a headset begin anywhere, images at the time they show")
 )]
-pub(crate) struct Beginning {
+pub(crate) struct Beginning<'a> {
     /// Position in seconds, anywhere at all: the clip may be shorter.
     pub(crate) position_s: f64,
     /// Whether playback waits for it.
     pub(crate) is_blocking: bool,
+    /// Whether it is not wanted any more: nothing waits for a network then.
+    pub(crate) is_overtaken: &'a dyn Fn() -> bool,
 }
 
 /// What can show clips: a window, a headset, or images.
@@ -46,7 +48,7 @@ pub(crate) trait ClipTarget: Clone + Send + 'static {
         &self,
         entry: &Entry,
         content: Content,
-        beginning: Beginning,
+        beginning: Beginning<'_>,
         uploaded: &mut Option<Self::Uploaded>,
     ) -> Result<Self::Ready, Fault>;
 }
@@ -97,13 +99,13 @@ type Flow = Result<ControlFlow<()>, Fault>;
 /// Carries out a request.
 pub(super) fn load<T: ClipTarget>(
     request: LoadRequest<T>,
-    report: Report<'_, TargetEvent<T>>,
+    report: &Report<'_, TargetEvent<T>>,
 ) -> ControlFlow<()> {
     let LoadRequest { target, selection, options, is_blocking, position_s, uploaded } = request;
     match (Loading { options, is_blocking, position_s, target, uploaded, report }).load(selection) {
-        Ok(ControlFlow::Continue(())) => report(LoadEvent::Done),
+        Ok(ControlFlow::Continue(())) => (report.send)(LoadEvent::Done),
         Ok(ControlFlow::Break(())) => ControlFlow::Break(()),
-        Err(fault) => report(LoadEvent::Failed(fault)),
+        Err(fault) => (report.send)(LoadEvent::Failed(fault)),
     }
 }
 
@@ -115,7 +117,7 @@ struct Loading<'a, T: ClipTarget> {
     target: T,
     /// What the latest version left.
     uploaded: Option<T::Uploaded>,
-    report: Report<'a, TargetEvent<T>>,
+    report: &'a Report<'a, TargetEvent<T>>,
 }
 
 impl<T: ClipTarget> Loading<'_, T> {
@@ -130,14 +132,14 @@ impl<T: ClipTarget> Loading<'_, T> {
                 let Some(opened) = opened else { return Ok(ControlFlow::Break(())) };
                 let queue = Queue::new(opened.clips);
                 let entries = queue.all();
-                if (self.report)(LoadEvent::Playlist(queue)).is_break() {
+                if (self.report.send)(LoadEvent::Playlist(queue)).is_break() {
                     return Ok(ControlFlow::Break(()));
                 }
                 self.first_of(&entries)
             }
             Selection::Named(name) => {
                 let neighbours = Neighbours::find(name.as_deref());
-                if (self.report)(LoadEvent::Neighbours(neighbours)).is_break() {
+                if (self.report.send)(LoadEvent::Neighbours(neighbours)).is_break() {
                     return Ok(ControlFlow::Break(()));
                 }
                 self.first_of(&[Entry::single(name)])
@@ -155,7 +157,7 @@ impl<T: ClipTarget> Loading<'_, T> {
             let arrival = source::open(entry.name.as_deref(), &self.options.source);
             match arrival.and_then(|arrival| self.versions(entry, arrival, &mut is_first)) {
                 Err(fault) if is_first && i + 1 < entries.len() => {
-                    if (self.report)(LoadEvent::Skipped(fault)).is_break() {
+                    if (self.report.send)(LoadEvent::Skipped(fault)).is_break() {
                         return Ok(ControlFlow::Break(()));
                     }
                 }
@@ -205,18 +207,19 @@ impl<T: ClipTarget> Loading<'_, T> {
 
     fn version(&mut self, entry: &Entry, content: Content, is_first: &mut bool) -> Flow {
         let is_blocking = self.is_blocking.load(Ordering::Relaxed);
-        let beginning = Beginning { position_s: self.position_s, is_blocking };
+        let is_overtaken = self.report.is_overtaken;
+        let beginning = Beginning { position_s: self.position_s, is_blocking, is_overtaken };
         let clip = self.target.prepare(entry, content, beginning, &mut self.uploaded)?;
         let version = Version { entry: entry.clone(), is_first: *is_first, clip };
         *is_first = false;
-        Ok((self.report)(LoadEvent::Clip(version)))
+        Ok((self.report.send)(LoadEvent::Clip(version)))
     }
 
     /// Passes on an event of a source that holds no clip.
     fn pass_on(&self, event: LoadEvent) -> ControlFlow<()> {
         match event {
-            LoadEvent::Progress(progress) => (self.report)(LoadEvent::Progress(progress)),
-            LoadEvent::Note(note) => (self.report)(LoadEvent::Note(note)),
+            LoadEvent::Progress(progress) => (self.report.send)(LoadEvent::Progress(progress)),
+            LoadEvent::Note(note) => (self.report.send)(LoadEvent::Note(note)),
             _ => ControlFlow::Continue(()),
         }
     }
@@ -255,7 +258,7 @@ mod tests {
             &self,
             entry: &Entry,
             clip: Content,
-            _: Beginning,
+            _: Beginning<'_>,
             _: &mut Option<()>,
         ) -> Result<usize, Fault> {
             match self.too_large == Some(entry.number) {
@@ -285,7 +288,7 @@ mod tests {
         too_large: Option<usize>,
     ) -> String {
         let text = RefCell::new(String::new());
-        let _ = load(request(selection, min_layers, is_blocking, Target { too_large }), &|event| {
+        let send = &|event| {
             text.borrow_mut().push_str(&match event {
                 LoadEvent::Clip(Version { entry, is_first, .. }) => {
                     format!("{}{}", entry.number, if is_first { "!" } else { "" })
@@ -300,7 +303,9 @@ mod tests {
                 | LoadEvent::Neighbours(_) => String::new(),
             });
             ControlFlow::Continue(())
-        });
+        };
+        let report = Report { send, is_overtaken: &|| false };
+        let _ = load(request(selection, min_layers, is_blocking, Target { too_large }), &report);
         text.into_inner()
     }
 
@@ -359,12 +364,14 @@ mod tests {
         }
         let neighbours = RefCell::new(None);
         let selection = Selection::Named(Some(a.clone()));
-        let _ = load(request(selection, 1, true, Target { too_large: None }), &|event| {
+        let send = &|event| {
             if let LoadEvent::Neighbours(beside) = event {
                 *neighbours.borrow_mut() = Some(beside);
             }
             ControlFlow::Break(())
-        });
+        };
+        let report = Report { send, is_overtaken: &|| false };
+        let _ = load(request(selection, 1, true, Target { too_large: None }), &report);
         let neighbours = neighbours.into_inner().expect("it is the first event");
         assert_eq!(neighbours.get(Direction::Forward), Some(&b));
     }

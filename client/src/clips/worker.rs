@@ -9,6 +9,7 @@ use std::panic::{self, AssertUnwindSafe};
 use std::sync::mpsc::{Sender, channel};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
+use std::time::Duration;
 
 /// A thread that carries out requests `R` and reports events `E`. A new request overtakes the request before it.
 pub(crate) struct Worker<R, E> {
@@ -18,8 +19,13 @@ pub(crate) struct Worker<R, E> {
     thread: Option<JoinHandle<()>>,
 }
 
-/// Reports an event; breaks once the request was overtaken.
-pub(crate) type Report<'a, E> = &'a dyn Fn(E) -> ControlFlow<()>;
+/// Where the work on a request reports its events.
+pub(crate) struct Report<'a, E> {
+    /// Reports an event, once the event before was taken; breaks if the request was overtaken.
+    pub(crate) send: &'a dyn Fn(E) -> ControlFlow<()>,
+    /// Whether the request was overtaken: what waits ends then.
+    pub(crate) is_overtaken: &'a dyn Fn() -> bool,
+}
 
 /// What the work on the latest request panicked with; no event of it follows.
 pub(crate) type Panic = Box<dyn Any + Send>;
@@ -73,7 +79,7 @@ impl<R: Send + 'static, E: Send + 'static> Worker<R, E> {
     /// # Errors
     /// If the system refuses another thread.
     pub(crate) fn new(
-        work: impl Fn(R, Report<'_, E>) + Send + 'static,
+        work: impl Fn(R, &Report<'_, E>) + Send + 'static,
         wake: impl Fn() + Send + 'static,
     ) -> std::io::Result<Worker<R, E>> {
         let (requests, incoming) = channel::<(u64, R)>();
@@ -89,8 +95,11 @@ impl<R: Send + 'static, E: Send + 'static> Worker<R, E> {
                     wake();
                     flow
                 };
-                let work = || work(request, &|event| leave(Ok(event)));
-                if let Err(panic) = panic::catch_unwind(AssertUnwindSafe(work)) {
+                let report = Report {
+                    send: &|event| leave(Ok(event)),
+                    is_overtaken: &|| ours.lock().latest != number,
+                };
+                if let Err(panic) = panic::catch_unwind(AssertUnwindSafe(|| work(request, &report))) {
                     let _ = leave(Err(panic));
                 }
             }
@@ -121,16 +130,36 @@ impl<R: Send + 'static, E: Send + 'static> Worker<R, E> {
     /// # Errors
     /// What the work panicked with.
     pub(crate) fn wait(&self) -> Result<E, Panic> {
+        loop {
+            if let Some(event) = self.wait_for(Duration::MAX)? {
+                return Ok(event);
+            }
+        }
+    }
+
+    /// The next event of the latest request; `None` if there is none after `time`.
+    ///
+    /// # Errors
+    /// What the work panicked with.
+    pub(crate) fn wait_for(&self, time: Duration) -> Result<Option<E>, Panic> {
         let is_empty = |state: &mut State<E>| state.event.is_none();
-        let waited = self.shared.changed.wait_while(self.shared.lock(), is_empty);
-        let event = waited.unwrap_or_else(PoisonError::into_inner).event.take();
+        let waited = self.shared.changed.wait_timeout_while(self.shared.lock(), time, is_empty);
+        let event = waited.unwrap_or_else(PoisonError::into_inner).0.event.take();
         self.shared.changed.notify_all();
-        event.expect("it was waited for")
+        event.transpose()
+    }
+}
+
+impl<R, E> Worker<R, E> {
+    /// Lets the thread end by itself, once the request under way reports its next event.
+    pub(crate) fn leave_behind(&mut self) {
+        self.thread = None;
     }
 }
 
 impl<R, E> Drop for Worker<R, E> {
-    /// Blocks until the request under way reports its next event: the graphics device must outlive it.
+    /// Blocks until the request under way reports its next event, unless its thread was left behind: a graphics device
+    /// must outlive the work on it.
     fn drop(&mut self) {
         self.shared.overtake(|_| u64::MAX);
         self.requests = None;
@@ -153,9 +182,9 @@ mod tests {
         let (permit, permits) = channel::<()>();
         let (begin, begun) = channel();
         // Reports the request for each permit until it is overtaken.
-        let work = move |request: &'static str, report: Report<'_, &'static str>| {
+        let work = move |request: &'static str, report: &Report<'_, &'static str>| {
             begin.send(request).unwrap();
-            while permits.recv().is_ok() && report(request).is_continue() {}
+            while permits.recv().is_ok() && (report.send)(request).is_continue() {}
         };
         let (wake, woken) = channel();
         let mut worker = Worker::new(work, move || wake.send(()).unwrap()).unwrap();
@@ -178,11 +207,11 @@ mod tests {
         const ENOUGH: usize = 60_000;
         let (reported, reports) = channel();
         // Runs for a minute unless it is stopped.
-        let work = move |(), report: Report<'_, ()>| {
+        let work = move |(), report: &Report<'_, ()>| {
             let _ = (0..ENOUGH).try_for_each(|_| {
                 std::thread::sleep(Duration::from_millis(1));
                 reported.send(()).unwrap();
-                report(())
+                (report.send)(())
             });
         };
         let mut worker = Worker::new(work, || ()).unwrap();
@@ -193,10 +222,45 @@ mod tests {
     }
 
     #[test]
+    fn work_that_waits_sees_that_it_was_overtaken() {
+        let work = move |number: u32, report: &Report<'_, u32>| {
+            while number == 0 && !(report.is_overtaken)() {
+                std::thread::sleep(Duration::from_millis(1));
+            }
+            let _ = (report.send)(number);
+        };
+        let mut worker = Worker::new(work, || ()).unwrap();
+        worker.request(0);
+        assert!(worker.wait_for(Duration::from_millis(20)).unwrap().is_none());
+        worker.request(1);
+        assert_eq!(worker.wait().unwrap(), 1);
+        worker.request(0);
+        // Dropping overtakes it, too.
+        drop(worker);
+    }
+
+    #[test]
+    fn a_thread_that_is_left_behind_is_not_waited_for() {
+        let (end, ends) = channel::<()>();
+        let (ended, has_ended) = channel();
+        let work = move |(), report: &Report<'_, ()>| {
+            ends.recv().unwrap();
+            ended.send((report.send)(()).is_break()).unwrap();
+        };
+        let mut worker = Worker::new(work, || ()).unwrap();
+        worker.request(());
+        worker.leave_behind();
+        drop(worker);
+        assert!(has_ended.try_recv().is_err());
+        end.send(()).unwrap();
+        assert!(has_ended.recv_timeout(PATIENCE).unwrap(), "it was overtaken");
+    }
+
+    #[test]
     fn a_panic_ends_its_request_and_no_other() {
-        let work = |defective: bool, report: Report<'_, ()>| {
+        let work = |defective: bool, report: &Report<'_, ()>| {
             assert!(!defective, "of the test");
-            let _ = report(());
+            let _ = (report.send)(());
         };
         let (wake, woken) = channel();
         let mut worker = Worker::new(work, move || wake.send(()).unwrap()).unwrap();
@@ -221,10 +285,10 @@ mod tests {
     #[test]
     fn events_that_are_not_taken_do_not_pile_up() {
         let (reported, reports) = channel();
-        let work = move |(), report: Report<'_, u32>| {
+        let work = move |(), report: &Report<'_, u32>| {
             for event in 0.. {
                 reported.send(event).unwrap();
-                if report(event).is_break() {
+                if (report.send)(event).is_break() {
                     return;
                 }
             }

@@ -2,6 +2,7 @@
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
 
 use codec::{Contents, Error, Limits, contents};
@@ -12,7 +13,7 @@ use super::fetch::{Fetch, FetchOptions, Outcome, State, undecodable};
 use super::partial_file::PartialFile;
 use super::remote_file::RemoteFile;
 use super::retry::RetryPolicy;
-use crate::clips::{ClipVersion, LoadEvent, decode, decode_layers, redacted};
+use crate::clips::{ClipVersion, LoadEvent, Progress, decode, decode_layers, redacted};
 use crate::takes::{OpenTake, TakeSource};
 
 /// Time between two reports of progress: short, and still long enough to read the numbers.
@@ -60,6 +61,42 @@ struct Arrived {
     version: ClipVersion,
 }
 
+/// A take that is being opened by a thread of its own, which may wait long for its server. Dropping it ends the read, and
+/// leaves the thread behind.
+#[derive(Debug)]
+struct OpeningTake {
+    file: Arc<RemoteFile>,
+    is_open: bool,
+    result: Receiver<Result<Option<OpenTake>, Fault>>,
+}
+
+impl OpeningTake {
+    /// Begins to open the file at `url`.
+    ///
+    /// # Errors
+    /// [`Fault::Network`] if the certificates to trust cannot be read; [`Fault::Device`] if the system refuses a thread.
+    fn begin(url: &str, options: &Options) -> Result<OpeningTake, Fault> {
+        let Options { cache, retry, limits } = options.clone();
+        let file = Arc::new(RemoteFile::new(url, retry, cache)?);
+        let (sender, result) = channel();
+        let source = TakeSource::Remote(file.clone());
+        let thread = std::thread::Builder::new().name("open".into()).spawn(move || {
+            // Nobody listens where it is not wanted any more.
+            let _ = sender.send(OpenTake::from_source(source, &limits));
+        });
+        thread.map_err(|error| Fault::Device(format!("cannot start a thread: {error}")))?;
+        Ok(OpeningTake { file, is_open: false, result })
+    }
+}
+
+impl Drop for OpeningTake {
+    fn drop(&mut self) {
+        if !self.is_open {
+            self.file.close();
+        }
+    }
+}
+
 /// A clip being downloaded. Iterating waits for the next event, 250 ms at most. It ends after the
 /// complete clip or the first error. Dropping it cancels the download.
 #[derive(Debug)]
@@ -83,6 +120,8 @@ pub struct Download {
 enum Stage {
     Begin,
     Fetching(Fetch),
+    /// The file is a take.
+    Opening(OpeningTake),
     /// A remark on the take was reported; the take is next.
     Opened(Arc<OpenTake>),
     /// The last clip is incomplete; this fault is reported next.
@@ -191,7 +230,13 @@ impl Download {
     fn on_outcome(&mut self, outcome: Outcome, package: Vec<u8>, playable_bytes: usize) -> Flow {
         match outcome {
             Outcome::Unchanged => ControlFlow::Continue(()),
-            Outcome::Take => self.open_take(),
+            Outcome::Take => match OpeningTake::begin(&self.url, &self.options) {
+                Ok(opening) => {
+                    self.stage = Stage::Opening(opening);
+                    ControlFlow::Continue(())
+                }
+                Err(fault) => self.fail(fault),
+            },
             Outcome::Complete { etag } => match self.decode(&package) {
                 Ok(version) => {
                     self.stage = Stage::Store { etag: etag.unwrap_or_default(), package };
@@ -216,11 +261,24 @@ impl Download {
         }
     }
 
-    /// Opens the file as a take.
-    fn open_take(&mut self) -> Flow {
-        let Options { cache, retry, limits } = self.options.clone();
-        let take = RemoteFile::new(&self.url, retry, cache)
-            .and_then(|file| OpenTake::from_source(TakeSource::Remote(Box::new(file)), &limits));
+    /// Waits until the take is open.
+    fn open_take(&mut self, mut opening: OpeningTake) -> Flow {
+        let take = match opening.result.recv_timeout(REPORT_INTERVAL) {
+            Ok(take) => {
+                opening.is_open = true;
+                take
+            }
+            Err(RecvTimeoutError::Timeout) => {
+                let received = opening.file.traffic().bytes;
+                self.stage = Stage::Opening(opening);
+                let progress = Progress { received, ..Progress::default() };
+                return ControlFlow::Break(Ok(LoadEvent::Progress(progress)));
+            }
+            Err(RecvTimeoutError::Disconnected) => {
+                return self
+                    .fail(Fault::Defect("it cannot be opened: report it with the player's log".into()));
+            }
+        };
         match take {
             Ok(Some(take)) => {
                 let (note, take) = (take.truncation(), Arc::new(take));
@@ -281,6 +339,7 @@ impl Iterator for Download {
             let flow = match std::mem::replace(&mut self.stage, Stage::End) {
                 Stage::Begin => self.begin(),
                 Stage::Fetching(fetch) => self.wait(fetch),
+                Stage::Opening(opening) => self.open_take(opening),
                 Stage::Opened(take) => ControlFlow::Break(Ok(LoadEvent::Take(take))),
                 Stage::Failed(fault) => self.fail(fault),
                 Stage::Store { etag, package } => {

@@ -5,13 +5,14 @@
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
 use program::Fault;
 
 use super::layers::Traffic;
 use super::opened::{OpenTake, PackedWant};
 use super::plan::Want;
-use crate::clips::Worker;
+use crate::clips::{Report, Worker};
 use crate::gpu::TakeLayout;
 
 /// What the thread reports.
@@ -57,7 +58,7 @@ impl SegmentLoader {
     ) -> Result<SegmentLoader, Fault> {
         let wants = Arc::new(Mutex::new(Wants::default()));
         let (shared, loaded) = (wants.clone(), opened.clone());
-        let work = move |(), report: crate::clips::Report<'_, SegmentEvent>| {
+        let work = move |(), report: &Report<'_, SegmentEvent>| {
             loop {
                 let want = {
                     let mut wants = lock(&shared);
@@ -75,11 +76,11 @@ impl SegmentLoader {
                     Err(fault) if is_replaced => SegmentEvent::Replaced(want, fault),
                     Err(fault) => SegmentEvent::Failed(want, fault),
                 };
-                if report(event).is_break() {
+                if (report.send)(event).is_break() {
                     return;
                 }
             }
-            let _ = report(SegmentEvent::Idle);
+            let _ = (report.send)(SegmentEvent::Idle);
         };
         let worker = Worker::new(work, wake)
             .map_err(|error| Fault::Device(format!("cannot start a thread: {error}")))?;
@@ -118,15 +119,18 @@ impl SegmentLoader {
         }
     }
 
-    /// Waits for the next segment; `None` if nothing is left to load.
-    pub(super) fn wait(&mut self) -> Option<SegmentEvent> {
-        while !self.is_idle {
-            let event = self.worker.wait().unwrap_or_else(|_| self.panicked());
-            if let Some(event) = self.take_in(event) {
-                return Some(event);
-            }
+    /// Waits for the next segment; `None` if there is none after `time`, or nothing is left to load.
+    pub(super) fn wait(&mut self, time: Duration) -> Option<SegmentEvent> {
+        if self.is_idle {
+            return None;
         }
-        None
+        let event = self.worker.wait_for(time).unwrap_or_else(|_| Some(self.panicked()))?;
+        self.take_in(event)
+    }
+
+    /// Whether nothing is left to load.
+    pub(super) fn is_idle(&self) -> bool {
+        self.is_idle
     }
 
     /// Takes in an event of the thread; `None` if it was idle.
@@ -159,10 +163,11 @@ impl SegmentLoader {
 }
 
 impl Drop for SegmentLoader {
-    /// Ends a read, so that the thread ends soon.
+    /// Ends a read, and leaves the thread behind: whoever draws does not wait for a network or a decoder.
     fn drop(&mut self) {
         lock(&self.wants).queue.clear();
         self.opened.close();
+        self.worker.leave_behind();
     }
 }
 

@@ -27,6 +27,9 @@ pub const UPLOAD_BYTES_MAX: usize = 256_000;
 /// Wait before segments are asked for again that did not arrive after all retries of the network.
 const RETRY_AFTER: Duration = Duration::from_secs(2);
 
+/// Interval between looks whether a take that begins is still wanted.
+const LOOK_INTERVAL: Duration = Duration::from_millis(50);
+
 /// A segment with a place in GPU memory.
 struct Resident {
     segment: usize,
@@ -174,7 +177,7 @@ impl TakePlayer {
         gpu: &Gpu,
         opened: Arc<OpenTake>,
         layout: FrameLayout,
-        beginning: Beginning,
+        beginning: Beginning<'_>,
         wake: impl Fn() + Send + 'static,
     ) -> Result<(Renderer, TakePlayer), Fault> {
         // What is read from a disk comes at once, and what plays later has time.
@@ -183,7 +186,7 @@ impl TakePlayer {
             false => Extent::All,
         };
         let (mut renderer, mut take) = TakePlayer::new(gpu, opened, layout, wake)?;
-        take.wait(gpu, &mut renderer, beginning.position_s, extent)?;
+        take.wait_unless(gpu, &mut renderer, beginning.position_s, extent, beginning.is_overtaken)?;
         Ok((renderer, take))
     }
 
@@ -224,6 +227,21 @@ impl TakePlayer {
         t_s: f64,
         extent: Extent,
     ) -> Result<(), Fault> {
+        self.wait_unless(gpu, renderer, t_s, extent, &|| false)
+    }
+
+    /// As [`TakePlayer::wait`], until it `is_overtaken`, which is looked at every 50 ms.
+    ///
+    /// # Errors
+    /// As there; [`Fault::Network`] if it is overtaken.
+    pub fn wait_unless(
+        &mut self,
+        gpu: &Gpu,
+        renderer: &mut Renderer,
+        t_s: f64,
+        extent: Extent,
+        is_overtaken: &dyn Fn() -> bool,
+    ) -> Result<(), Fault> {
         self.move_to(Playhead { t_s, ..Playhead::default() }, usize::MAX);
         loop {
             self.load(gpu, renderer, usize::MAX);
@@ -238,8 +256,10 @@ impl TakePlayer {
                 self.notes.retain(|note| *note != why);
                 return Err(Fault::Network(why));
             }
-            match self.loader.wait() {
+            match self.loader.wait(LOOK_INTERVAL) {
                 Some(event) => self.take_in(slots_of(renderer), event),
+                None if is_overtaken() => return Err(Fault::Network("cancelled".into())),
+                None if !self.loader.is_idle() => {}
                 None if self.waiting.is_some() => {
                     return Err(Fault::Device(format!(
                         "{}: its segments at {t_s:.3} s do not fit together: package it with a smaller --budget",

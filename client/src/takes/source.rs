@@ -4,6 +4,8 @@ use std::fs::{File, Metadata};
 use std::io::{self, Read, Seek, SeekFrom};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+#[cfg(feature = "net")]
+use std::sync::Arc;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -24,7 +26,7 @@ pub(crate) enum TakeSource {
     File(Box<LocalFile>),
     /// A file on a server.
     #[cfg(feature = "net")]
-    Remote(Box<RemoteFile>),
+    Remote(Arc<RemoteFile>),
 }
 
 /// A file of this machine. It stays open: after a file that takes its place by renaming, it can still be read.

@@ -132,7 +132,7 @@ impl ClipTarget for WindowTarget {
         &self,
         entry: &Entry,
         content: Content,
-        beginning: Beginning,
+        beginning: Beginning<'_>,
         uploaded: &mut Option<Arc<GpuClip>>,
     ) -> Result<Box<Playing>, Fault> {
         let gpu = self
@@ -168,7 +168,7 @@ impl Playing {
         proxy: &EventLoopProxy<Event>,
         entry: &Entry,
         content: &Content,
-        beginning: Beginning,
+        beginning: Beginning<'_>,
         uploaded: &mut Option<Arc<GpuClip>>,
     ) -> Result<Playing, Fault> {
         let layout = FrameLayout::plain(format, 1);
@@ -261,7 +261,7 @@ impl Session {
         let screen = Screen::open(&window)?;
         let mut uploaded = None;
         let playing = {
-            let beginning = Beginning { position_s: 0.0, is_blocking: true };
+            let beginning = Beginning { position_s: 0.0, is_blocking: true, is_overtaken: &|| false };
             let (gpu, format) = (&screen.gpu, screen.surface.format());
             Playing::new(gpu, format, &proxy, &start.entry, &start.clip, beginning, &mut uploaded)?
         };

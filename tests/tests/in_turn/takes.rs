@@ -10,7 +10,7 @@ use aarc_tests::gpu::{self, Passes};
 use aarc_tests::scene::{Motion, Place, Recipe, camera, packaged};
 use aarc_tests::server::Server;
 use aarc_tests::take_files::{SegmentFile, take_package};
-use client::clips::{self, Content, SourceOptions};
+use client::clips::{self, Content, LoadEvent, SourceOptions};
 use client::gpu::{ChannelDepth, FrameLayout, Gpu, Offscreen, Pixels, RenderSettings, Renderer};
 use client::player::Player;
 use client::takes::{Extent, OpenTake, TakeCounts, TakePlayer, UPLOAD_BYTES_MAX};
@@ -48,6 +48,7 @@ pub(crate) fn trials() -> Vec<Trial> {
         gpu::trial("a seek over 58 Mbit/s shows the first layers, then all", Passes::Shared, |_| seeks()),
         gpu::trial("an hour opens over 58 Mbit/s as soon as its table is there", Passes::Shared, |_| hour()),
         gpu::trial("a server that fails for long is said once", Passes::Shared, |_| failing()),
+        gpu::trial("nobody waits for a server that is silent", Passes::Shared, |_| silent()),
     ]
 }
 
@@ -487,4 +488,76 @@ fn failing() -> Result<(), String> {
         [ref note] if note.contains("there is no such file") => Ok(()),
         ref notes => Err(format!("{notes:?}")),
     }
+}
+
+/// The longest that leaving a read behind may take.
+const LEAVING: Duration = Duration::from_millis(100);
+
+/// A take that is closed, or not wanted any more, while its server sends nothing.
+fn silent() -> Result<(), String> {
+    let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
+    let path = folder.path().join("take.aarc");
+    write(&path, 2);
+    let file: Arc<[u8]> = std::fs::read(&path).map_err(|error| error.to_string())?.into();
+    let closed = Arc::new(AtomicU64::new(0));
+    // Answers `count` requests, and is silent from then on.
+    let server = |count: usize| {
+        let (file, closed) = (file.clone(), closed.clone());
+        Server::start(move |number, request, answer| {
+            if number < count {
+                return answer.part(request, &file, "\"one\"");
+            }
+            answer.wait_until_closed();
+            closed.fetch_add(1, Ordering::Relaxed);
+        })
+    };
+    let leave = |what: &str, leave: &mut dyn FnMut()| {
+        let (start, before) = (Instant::now(), closed.load(Ordering::Relaxed));
+        leave();
+        let took = start.elapsed();
+        println!("{what}: left after {:.1} ms", took.as_secs_f64() * 1e3);
+        while closed.load(Ordering::Relaxed) == before {
+            if start.elapsed() > PATIENCE {
+                return Err(format!("{what}: the connection stays open"));
+            }
+            sleep(Duration::from_millis(10));
+        }
+        if took < LEAVING { Ok(()) } else { Err(format!("{what}: it took {took:?}")) }
+    };
+
+    // The head comes, no segment does.
+    let heads = server(2);
+    let mut played = Played::play(fetched(&heads)?, 3.0 * UNIT_S)?;
+    let (asked, start) = (heads.requests().len() + 1, Instant::now());
+    while heads.requests().len() < asked && start.elapsed() < PATIENCE {
+        sleep(Duration::from_millis(10));
+    }
+    let since = Instant::now();
+    let Played { gpu, renderer, take, .. } = &mut played;
+    let is_overtaken = || since.elapsed() > Duration::from_millis(200);
+    let waited = take.wait_unless(gpu, renderer, 0.0, Extent::All, &is_overtaken);
+    if waited.is_ok() || since.elapsed() > Duration::from_millis(200) + LEAVING {
+        return Err(format!("overtaken after 0.2 s, it waits for {:?}: {waited:?}", since.elapsed()));
+    }
+    let mut played = Some(played);
+    leave("a take that plays", &mut || drop(played.take()))?;
+
+    // Not even the head comes, once the server has said that it is a take.
+    let nothing = server(1);
+    let mut arrival =
+        clips::open(Some(&nothing.url("take.aarc")), &SourceOptions::default()).map_err(text)?;
+    let mut reports = 0;
+    while reports < 3 {
+        let start = Instant::now();
+        match arrival.next() {
+            Some(Ok(LoadEvent::Progress(_))) if nothing.requests().len() > 1 => reports += 1,
+            Some(Ok(LoadEvent::Progress(_))) => {}
+            event => return Err(format!("it opens: {event:?}")),
+        }
+        if start.elapsed() > Duration::from_secs(1) {
+            return Err(format!("no report for {:?}", start.elapsed()));
+        }
+    }
+    let mut arrival = Some(arrival);
+    leave("a take that opens", &mut || drop(arrival.take()))
 }

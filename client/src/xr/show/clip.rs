@@ -30,7 +30,7 @@ impl ClipTarget for HeadsetTarget {
         &self,
         _: &Entry,
         content: Content,
-        beginning: Beginning,
+        beginning: Beginning<'_>,
         uploaded: &mut Option<Arc<GpuClip>>,
     ) -> Result<Box<ReadyClip>, Fault> {
         let gpu = self
