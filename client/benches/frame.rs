@@ -4,7 +4,6 @@
 use std::f32::consts::TAU;
 use std::hint::black_box;
 use std::ops::Range;
-use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use client::gpu::{
@@ -77,7 +76,7 @@ fn frame(c: &mut Criterion) {
         })
     });
 
-    let on_gpu = Arc::new(GpuClip::upload(&gpu, &clip).expect("memory for the clip"));
+    let on_gpu = GpuClip::upload(&gpu, &clip).expect("memory for the clip");
     for side in [SMALL, 512, 1024] {
         let camera = clip.info.viewpoints[0].camera(clip.info.up, side, side);
         let views = [View::from_camera(&camera)];
@@ -114,19 +113,9 @@ fn frame(c: &mut Criterion) {
 /// Prints what `clip` costs as the single segment of a take: its upload, and its frames over the clip's.
 fn segment(gpu: &Gpu, clip: &Clip) {
     let layout = FrameLayout::plain(ChannelDepth::Eight.format(), 1);
-    let on_gpu = Arc::new(GpuClip::upload(gpu, clip).expect("memory for the clip"));
+    let on_gpu = GpuClip::upload(gpu, clip).expect("memory for the clip");
     let mut alone = Renderer::new(gpu, on_gpu, layout).expect("memory for the renderer");
-    let take = TakeLayout {
-        sh_degree: clip.sh_degree(),
-        motion_order: 3,
-        rotates: false,
-        filter: clip.filter(),
-        near: clip.near(),
-        bounds: clip.bounds,
-        rows: clip.len(),
-        duration_s: 2.0,
-        plate: None,
-    };
+    let take = TakeLayout::for_clip(clip).segmented(2.0);
     let mut split = Renderer::new_take(gpu, take, layout).expect("memory for the take");
     let start = Instant::now();
     let packed = PackedSegment::new(clip, Span { start_s: 0.0, duration_s: 2.0 }, &take).expect("a segment");
@@ -208,7 +197,7 @@ fn headset(group: &mut BenchmarkGroup<'_, WallTime>, gpu: &Gpu) {
     let cameras = Lens::Quest3.cameras(&head, f64::from(clip.info.metres_per_unit), [SMALL; 2]);
     let views = cameras.each_ref().map(View::from_camera);
     let image = Offscreen::new(gpu, views[0].size, 2, ChannelDepth::Eight).expect("memory for the image");
-    let on_gpu = Arc::new(GpuClip::upload(gpu, &clip).expect("memory for the clip"));
+    let on_gpu = GpuClip::upload(gpu, &clip).expect("memory for the clip");
     let layout = FrameLayout::plain(ChannelDepth::Eight.format(), 2);
     let mut renderer = Renderer::new(gpu, on_gpu, layout).expect("memory for the renderer");
     let settings = RenderSettings { sort: SortOrder::Radial, ..RenderSettings::default() };

@@ -3,7 +3,6 @@
 //!
 //! A device that is lost after it has rendered enough images is replaced, and the image rendered again.
 
-use std::sync::Arc;
 use std::time::Instant;
 
 use codec::{Camera, Poster};
@@ -127,7 +126,7 @@ impl DeviceState {
         let start = Instant::now();
         match clip {
             Content::Clip(version) => {
-                let on_gpu = Arc::new(GpuClip::upload(gpu, &version.clip)?);
+                let on_gpu = GpuClip::upload(gpu, &version.clip)?;
                 let upload_ms = start.elapsed().as_secs_f64() * 1e3;
                 let renderer = Renderer::new(gpu, on_gpu, layout)?;
                 Ok(DeviceState { image, renderer, take: None, upload_ms })

@@ -209,7 +209,7 @@ fn compile(gpu: &Gpu, shelf: &Shelf) -> Result<(), Fault> {
     let size = UVec2::splat(32);
     let views = camera(Place::Far, size.x, size.y).stereo_pair(0.065).map(|eye| View::from_camera(&eye));
     for which in 0..shelf.packages.len() {
-        let clip = Arc::new(GpuClip::upload(gpu, &shelf.clip(which).map_err(Fault::Data)?)?);
+        let clip = GpuClip::upload(gpu, &shelf.clip(which).map_err(Fault::Data)?)?;
         for depth in [ChannelDepth::Eight, ChannelDepth::Sixteen] {
             for eyes in [1, 2] {
                 let layout = FrameLayout { format: depth.format(), eyes, foveated: false };
@@ -293,7 +293,7 @@ impl Watched {
     fn new(gpu: &Gpu, clip: &Clip, rng: &mut Rng, foveated: bool) -> Result<Watched, Fault> {
         let eyes = 1 + usize::from(rng.bool());
         let depth = if rng.bool() { ChannelDepth::Eight } else { ChannelDepth::Sixteen };
-        let on_gpu = Arc::new(GpuClip::upload(gpu, clip)?);
+        let on_gpu = GpuClip::upload(gpu, clip)?;
         let size = random_size(rng);
         let image = Offscreen::new(gpu, size, eyes as u32, depth)?;
         Ok(Watched {
@@ -364,7 +364,7 @@ fn random_size(rng: &mut Rng) -> UVec2 {
 /// Loses the device under a clip that is drawn: every way to use it says so and none panics.
 fn lose(gpu: &Gpu, clip: &Clip) -> Result<(), String> {
     let text = |fault: Fault| fault.to_string();
-    let on_gpu = Arc::new(GpuClip::upload(gpu, clip).map_err(text)?);
+    let on_gpu = GpuClip::upload(gpu, clip).map_err(text)?;
     let depth = ChannelDepth::Eight;
     let mut renderer =
         Renderer::new(gpu, on_gpu.clone(), FrameLayout::plain(depth.format(), 1)).map_err(text)?;

@@ -5,7 +5,6 @@ use std::collections::BTreeMap;
 
 use client::gpu::{Span, TakeLayout};
 use codec::{ALPHA_MIN, Clip, ClipInfo, Field, Temporal};
-use measure::resident::layout_of;
 
 use crate::scene::{Motion, Recipe};
 
@@ -31,7 +30,7 @@ impl SplitTake {
 
     /// What a renderer of the take is built for, with room for `rows` Gaussians.
     pub fn layout(&self, rows: usize) -> TakeLayout {
-        TakeLayout { rows, ..layout_of(&clip_of(&self.field), self.duration_s) }
+        TakeLayout::for_clip(&clip_of(&self.field)).segmented(self.duration_s).with_rows(rows)
     }
 
     /// The most Gaussians of the segments that hold one instant.

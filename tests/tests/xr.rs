@@ -7,8 +7,8 @@ use std::io;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitCode, Stdio};
+use std::sync::Mutex;
 use std::sync::mpsc::channel;
-use std::sync::{Arc, Mutex};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
@@ -404,7 +404,7 @@ fn levels(gpu: &'static Gpu) -> Result<(), String> {
         let camera = Camera::look_at([0.0, 1.6, 2.0], [0.0, 1.2, 0.0], [0.0, 1.0, 0.0], 1.6, size.x, size.y);
         camera.stereo_pair(Camera::EYE_DISTANCE_M)
     };
-    let uploaded = Arc::new(GpuClip::upload(gpu, &clip).map_err(fault)?);
+    let uploaded = GpuClip::upload(gpu, &clip).map_err(fault)?;
     let layout = FrameLayout { format: ChannelDepth::Eight.format(), eyes: 2, foveated: true };
     let mut renderer = Renderer::new(gpu, uploaded, layout).map_err(fault)?;
     let mut before: Option<u64> = None;

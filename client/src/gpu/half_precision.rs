@@ -5,7 +5,7 @@
 
 use std::sync::Arc;
 
-use codec::{Camera, Field};
+use codec::{Camera, Clip, ClipInfo, Field};
 use glam::UVec2;
 use program::Fault;
 
@@ -56,7 +56,9 @@ fn suffices(psnr: f64) -> bool {
 /// If the device does not have f16.
 pub fn f16_psnr(gpu: &mut Gpu, depth: ChannelDepth) -> Result<f64, Fault> {
     assert!(gpu.has_f16(), "the device has f16");
-    let clip = Arc::new(GpuClip::from_static(gpu, &scene())?);
+    let scene = scene();
+    let (bounds, info) = (scene.bounds(), ClipInfo::default());
+    let clip = GpuClip::upload(gpu, &Clip::of_one_layer(info, bounds, scene, Field::default(), None))?;
     let mut picture = |f16| {
         gpu.caps.f16 = f16;
         draw(gpu, clip.clone(), depth)

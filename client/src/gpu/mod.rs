@@ -1,11 +1,9 @@
 //! The renderer: the only module that uses the graphics API.
 //!
 //! Once per device, [`choose_f16`] measures whether the fragment stage may calculate in f16.
-//! Once per clip, [`GpuClip::upload`] packs it into buffers and [`Renderer::new`] builds the pipelines that the device
-//! does not have yet. Layers that arrive later are packed alone and uploaded behind those that are there
-//! ([`GpuClip::extended`]).
-//! Once per take, [`Renderer::new_take`] builds buffers of fixed size; while it plays, its segments are packed by a loader
-//! ([`PackedSegment::new`], [`PackedLayers::new`]), and come and go between frames ([`Slots`]).
+//! Once per take, [`Renderer::new_take`] builds buffers of fixed size and the pipelines that the device does not have yet.
+//! While it plays, its segments are packed by a loader ([`PackedSegment::new`], [`PackedLayers::new`]), and come and go
+//! between frames ([`Slots`]). A clip is the only segment, uploaded as its layers arrive ([`UploadedClip`]).
 //! Per frame, [`Renderer::prepare`] runs the stages `alive` and `sort` on the CPU, and [`Renderer::record`] records
 //! `evaluate` and `splat`, and for a foveated frame `foveate`, for the GPU.
 
@@ -40,6 +38,7 @@ mod target;
 mod timing;
 #[cfg(any(feature = "window", feature = "xr"))]
 mod ui;
+mod uploaded;
 
 pub use clip::GpuClip;
 pub use counts::{Coverage, FrameCounts};
@@ -60,6 +59,7 @@ pub use stages::sort::{DIGIT_BITS as SORT_DIGIT_BITS, DIGITS as SORT_DIGITS};
 pub use target::{ChannelDepth, Offscreen};
 #[cfg(any(feature = "window", feature = "xr"))]
 pub(crate) use ui::UiPainter;
+pub use uploaded::UploadedClip;
 #[cfg(feature = "xr")]
 pub(crate) use {
     device::Failures,

@@ -50,15 +50,17 @@ impl FrameLayout {
 
 /// What a renderer draws.
 enum Drawn {
-    Clip(Arc<GpuClip>),
-    Take(Box<Slots>),
+    /// What another one holds.
+    Shared(Arc<GpuClip>),
+    /// Segments that come and go.
+    Own(Box<Slots>),
 }
 
 impl Drawn {
     fn clip(&self) -> &Arc<GpuClip> {
         match self {
-            Drawn::Clip(clip) => clip,
-            Drawn::Take(slots) => slots.clip(),
+            Drawn::Shared(clip) => clip,
+            Drawn::Own(slots) => slots.clip(),
         }
     }
 }
@@ -99,7 +101,7 @@ impl Renderer {
     /// # Panics
     /// If the number of eyes is neither 1 nor 2.
     pub fn new(gpu: &Gpu, clip: Arc<GpuClip>, layout: FrameLayout) -> Result<Renderer, Fault> {
-        Renderer::for_drawn(gpu, Drawn::Clip(clip), layout)
+        Renderer::for_drawn(gpu, Drawn::Shared(clip), layout)
     }
 
     /// As [`Renderer::new`], for a take that has no resident segment yet.
@@ -110,7 +112,7 @@ impl Renderer {
     /// # Panics
     /// As for [`Renderer::new`].
     pub fn new_take(gpu: &Gpu, take: TakeLayout, layout: FrameLayout) -> Result<Renderer, Fault> {
-        Renderer::for_drawn(gpu, Drawn::Take(Box::new(Slots::new(gpu, &take)?)), layout)
+        Renderer::for_drawn(gpu, Drawn::Own(Box::new(Slots::new(gpu, &take)?)), layout)
     }
 
     fn for_drawn(gpu: &Gpu, drawn: Drawn, layout: FrameLayout) -> Result<Renderer, Fault> {
@@ -149,11 +151,11 @@ impl Renderer {
         self.drawn.clip()
     }
 
-    /// The segments of the take; `None` for a clip.
+    /// The segments of its own take; `None` if it draws what another one holds.
     pub fn slots(&mut self) -> Option<&mut Slots> {
         match &mut self.drawn {
-            Drawn::Clip(_) => None,
-            Drawn::Take(slots) => Some(slots),
+            Drawn::Shared(_) => None,
+            Drawn::Own(slots) => Some(slots),
         }
     }
 

@@ -1,35 +1,31 @@
 //! [`PackedSegment`] and [`PackedLayers`]: a segment of a take, and further layers of it, ready for the GPU. Packing needs
 //! no device, so loaders do it on their thread.
 
-use codec::{Clip, Field, LayerEnd, Layers, PixelFilter};
+use codec::{Clip, Field, LayerEnd, Layers};
 use glam::DVec3;
 use program::Fault;
 use shaders::{Features, Motion};
 
 use super::layer_run::LayerRun;
-use super::pack::{Packed, RecordFormat, features, motion_units, pack};
+use super::pack::{Packed, RecordFormat, features, motion_units, origin, pack};
 use super::span::Span;
 use super::stages::alive::LayerRows;
 
-/// What a renderer is built for to draw a take: buffers of fixed size, and pipelines with the features of all segments.
+/// What a renderer is built for: buffers of fixed size, and pipelines with the features of all segments.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TakeLayout {
-    /// Largest degree of the spherical harmonics of a segment.
-    pub sh_degree: u8,
-    /// Highest power of time of a segment.
-    pub motion_order: u8,
-    /// Whether Gaussians of a segment rotate.
-    pub rotates: bool,
-    /// The filter of all segments.
-    pub filter: PixelFilter,
+    /// Features of the shaders for the Gaussians of all segments, but their plates.
+    pub features: Features,
     /// Depth before an eye from which on Gaussians are drawn whole; 0 if none fades.
     pub near: f32,
+    /// Origin of the centres in GPU memory, in the world of the take.
+    pub origin: DVec3,
     /// Corners `[min, max]` of the box around the centres of all segments while alive, in units of the take.
     pub bounds: [[f32; 3]; 2],
-    /// Number of Gaussians that are resident at once, at most 2^26; drawn ones, those that are uploaded ahead of use,
-    /// and what is lost to gaps between segments.
-    pub rows: usize,
-    /// Duration in seconds.
+    /// Number of Gaussians that are resident at once: those of the only segment; or, at most 2^26 and in either count, those
+    /// drawn, those uploaded ahead of use, and what is lost to gaps between segments.
+    pub room: LayerEnd,
+    /// Duration in the unit of the spans.
     pub duration_s: f64,
     /// The plate, if a segment has one.
     pub plate: Option<PlateLayout>,
@@ -38,43 +34,53 @@ pub struct TakeLayout {
 /// The largest plate of a segment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlateLayout {
-    /// Degree of the spherical harmonics.
-    pub sh_degree: u8,
-    /// The filter.
-    pub filter: PixelFilter,
+    /// Features of the shaders.
+    pub features: Features,
     /// Number of Gaussians of all plates that are resident at once.
     pub rows: usize,
 }
 
 impl TakeLayout {
-    /// Features of the shaders for the segments.
-    pub(super) fn features(&self) -> Features {
-        Features {
-            sh_degree: self.sh_degree,
-            motion: Some(Motion { order: self.motion_order, rotates: self.rotates }),
-            mip: self.filter == PixelFilter::Mip,
-            segmented: true,
+    /// For `clip` as the only segment, which lasts [`Span::WHOLE`]: it has no room for anything that the clip lacks.
+    pub fn for_clip(clip: &Clip) -> TakeLayout {
+        let fields = [&clip.static_field, &clip.dynamic_field];
+        let room = clip.layers_announced.last().copied().unwrap_or_default();
+        let plate = |plate: &Field| {
+            let room = LayerEnd { static_count: plate.len(), dynamic_count: 0 };
+            PlateLayout { features: features([plate, &Field::default()], room), rows: plate.len() }
+        };
+        TakeLayout {
+            features: features(fields, room),
+            near: clip.near(),
+            origin: origin(&clip.static_field, &clip.dynamic_field),
+            bounds: clip.bounds,
+            room,
+            duration_s: Span::WHOLE.duration_s,
+            plate: clip.plate.as_ref().filter(|plate| !plate.is_empty()).map(plate),
         }
     }
 
-    /// Origin of the centres in GPU memory, in the world of the take: the centre of its bounds.
-    pub(super) fn origin(&self) -> DVec3 {
-        let [low, high] = self.bounds.map(|corner| DVec3::from_array(corner.map(f64::from)));
-        0.5 * (low + high)
+    /// The same for several segments with these features in a take of `duration_s` seconds: any row may move.
+    #[must_use]
+    pub fn segmented(self, duration_s: f64) -> TakeLayout {
+        let motion = self.features.motion.unwrap_or(Motion { order: 0, rotates: false });
+        let plate = self
+            .plate
+            .map(|plate| PlateLayout { features: Features { segmented: true, ..plate.features }, ..plate });
+        let features = Features { segmented: true, motion: Some(motion), ..self.features };
+        TakeLayout { features, duration_s, plate, ..self }
+    }
+
+    /// The same with room for `rows` Gaussians.
+    #[must_use]
+    pub fn with_rows(self, rows: usize) -> TakeLayout {
+        TakeLayout { room: LayerEnd { static_count: 0, dynamic_count: rows }, ..self }
     }
 
     /// The format of the records of all segments.
-    fn format(&self) -> RecordFormat {
+    pub(super) fn format(&self) -> RecordFormat {
         let motion_units = motion_units(self.bounds);
-        RecordFormat { features: self.features(), origin: self.origin(), motion_units }
-    }
-}
-
-impl PlateLayout {
-    /// Features of the shaders for the plates.
-    pub(super) fn features(&self) -> Features {
-        let mip = self.filter == PixelFilter::Mip;
-        Features { sh_degree: self.sh_degree, motion: None, mip, segmented: true }
+        RecordFormat { features: self.features, origin: self.origin, motion_units }
     }
 }
 
@@ -112,7 +118,7 @@ impl PackedSegment {
             (None, _) => None,
             (Some(_), None) => return Err(unexpected(span, "a plate")),
             (Some(plate), Some(of_take)) => {
-                let format = RecordFormat { features: of_take.features(), ..format };
+                let format = RecordFormat { features: of_take.features, ..format };
                 Some(PackedRun::new(&LayerRun::of_static(plate, &Field::default()), span, &format)?)
             }
         };
@@ -143,6 +149,15 @@ impl PackedLayers {
     /// As for [`PackedSegment::new`].
     pub fn new(layers: &Layers, span: Span, layout: &TakeLayout) -> Result<PackedLayers, Fault> {
         Ok(PackedLayers { run: PackedRun::new(&LayerRun::from(layers), span, &layout.format())? })
+    }
+
+    /// Packs the layers of the only segment of a take of `layout` from layer `first` on, counted from 0.
+    ///
+    /// # Errors
+    /// As for [`PackedSegment::new`].
+    pub(super) fn since(clip: &Clip, first: usize, layout: &TakeLayout) -> Result<PackedLayers, Fault> {
+        let run = LayerRun::of_clip(clip, first);
+        Ok(PackedLayers { run: PackedRun::new(&run, Span::WHOLE, &layout.format())? })
     }
 
     /// Number of Gaussians.
@@ -187,18 +202,21 @@ fn unexpected(span: Span, what: &str) -> Fault {
 
 #[cfg(test)]
 mod tests {
-    use codec::{ClipInfo, Temporal};
+    use codec::{ClipInfo, PixelFilter, Temporal};
 
     use super::*;
 
     const LAYOUT: TakeLayout = TakeLayout {
-        sh_degree: 1,
-        motion_order: 1,
-        rotates: false,
-        filter: PixelFilter::Blur,
+        features: Features {
+            sh_degree: 1,
+            motion: Some(Motion { order: 1, rotates: false }),
+            mip: false,
+            segmented: true,
+        },
         near: 0.0,
+        origin: DVec3::ZERO,
         bounds: [[-1.0; 3], [1.0; 3]],
-        rows: 10,
+        room: LayerEnd { static_count: 0, dynamic_count: 10 },
         duration_s: 4.0,
         plate: None,
     };

@@ -14,7 +14,7 @@ use std::sync::Arc;
 
 use codec::LayerEnd;
 use program::Fault;
-use shaders::{ROW_BITS, SLOTS};
+use shaders::{Features, ROW_BITS, SLOTS};
 
 use super::clip::{GaussianSet, GpuClip, GpuSegment, NO_SLOTS, Slot};
 use super::device::Gpu;
@@ -87,23 +87,27 @@ impl Slots {
     /// # Errors
     /// [`Fault::Device`] if the buffers do not fit the device, or there is not enough memory.
     pub(super) fn new(gpu: &Gpu, layout: &TakeLayout) -> Result<Slots, Fault> {
-        let set = |features, rows: usize| {
-            if rows > 1 << ROW_BITS {
+        let set = |features: Features, room: LayerEnd, motion_units| {
+            let rows = room.total();
+            if features.segmented && rows > 1 << ROW_BITS {
                 return Err(Fault::Device(format!(
                     "the take has {rows} Gaussians at once, and at most {} can be drawn: package it with a smaller \
                      --budget",
                     1 << ROW_BITS
                 )));
             }
-            Ok(GaussianSet { buffers: Buffers::of_take(gpu, features, rows)?, slots: NO_SLOTS })
+            Ok(GaussianSet { buffers: Buffers::new(gpu, features, room, motion_units)?, slots: NO_SLOTS })
         };
+        let plate = layout.plate.map(|plate| {
+            let room = LayerEnd { static_count: plate.rows, dynamic_count: 0 };
+            set(plate.features, room, [1.0; 3])
+        });
         let clip = GpuClip {
-            origin: layout.origin(),
+            origin: layout.origin,
             near: layout.near,
-            uploaded_bytes: 0,
             duration_s: layout.duration_s,
-            clip: set(layout.features(), layout.rows)?,
-            plate: layout.plate.map(|plate| set(plate.features(), plate.rows)).transpose()?,
+            clip: set(layout.features, layout.room, layout.format().motion_units)?,
+            plate: plate.transpose()?,
         };
         Ok(Slots { clip: Arc::new(clip), taken: [const { None }; SLOTS as usize], serials: 0 })
     }

@@ -5,8 +5,12 @@ use std::path::Path;
 use std::sync::OnceLock;
 use std::thread;
 
-use codec::{Clip, Error, FormatError, Layers, Limits, Package, Surroundings, Take, package};
+use codec::{
+    Clip, Error, FormatError, LayerEnd, Layers, Limits, Package, PixelFilter, Surroundings, Take, package,
+};
+use glam::DVec3;
 use program::{Fault, Subject};
+use shaders::{Features, Motion};
 
 use super::layers::Traffic;
 use super::plan::{Want, rows_wanted, span};
@@ -178,21 +182,28 @@ impl OpenTake {
     pub(crate) fn layout(&self) -> TakeLayout {
         let largest = self.take.segments.iter().map(|segment| segment.gaussians()).max().unwrap_or(0);
         let rows = rows_wanted(&self.take).saturating_add(largest);
-        TakeLayout {
-            sh_degree: self.take.sh_degree,
-            motion_order: self.take.motion_order,
-            rotates: self.take.rotation_rates,
-            filter: self.take.filter,
+        let Take { bounds, plate_len, .. } = self.take;
+        let [low, high] = bounds.map(|corner| DVec3::from_array(corner.map(f64::from)));
+        let features = |sh_degree, motion, filter| Features {
+            sh_degree,
+            motion,
+            mip: filter == PixelFilter::Mip,
+            segmented: true,
+        };
+        let motion = Motion { order: self.take.motion_order, rotates: self.take.rotation_rates };
+        let layout = TakeLayout {
+            features: features(self.take.sh_degree, Some(motion), self.take.filter),
             near: self.take.near,
-            bounds: self.take.bounds,
-            rows: rows.min(self.limits.max_gaussians).max(self.take.resident_max()),
+            origin: 0.5 * (low + high),
+            bounds,
+            room: LayerEnd::default(),
             duration_s: self.take.duration_s,
-            plate: (self.take.plate_len > 0).then(|| PlateLayout {
-                sh_degree: self.take.plate_sh_degree,
-                filter: self.take.plate_filter,
-                rows: PLATES * self.take.plate_len,
+            plate: (plate_len > 0).then(|| PlateLayout {
+                features: features(self.take.plate_sh_degree, None, self.take.plate_filter),
+                rows: PLATES * plate_len,
             }),
-        }
+        };
+        layout.with_rows(rows.min(self.limits.max_gaussians).max(self.take.resident_max()))
     }
 
     /// Whether the file is another version by now. Asks the disk, but no server.

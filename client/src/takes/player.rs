@@ -449,7 +449,7 @@ impl TakePlayer {
 
     fn replan(&mut self) {
         let wanted: Vec<usize> = self.layers.iter().map(|layers| self.layers_wanted.min(*layers)).collect();
-        self.plan = Plan::new(&self.opened.take, &wanted, self.head, self.layout.rows);
+        self.plan = Plan::new(&self.opened.take, &wanted, self.head, self.layout.room.total());
         self.was_cleared = false;
         self.drop_sounds();
         self.request();

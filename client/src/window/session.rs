@@ -36,7 +36,7 @@ use crate::clips::{
 };
 use crate::folders;
 use crate::gpu::{
-    Format, FrameCounts, FrameLayout, Gpu, GpuClip, Picture, RenderSettings, Renderer, SurfaceFrame,
+    Format, FrameCounts, FrameLayout, Gpu, Picture, RenderSettings, Renderer, SurfaceFrame, UploadedClip,
 };
 use crate::takes::TakePlayer;
 use crate::terminal::Reporter;
@@ -126,14 +126,14 @@ impl WindowTarget {
 
 impl ClipTarget for WindowTarget {
     type Ready = Box<Playing>;
-    type Uploaded = Arc<GpuClip>;
+    type Uploaded = UploadedClip;
 
     fn prepare(
         &self,
         entry: &Entry,
         content: Content,
         beginning: Beginning<'_>,
-        uploaded: &mut Option<Arc<GpuClip>>,
+        uploaded: &mut Option<UploadedClip>,
     ) -> Result<Box<Playing>, Fault> {
         let gpu = self
             .gpu
@@ -169,12 +169,12 @@ impl Playing {
         entry: &Entry,
         content: &Content,
         beginning: Beginning<'_>,
-        uploaded: &mut Option<Arc<GpuClip>>,
+        uploaded: &mut Option<UploadedClip>,
     ) -> Result<Playing, Fault> {
         let layout = FrameLayout::plain(format, 1);
         let (renderer, take) = match content {
             Content::Clip(version) => {
-                (Renderer::new(gpu, GpuClip::following(gpu, uploaded, &version.clip)?, layout)?, None)
+                (Renderer::new(gpu, UploadedClip::following(gpu, uploaded, &version.clip)?, layout)?, None)
             }
             Content::Take(opened) => {
                 let (renderer, take) =

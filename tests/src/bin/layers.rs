@@ -6,7 +6,7 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::time::Instant;
 
-use client::gpu::{Gpu, GpuClip};
+use client::gpu::{Gpu, UploadedClip};
 use codec::{Clip, Limits, contents, decode_parallel};
 use program::Fault;
 
@@ -43,17 +43,16 @@ impl Costs {
         &mut self,
         gpu: &Gpu,
         decode: impl FnOnce(),
-        upload: impl FnOnce() -> Result<GpuClip, Fault>,
+        upload: impl FnOnce() -> Result<usize, Fault>,
     ) -> Result<(), Fault> {
         let start = Instant::now();
         decode();
         self.decode_ms.push(start.elapsed().as_secs_f64() * 1e3);
         let start = Instant::now();
-        let on_gpu = upload()?;
+        self.bytes = upload()?;
         gpu.submit(gpu.encoder());
         gpu.wait()?;
         self.upload_ms.push(start.elapsed().as_secs_f64() * 1e3);
-        self.bytes = on_gpu.uploaded_bytes();
         Ok(())
     }
 
@@ -84,32 +83,34 @@ fn print_layers(path: &Path) -> Result<(), Fault> {
     println!("{}, {}, {threads} threads, medians of {RUNS} runs", gpu.adapter_name, gpu.driver);
     println!("                     alone                            with those before");
     println!("layer  Gaussians  decode ms  upload ms      bytes  decode ms  upload ms      bytes");
-    let mut before: Option<(Clip, GpuClip)> = None;
+    let mut before: Option<Clip> = None;
     let mut ratio = None;
     for (layer, end) in head.layer_bytes().into_iter().enumerate() {
         let prefix = &bytes[..end];
         let decode = || decode_parallel(prefix, &Limits::default(), threads);
         let clip = decode().map_err(|error| data(error.to_string()))?;
         let (mut alone, mut whole) = (Costs::default(), Costs::default());
-        let mut on_gpu = GpuClip::upload(&gpu, &clip)?;
-        if let Some((mut earlier, start)) = before {
+        let upload = || UploadedClip::new(&gpu, &clip).map(|uploaded| uploaded.bytes());
+        if let Some(earlier) = before {
             let further = || head.decode_layers(prefix, layer, &Limits::default(), threads);
-            earlier.append(further().map_err(|error| data(error.to_string()))?);
-            assert!(earlier == clip, "layers that are appended are those decoded at once");
-            on_gpu = start.extended(&gpu, &clip)?;
+            let mut appended = earlier.clone();
+            appended.append(further().map_err(|error| data(error.to_string()))?);
+            assert!(appended == clip, "layers that are appended are those decoded at once");
             for _ in 0..RUNS {
-                alone.add(&gpu, || drop(further()), || start.extended(&gpu, &clip))?;
-                whole.add(&gpu, || drop(decode()), || GpuClip::upload(&gpu, &clip))?;
+                let mut start = UploadedClip::new(&gpu, &earlier)?;
+                let extend = || start.extend(&gpu, &clip).map(|()| start.bytes());
+                alone.add(&gpu, || drop(further()), extend)?;
+                whole.add(&gpu, || drop(decode()), upload)?;
             }
             ratio = Some(median(alone.total_ms().zip(whole.total_ms()).map(|(alone, whole)| alone / whole)));
         } else {
             for _ in 0..RUNS {
-                alone.add(&gpu, || drop(decode()), || GpuClip::upload(&gpu, &clip))?;
+                alone.add(&gpu, || drop(decode()), upload)?;
             }
         }
         let row = if whole.bytes == 0 { &alone } else { &whole }.row();
         println!("{:5} {:10}   {}   {row}", layer + 1, head.layers[layer].total(), alone.row());
-        before = Some((clip, on_gpu));
+        before = Some(clip);
     }
     if let Some(ratio) = ratio {
         println!("last layer alone / whole: {ratio:.3}");

@@ -1,7 +1,5 @@
 //! The memory that clips take is what the headset's limits reckon with.
 
-use std::sync::Arc;
-
 use aarc_tests::gpu::{self, Passes};
 use aarc_tests::scene::{Motion, Recipe, packaged};
 use client::gpu::{ChannelDepth, FrameLayout, Gpu, GpuClip, RESIDENT_BYTES, Renderer, UPLOAD_BYTES};
@@ -33,7 +31,7 @@ fn opened() -> Result<Gpu, String> {
 /// A clip that can be drawn, as a headset makes it ready.
 fn prepare(gpu: &Gpu, clip: &Clip) -> Result<Renderer, String> {
     let fault = |fault: program::Fault| fault.to_string();
-    let on_gpu = Arc::new(GpuClip::upload(gpu, clip).map_err(fault)?);
+    let on_gpu = GpuClip::upload(gpu, clip).map_err(fault)?;
     let layout = FrameLayout { format: ChannelDepth::Eight.format(), eyes: 2, foveated: true };
     Renderer::new(gpu, on_gpu, layout).map_err(fault)
 }

@@ -4,8 +4,6 @@
 //! Rounds of the same frames are drawn without a wait in between, as a window draws them, and everything is
 //! counted between rounds: the heap to the byte, and the objects by the graphics API's own report.
 
-use std::sync::Arc;
-
 use aarc_tests::gpu::{self, Passes};
 use aarc_tests::scene::{Motion, Place, Recipe, camera, decoded_with};
 use aarc_tests::takes::SplitTake;
@@ -48,7 +46,7 @@ fn clip(gpu: &Gpu, eyes: usize) -> Result<(), String> {
     let plate = Recipe { motion: Motion::Static, turning: false, count: 100, ..recipe };
     let clip = decoded_with(&recipe.field(), Some(&plate.field()), &[200, 500]);
     let fault = |fault: program::Fault| fault.to_string();
-    let uploaded = Arc::new(GpuClip::upload(gpu, &clip).map_err(fault)?);
+    let uploaded = GpuClip::upload(gpu, &clip).map_err(fault)?;
     let renderer = Renderer::new(gpu, uploaded, frames(eyes)).map_err(fault)?;
     steady(gpu, eyes, renderer, |_, frame| f64::from(frame) / f64::from(FRAMES))
 }

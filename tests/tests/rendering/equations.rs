@@ -5,8 +5,6 @@
 //! One Gaussian is drawn at many instants. Alpha's centroid gives its position, alpha at its center
 //! its opacity, and alpha's second moments its rotation.
 
-use std::sync::Arc;
-
 use aarc_tests::gpu::{self, Drawing, Passes};
 use aarc_tests::scene::decoded;
 use client::gpu::{ChannelDepth, Gpu, GpuClip, RenderSettings};
@@ -86,7 +84,7 @@ fn at_all_times(
     clip: &Clip,
     mut check: impl FnMut(f64, &Image) -> Result<(), String>,
 ) -> Result<(), String> {
-    let uploaded = Arc::new(GpuClip::upload(gpu, clip).map_err(|fault| fault.to_string())?);
+    let uploaded = GpuClip::upload(gpu, clip).map_err(|fault| fault.to_string())?;
     let mut drawing =
         Drawing::new(gpu, uploaded, &[camera()], ChannelDepth::Sixteen).map_err(|fault| fault.to_string())?;
     for t in times() {

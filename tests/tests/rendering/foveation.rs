@@ -12,7 +12,6 @@ use libtest_mimic::Trial;
 use program::Fault;
 use refine::image::Image;
 use refine::reference::{Order, RenderScene, render};
-use std::sync::Arc;
 
 const SIZE: (u32, u32) = (160, 120);
 
@@ -177,7 +176,7 @@ fn light(gpu: &Gpu) -> Result<(), String> {
 /// A foveated frame sorts once, and has at most half of the fragments.
 fn fragments(gpu: &Gpu) -> Result<(), String> {
     let (clip, eye) = (clip(PixelFilter::Mip), eye());
-    let uploaded = Arc::new(GpuClip::upload(gpu, &clip).map_err(text)?);
+    let uploaded = GpuClip::upload(gpu, &clip).map_err(text)?;
     let depth = ChannelDepth::Eight;
     let layout = FrameLayout { format: depth.format(), eyes: 1, foveated: true };
     let mut renderer = Renderer::new(gpu, uploaded, layout).map_err(text)?;

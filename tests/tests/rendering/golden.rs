@@ -3,8 +3,6 @@
 //! `UPDATE_GOLDEN=1 cargo test -p aarc-tests --test rendering golden` rewrites the golden images and
 //! fails once, so that no image changes unseen.
 
-use std::sync::Arc;
-
 use aarc_tests::gpu::{self, Drawing, Passes};
 use aarc_tests::image::{Tolerance, check_golden};
 use client::gpu::{ChannelDepth, Gpu, GpuClip, RenderSettings};
@@ -32,7 +30,7 @@ fn demo_scene(gpu: &Gpu) -> Result<(), String> {
     let clip = codec::decode(&bytes, &Limits::default()).map_err(|error| error.to_string())?;
     let camera = clip.info.viewpoints.first().ok_or("no viewpoint")?.camera(clip.info.up, 192, 192);
     let fault = |fault: program::Fault| fault.to_string();
-    let uploaded = Arc::new(GpuClip::upload(gpu, &clip).map_err(fault)?);
+    let uploaded = GpuClip::upload(gpu, &clip).map_err(fault)?;
     let mut drawing = Drawing::new(gpu, uploaded, &[camera], ChannelDepth::Eight).map_err(fault)?;
     let mut failures = Vec::new();
     for percent in [0, 40, 75] {

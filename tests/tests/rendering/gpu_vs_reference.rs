@@ -140,7 +140,7 @@ fn fading(place: Place) -> Clip {
 /// Compares the GPU's images with all expected ones.
 fn matrix(gpu: &Gpu, name: &str, expected: &Expected) -> Result<(), String> {
     for (place, t, clip, eyes) in &expected.views {
-        let uploaded = Arc::new(GpuClip::upload(gpu, clip).map_err(|fault| fault.to_string())?);
+        let uploaded = GpuClip::upload(gpu, clip).map_err(|fault| fault.to_string())?;
         let cameras: Vec<Camera> = eyes.iter().map(|(camera, _)| camera.clone()).collect();
         let mut drawing = Drawing::new(gpu, uploaded.clone(), &cameras, ChannelDepth::Sixteen)
             .map_err(|fault| fault.to_string())?;

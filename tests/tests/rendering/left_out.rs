@@ -2,12 +2,11 @@
 //! exactly the sizes of its columns.
 
 use std::mem::size_of;
-use std::sync::Arc;
 
 use aarc_tests::gpu::{self, Passes};
 use aarc_tests::scene::{Motion, Recipe, decoded_with, info};
 use client::gpu::{ChannelDepth, FrameLayout, Gpu, GpuClip, PlateLayout, Renderer, TakeLayout};
-use codec::{Clip, Coder, EncodeOptions, Field, Limits, PixelFilter, Source, Temporal, sh_coefficients};
+use codec::{Clip, Coder, EncodeOptions, Field, LayerEnd, Limits, Source, Temporal, sh_coefficients};
 use libtest_mimic::{Failed, Trial};
 use shaders::layout::{Gaussian, Ranges};
 use shaders::sh_words;
@@ -54,25 +53,25 @@ fn memory_and_pipelines() -> Result<(), String> {
 
 /// A take has the columns of its layout, and a second pipeline for a plate alone.
 fn takes(gpu: &Gpu) -> Result<(), String> {
-    let bare = TakeLayout {
-        sh_degree: 0,
-        motion_order: 0,
-        rotates: false,
-        filter: PixelFilter::Blur,
+    let features = |sh_degree, motion| shaders::Features { sh_degree, motion, mip: false, segmented: true };
+    let layout = |sh_degree, order, rotates, plate| TakeLayout {
+        features: features(sh_degree, Some(shaders::Motion { order, rotates })),
         near: 0.0,
+        origin: glam::DVec3::ZERO,
         bounds: [[-1.0; 3], [1.0; 3]],
-        rows: COUNT,
+        room: LayerEnd { static_count: 0, dynamic_count: COUNT },
         duration_s: 60.0,
-        plate: None,
+        plate,
     };
-    let plate = PlateLayout { sh_degree: 1, filter: PixelFilter::Blur, rows: 7 };
+    let plate = PlateLayout { features: features(1, None), rows: 7 };
     for (layout, words_of_plate, pipelines) in [
-        (bare, 0, 1),
-        (TakeLayout { sh_degree: 2, motion_order: 1, ..bare }, 0, 1),
-        (TakeLayout { motion_order: 3, rotates: true, plate: Some(plate), ..bare }, 8 + sh_words(1), 2),
+        (layout(0, 0, false, None), 0, 1),
+        (layout(2, 1, false, None), 0, 1),
+        (layout(0, 3, true, Some(plate)), 8 + sh_words(1), 2),
     ] {
-        let motion = shaders::Motion { order: layout.motion_order, rotates: layout.rotates };
-        let row = size_of::<Gaussian>() + WORD * (motion.words() + sh_words(layout.sh_degree));
+        let words =
+            layout.features.motion.map_or(0, shaders::Motion::words) + sh_words(layout.features.sh_degree);
+        let row = size_of::<Gaussian>() + WORD * words;
         let bytes = (COUNT * row + 7 * WORD * words_of_plate) as u64;
         let renderer = Renderer::new_take(gpu, layout, FrameLayout::plain(ChannelDepth::Eight.format(), 1))
             .map_err(|fault| fault.to_string())?;
@@ -130,7 +129,7 @@ fn expect(what: &str, clip: &Clip, bytes: usize, pipelines: usize) -> Result<(),
     let fault = |fault: program::Fault| fault.to_string();
     // Its own device: it keeps pipelines, so that pipelines of other clips would be missing in the count.
     let gpu = &Gpu::new_headless().map_err(fault)?;
-    let uploaded = Arc::new(GpuClip::upload(gpu, clip).map_err(fault)?);
+    let uploaded = GpuClip::upload(gpu, clip).map_err(fault)?;
     // By the graphics API's own report.
     let built =
         || gpu.objects().into_iter().find_map(|(kind, count)| (kind == "render pipelines").then_some(count));

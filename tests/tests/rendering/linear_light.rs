@@ -1,8 +1,6 @@
 //! Frames over the room: composed by OpenXR's formula, a pixel has the light of its colour in the part that its alpha
 //! covers. No compositor runs here: the formula is applied to the images that a runtime would get.
 
-use std::sync::Arc;
-
 use aarc_tests::gpu::{self, Passes, draw};
 use aarc_tests::image::{Tolerance, check, difference};
 use aarc_tests::scene::{Motion, Place, Recipe, camera, decoded};
@@ -81,7 +79,7 @@ fn submitted(
 ) -> Result<Vec<Image>, Fault> {
     let (size, count) = (UVec2::from(SIZE), eyes.len());
     let layout = FrameLayout { format: depth.format(), eyes: count, foveated: true };
-    let mut renderer = Renderer::new(gpu, Arc::new(GpuClip::upload(gpu, clip)?), layout)?;
+    let mut renderer = Renderer::new(gpu, GpuClip::upload(gpu, clip)?, layout)?;
     let target = Offscreen::new(gpu, size, count as u32, depth)?.foveated(gpu, SIDE)?.in_linear_light(gpu)?;
     let views: Vec<View> = eyes.iter().map(View::from_camera).collect();
     target.render(gpu, &mut renderer, 0.5, &views, settings)?;

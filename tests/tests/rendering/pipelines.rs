@@ -34,7 +34,7 @@ fn text(fault: Fault) -> String {
 /// A renderer of a clip for one eye.
 fn renderer(gpu: &Gpu, recipe: Recipe) -> Result<Renderer, String> {
     let clip = decoded_with(&recipe.field(), None, &[]);
-    let uploaded = Arc::new(GpuClip::upload(gpu, &clip).map_err(text)?);
+    let uploaded = GpuClip::upload(gpu, &clip).map_err(text)?;
     Renderer::new(gpu, uploaded, FrameLayout::plain(ChannelDepth::Eight.format(), 1)).map_err(text)
 }
 

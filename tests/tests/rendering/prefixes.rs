@@ -2,12 +2,11 @@
 //! if they had come with the first.
 
 use std::num::NonZero;
-use std::sync::Arc;
 
 use aarc_tests::gpu::{self, Drawing, Passes};
 use aarc_tests::image::{Tolerance, check, difference};
 use aarc_tests::scene::{Motion, Place, Recipe, camera, packaged};
-use client::gpu::{ChannelDepth, Gpu, GpuClip, RenderSettings};
+use client::gpu::{ChannelDepth, Gpu, GpuClip, RenderSettings, UploadedClip};
 use codec::{Field, LayerEnd, Limits};
 use libtest_mimic::Trial;
 use program::Fault;
@@ -44,8 +43,8 @@ fn one_by_one(gpu: &Gpu) -> Result<(), String> {
         let head = codec::contents(&bytes, &limits).map_err(error)?;
         let ends = head.layer_bytes();
         let mut clip = codec::decode(&bytes[..ends[0]], &limits).map_err(error)?;
-        let mut on_gpu = GpuClip::upload(gpu, &clip).map_err(text)?;
-        let (first_bytes, gpu_bytes) = (on_gpu.uploaded_bytes(), on_gpu.bytes());
+        let mut uploading = UploadedClip::new(gpu, &clip).map_err(text)?;
+        let (first_bytes, gpu_bytes) = (uploading.bytes(), uploading.clip().bytes());
         let mut uploaded = first_bytes;
         let mut drawn: Vec<(Drawing<'_>, Image)> = Vec::new();
         for layers in 1..=ends.len() {
@@ -55,16 +54,16 @@ fn one_by_one(gpu: &Gpu) -> Result<(), String> {
                     head.decode_layers(&bytes[..ends[layers - 1]], layers - 1, &limits, one)
                         .map_err(error)?,
                 );
-                on_gpu = on_gpu.extended(gpu, &clip).map_err(text)?;
-                uploaded += on_gpu.uploaded_bytes();
+                uploading.extend(gpu, &clip).map_err(text)?;
+                uploaded += uploading.bytes();
             }
+            let on_gpu = uploading.clip().clone();
             if on_gpu.bytes() != gpu_bytes || on_gpu.layer_ends().len() != layers {
                 return Err(format!("{} of {gpu_bytes} bytes, {:?}", on_gpu.bytes(), on_gpu.layer_ends()));
             }
             let view = camera(Place::Whole, 160, 120);
             let expected = render(&RenderScene::from(&clip), &view, 0.4, Order::Depth);
-            let shared = Arc::new(on_gpu.clone());
-            let mut drawing = Drawing::new(gpu, shared, &[view], ChannelDepth::Sixteen).map_err(text)?;
+            let mut drawing = Drawing::new(gpu, on_gpu, &[view], ChannelDepth::Sixteen).map_err(text)?;
             let image = drawing.frame(0.4, &RenderSettings::default()).map_err(text)?.remove(0);
             check(&format!("{motion:?}, {layers} layers"), &image, &expected, TOLERANCE.on(gpu))?;
             drawn.push((drawing, image));
@@ -83,9 +82,9 @@ fn one_by_one(gpu: &Gpu) -> Result<(), String> {
             }
         }
         // Every row once: as many bytes as all at once.
-        let whole = GpuClip::upload(gpu, &clip).map_err(text)?;
-        if uploaded != whole.uploaded_bytes() || first_bytes * 3 > uploaded || whole.bytes() != gpu_bytes {
-            return Err(format!("{motion:?}: {uploaded} bytes, {} at once", whole.uploaded_bytes()));
+        let whole = UploadedClip::new(gpu, &clip).map_err(text)?;
+        if uploaded != whole.bytes() || first_bytes * 3 > uploaded || whole.clip().bytes() != gpu_bytes {
+            return Err(format!("{motion:?}: {uploaded} bytes, {} at once", whole.bytes()));
         }
     }
     Ok(())

@@ -3,7 +3,6 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use aarc_tests::data;
 use aarc_tests::gpu::{self, Drawing};
@@ -160,7 +159,7 @@ pub(crate) fn spinach_clip(path: &Path) -> Result<(Clip, Camera), String> {
 /// from the image before, since the cook's arm moves.
 fn spinach(gpu: &Gpu, path: PathBuf) -> Result<(), String> {
     let (clip, camera) = spinach_clip(&path)?;
-    let uploaded = Arc::new(GpuClip::upload(gpu, &clip).map_err(|fault| fault.to_string())?);
+    let uploaded = GpuClip::upload(gpu, &clip).map_err(|fault| fault.to_string())?;
     let mut drawing = Drawing::new(gpu, uploaded, std::slice::from_ref(&camera), ChannelDepth::Sixteen)
         .map_err(|fault| fault.to_string())?;
     let mut before: Option<Image> = None;

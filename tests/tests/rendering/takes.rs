@@ -1,7 +1,5 @@
 //! A take is drawn as its field unsplit, at any instant and with any segments resident.
 
-use std::sync::Arc;
-
 use aarc_tests::gpu::{self, Drawing, Passes};
 use aarc_tests::image::{Tolerance, check, difference};
 use aarc_tests::scene::{Motion, Place, Recipe, camera, decoded_with};
@@ -12,7 +10,7 @@ use client::gpu::{
 };
 use codec::{Camera, Clip, Field, Limits, PixelFilter};
 use libtest_mimic::Trial;
-use measure::resident::{ResidentSegments, layout_of};
+use measure::resident::ResidentSegments;
 use program::Fault;
 use refine::image::Image;
 use refine::reference::{Order, RenderScene, render};
@@ -94,10 +92,11 @@ fn one_segment(gpu: &Gpu) -> Result<(), String> {
         let field = Field { filter, near, ..Recipe { sh_degree: 2, motion, ..RECIPE }.field() };
         let plate = Recipe { motion: Motion::Static, count: 100, seed: 5, ..RECIPE }.field();
         let clip = decoded_with(&field, Some(&plate), &[300, 700]);
-        let (layout, span) = (layout_of(&clip, 2.5), Span { start_s: 0.0, duration_s: 2.5 });
+        let layout = TakeLayout::for_clip(&clip).segmented(2.5);
+        let span = Span { start_s: 0.0, duration_s: 2.5 };
         let mut take = drawing(gpu, layout, &[whole()])?;
         insert(gpu, &mut take, (&clip, span), &layout)?;
-        let on_gpu = Arc::new(GpuClip::upload(gpu, &clip).map_err(text)?);
+        let on_gpu = GpuClip::upload(gpu, &clip).map_err(text)?;
         let mut alone = Drawing::new(gpu, on_gpu, &[whole()], ChannelDepth::Sixteen).map_err(text)?;
         for (t, layers) in [(0.0, None), (0.37, Some(1)), (0.5, None), (1.0, Some(2))] {
             let settings = RenderSettings { layers, ..RenderSettings::default() };
@@ -120,7 +119,7 @@ fn split(gpu: &Gpu, stereo: bool) -> Result<(), String> {
     let take = SplitTake::new(&RECIPE, 24.0, 1.5);
     let cameras = if stereo { whole().stereo_pair(0.065).to_vec() } else { vec![whole()] };
     let layout = take.layout(take.resident_max() * 3 / 2);
-    if layout.rows >= take.field.len() {
+    if layout.room.total() >= take.field.len() {
         return Err("all segments are resident, so no row is used again".into());
     }
     let mut drawing = drawing(gpu, layout, &cameras)?;
@@ -158,7 +157,7 @@ fn foveated(gpu: &Gpu) -> Result<(), String> {
     let layout = take.layout(take.resident_max() * 3 / 2);
     let mut split = drawing(gpu, layout, std::slice::from_ref(&camera))?;
     let mut player = ResidentSegments::new(layout, take.segments.len());
-    let on_gpu = Arc::new(GpuClip::upload(gpu, &clip_of(&take.field)).map_err(text)?);
+    let on_gpu = GpuClip::upload(gpu, &clip_of(&take.field)).map_err(text)?;
     let mut unsplit =
         Drawing::new(gpu, on_gpu, std::slice::from_ref(&camera), ChannelDepth::Sixteen).map_err(text)?;
     for (t_s, inset) in [(0.7, Some(0.4)), (6.0, Some(0.4)), (11.3, None), (23.9, Some(0.3))] {
@@ -187,7 +186,7 @@ fn hour(gpu: &Gpu) -> Result<(), String> {
     let hour_s = 3600.0;
     let field = SplitTake::new(&RECIPE, 2.0, 2.0).field;
     let clip = clip_of(&field);
-    let layout = TakeLayout { rows: 2 * clip.len(), ..layout_of(&clip, hour_s) };
+    let layout = TakeLayout::for_clip(&clip).segmented(hour_s).with_rows(2 * clip.len());
     let mut drawing = drawing(gpu, layout, &[whole()])?;
     let starts = [0.0, hour_s - 2.0];
     for start_s in starts {
@@ -217,7 +216,7 @@ fn hour(gpu: &Gpu) -> Result<(), String> {
 fn pieces(gpu: &Gpu) -> Result<(), String> {
     let clip = clip_of(&SplitTake::new(&RECIPE, 2.0, 2.0).field);
     let span = Span { start_s: 0.0, duration_s: 2.0 };
-    let layout = TakeLayout { rows: 2 * clip.len(), ..layout_of(&clip, 2.0) };
+    let layout = TakeLayout::for_clip(&clip).segmented(2.0).with_rows(2 * clip.len());
     let mut take = drawing(gpu, layout, &[whole()])?;
     let mut ids = Vec::new();
     let mut total = 0;
@@ -270,7 +269,7 @@ fn appended(gpu: &Gpu) -> Result<(), String> {
     let ends = head.layer_bytes();
     let mut clip = codec::decode(&bytes[..ends[0]], &limits).map_err(error)?;
     let span = Span { start_s: 0.0, duration_s: 2.0 };
-    let layout = TakeLayout { rows: field.len(), ..layout_of(&clip, 2.0) };
+    let layout = TakeLayout::for_clip(&clip).segmented(2.0).with_rows(field.len());
     let mut take = drawing(gpu, layout, &[whole()])?;
     let reference = |clip: &Clip| render(&RenderScene::from(clip), &whole(), 0.5, Order::Depth);
     let id = insert(gpu, &mut take, (&clip, span), &layout)?;
@@ -339,7 +338,7 @@ fn room(gpu: &Gpu) -> Result<(), String> {
         return Err("static and dynamic Gaussians do not change places, so this tests nothing".into());
     }
     let span = Span { start_s: 0.0, duration_s: 2.0 };
-    let layout = TakeLayout { rows: 2 * clip.len() + clip.len() / 2, ..layout_of(&clip, 2.0) };
+    let layout = TakeLayout::for_clip(&clip).segmented(2.0).with_rows(2 * clip.len() + clip.len() / 2);
     let mut take = drawing(gpu, layout, &[whole()])?;
     let alone = insert(gpu, &mut take, (&clip, span), &layout)?;
     let expected = frame(&mut take, 0.4)?;
@@ -376,7 +375,7 @@ fn shared(gpu: &Gpu) -> Result<(), String> {
     let clip = clip_of(&SplitTake::new(&RECIPE, 2.0, 2.0).field);
     let other = clip_of(&SplitTake::new(&Recipe { seed: 77, ..RECIPE }, 2.0, 2.0).field);
     let span = Span { start_s: 0.0, duration_s: 2.0 };
-    let layout = layout_of(&clip, 2.0);
+    let layout = TakeLayout::for_clip(&clip).segmented(2.0);
     let mut take = drawing(gpu, layout, &[whole()])?;
     let id = insert(gpu, &mut take, (&clip, span), &layout)?;
     let expected = frame(&mut take, 0.4)?;

@@ -47,7 +47,7 @@ pub fn draw(
     settings: &RenderSettings,
     depth: ChannelDepth,
 ) -> Result<Vec<Image>, Fault> {
-    let clip = Arc::new(GpuClip::upload(gpu, clip)?);
+    let clip = GpuClip::upload(gpu, clip)?;
     Drawing::new(gpu, clip, cameras, depth)?.frame(t, settings)
 }
 

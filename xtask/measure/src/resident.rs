@@ -1,7 +1,6 @@
-//! [`ResidentSegments`]: plays a take as a player does at least, with the segments of one instant resident; and
-//! [`layout_of`], what its renderer is built for.
+//! [`ResidentSegments`]: plays a take as a player does at least, with the segments of one instant resident.
 
-use client::gpu::{Gpu, PackedSegment, PlateLayout, Renderer, SlotId, Span, TakeLayout};
+use client::gpu::{Gpu, PackedSegment, Renderer, SlotId, Span, TakeLayout};
 use codec::Clip;
 use program::Fault;
 
@@ -54,25 +53,5 @@ impl ResidentSegments {
         }
         while slots.upload(gpu, piece) > 0 {}
         Ok(changes)
-    }
-}
-
-/// What a renderer is built for to draw `clip` as a take of one segment that lasts `duration_s` seconds.
-pub fn layout_of(clip: &Clip, duration_s: f64) -> TakeLayout {
-    let temporal = clip.dynamic_field.temporal.as_ref();
-    TakeLayout {
-        sh_degree: clip.sh_degree(),
-        motion_order: temporal.map_or(0, |temporal| temporal.motion_order),
-        rotates: temporal.is_some_and(|temporal| temporal.rotation_rates.is_some()),
-        filter: clip.filter(),
-        near: clip.near(),
-        bounds: clip.bounds,
-        rows: clip.len(),
-        duration_s,
-        plate: clip.plate.as_ref().map(|plate| PlateLayout {
-            sh_degree: plate.sh_degree,
-            filter: plate.filter,
-            rows: plate.len(),
-        }),
     }
 }

@@ -17,7 +17,7 @@ pub(in crate::gpu) struct Buffers {
     pub(in crate::gpu) features: Features,
     /// Number of rows that they hold.
     pub(in crate::gpu) rows: usize,
-    /// Ranges of a clip. The ranges of a take change from frame to frame and are the renderer's.
+    /// Ranges of the only segment. The ranges of several change from frame to frame and are the renderer's.
     ranges: Option<wgpu::Buffer>,
     gaussians: wgpu::Buffer,
     motion: Option<wgpu::Buffer>,
@@ -25,41 +25,19 @@ pub(in crate::gpu) struct Buffers {
 }
 
 impl Buffers {
-    /// Room for a clip with `features` of `count` Gaussians, or for its plate.
+    /// Room for Gaussians with `features`: `room.total()` rows, `room.dynamic_count` of which move. Where several segments
+    /// are drawn at once, every row has room for motion: so a range of rows is all that a segment needs.
     ///
     /// # Errors
     /// [`Fault::Device`] if they do not fit the storage buffers of the device, with both sizes, or there is not enough
     /// memory.
-    pub(in crate::gpu) fn of_clip(
+    pub(in crate::gpu) fn new(
         gpu: &Gpu,
         features: Features,
-        count: LayerEnd,
+        room: LayerEnd,
         motion_units: [f32; 3],
     ) -> Result<Buffers, Fault> {
-        let first_dynamic = u32::try_from(count.static_count).unwrap_or(u32::MAX);
-        let ranges = Ranges { motion_units, first_dynamic };
-        let buffers = Buffers::new(gpu, "the clip", features, count.total(), count.dynamic_count)?;
-        let usage = wgpu::BufferUsages::UNIFORM;
-        let ranges = gpu.buffer("ranges of the clip", bytemuck::bytes_of(&ranges), usage)?;
-        Ok(Buffers { ranges: Some(ranges), ..buffers })
-    }
-
-    /// Room for `rows` Gaussians of segments with `features`. Each row has room for motion, whether it is dynamic or
-    /// not: so a range of rows is all that a segment needs.
-    ///
-    /// # Errors
-    /// As for [`Buffers::of_clip`].
-    pub(in crate::gpu) fn of_take(gpu: &Gpu, features: Features, rows: usize) -> Result<Buffers, Fault> {
-        Buffers::new(gpu, "the take", features, rows, rows)
-    }
-
-    fn new(
-        gpu: &Gpu,
-        purpose: &str,
-        features: Features,
-        rows: usize,
-        motion_rows: usize,
-    ) -> Result<Buffers, Fault> {
+        let rows = room.total();
         let largest = size_of::<Gaussian>().max(sh_bytes(features)) as u64 * rows as u64;
         if largest > gpu.caps.max_buffer_bytes {
             return Err(Fault::Device(format!(
@@ -69,6 +47,14 @@ impl Buffers {
                 gpu.caps.max_buffer_bytes >> 20,
             )));
         }
+        let motion_rows = if features.segmented { rows } else { room.dynamic_count };
+        // The shaders count rows in 32 bits, and the buffers are no larger.
+        let ranges = Ranges { motion_units, first_dynamic: room.static_count as u32 };
+        let ranges = (!features.segmented)
+            .then(|| {
+                gpu.buffer("ranges of the clip", bytemuck::bytes_of(&ranges), wgpu::BufferUsages::UNIFORM)
+            })
+            .transpose()?;
         // A binding must not be empty, even if nothing is drawn from it.
         let buffer = |label: &str, row_bytes: usize, rows: usize| {
             gpu.device.create_buffer(&wgpu::BufferDescriptor {
@@ -79,10 +65,10 @@ impl Buffers {
             })
         };
         let optional = |label, row_bytes, rows| (row_bytes > 0).then(|| buffer(label, row_bytes, rows));
-        gpu.allocate(purpose, || Buffers {
+        gpu.allocate("the clip", || Buffers {
             features,
             rows,
-            ranges: None,
+            ranges,
             gaussians: buffer("Gaussians", size_of::<Gaussian>(), rows),
             motion: optional("motion", motion_bytes(features), motion_rows),
             sh: optional("colours", sh_bytes(features), rows),
@@ -102,7 +88,7 @@ impl Buffers {
     ) -> usize {
         let static_row = first + packed.before.static_count;
         let dynamic_row = first + first_dynamic + packed.before.dynamic_count;
-        // A clip has no room for the motion of static rows.
+        // The only segment has no room for the motion of static rows.
         let motion_row = if self.features.segmented { dynamic_row } else { packed.before.dynamic_count };
         let gaussians = packed.gaussians.split_at(packed.static_count);
         let sh = packed.sh.split_at(packed.static_count * sh_words(self.features.sh_degree));
@@ -159,7 +145,7 @@ impl Buffers {
         })
     }
 
-    /// Bind group 1 with the buffers, the slots if it is a take, and the sorted rows.
+    /// Bind group 1 with the buffers, the slots if there are several segments, and the sorted rows.
     pub(in crate::gpu) fn bind(
         &self,
         gpu: &Gpu,
@@ -168,7 +154,7 @@ impl Buffers {
         order: &wgpu::Buffer,
     ) -> wgpu::BindGroup {
         let bind = |binding, buffer: &wgpu::Buffer| (binding, buffer.clone());
-        let ranges = self.ranges.as_ref().or(slots).expect("a clip has ranges, a take slots");
+        let ranges = self.ranges.as_ref().or(slots).expect("it has ranges or slots");
         let mut bound = vec![bind(RANGES, ranges), bind(GAUSSIANS, &self.gaussians), bind(ORDER, order)];
         bound.extend(self.motion.as_ref().map(|buffer| bind(MOTION, buffer)));
         bound.extend(self.sh.as_ref().map(|buffer| bind(SH, buffer)));

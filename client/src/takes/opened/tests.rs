@@ -87,7 +87,7 @@ fn segments_are_loaded_in_any_order_and_in_layers() {
     }
     assert_eq!(opened.layer_ends(), [100, 160, 180]);
     // What holds an instant, the two after it, and a gap of the size of the largest.
-    assert_eq!(opened.layout().rows, 180 + 70);
+    assert_eq!(opened.layout().room.total(), 180 + 70);
     let subject = opened.subject();
     assert!((subject.ground.x - 9.5).abs() < 0.1, "by the first layer at the start: {subject:?}");
 }

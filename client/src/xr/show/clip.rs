@@ -4,13 +4,13 @@
 //! That thread fills buffers and builds pipelines without a submission: copies go along with the next
 //! frame.
 
-use std::sync::{Arc, Weak};
+use std::sync::Weak;
 
 use codec::ClipInfo;
 
 use crate::audio::SoundTrack;
 use crate::clips::{Beginning, ClipTarget, Content, Entry};
-use crate::gpu::{FrameLayout, Gpu, GpuClip, Renderer, RuntimeFormat};
+use crate::gpu::{FrameLayout, Gpu, Renderer, RuntimeFormat, UploadedClip};
 use crate::takes::TakePlayer;
 use program::Fault;
 use program::Subject;
@@ -24,14 +24,14 @@ pub(super) struct HeadsetTarget {
 
 impl ClipTarget for HeadsetTarget {
     type Ready = Box<ReadyClip>;
-    type Uploaded = Arc<GpuClip>;
+    type Uploaded = UploadedClip;
 
     fn prepare(
         &self,
         _: &Entry,
         content: Content,
         beginning: Beginning<'_>,
-        uploaded: &mut Option<Arc<GpuClip>>,
+        uploaded: &mut Option<UploadedClip>,
     ) -> Result<Box<ReadyClip>, Fault> {
         let gpu = self
             .gpu
@@ -40,7 +40,7 @@ impl ClipTarget for HeadsetTarget {
         let layout = FrameLayout { format: self.format.drawn(), eyes: 2, foveated: true };
         let (renderer, take, layer_ends) = match &content {
             Content::Clip(version) => {
-                let on_gpu = GpuClip::following(&gpu, uploaded, &version.clip)?;
+                let on_gpu = UploadedClip::following(&gpu, uploaded, &version.clip)?;
                 let layer_ends = on_gpu.layer_ends();
                 (Renderer::new(&gpu, on_gpu, layout)?, None, layer_ends)
             }

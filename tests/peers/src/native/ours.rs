@@ -23,7 +23,7 @@ pub(super) fn open(path: &Path, work: &Workload, cutoff: Cutoff) -> anyhow::Resu
     let gpu = Gpu::new_headless()?;
     let view = View::from_camera(&work.frames[0].camera);
     let image = Offscreen::new(&gpu, view.size, 1, ChannelDepth::Eight)?;
-    let on_gpu = Arc::new(GpuClip::upload(&gpu, &clip)?);
+    let on_gpu = GpuClip::upload(&gpu, &clip)?;
     let renderer = Renderer::new(&gpu, on_gpu, FrameLayout::plain(ChannelDepth::Eight.format(), 1))?;
     let settings = RenderSettings { cutoff, ..RenderSettings::default() };
     Ok(Box::new(Ours { gpu, renderer, image, settings }))

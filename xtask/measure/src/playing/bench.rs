@@ -186,7 +186,7 @@ impl<'a> Bench<'a> {
             EyeMode::One | EyeMode::TwoAtOnce => self.gpu,
         };
         let rows = |clip: &Clip| clip.len() + clip.plate.as_ref().map_or(0, Field::len);
-        let upload = |clip: &Clip| GpuClip::upload(gpu, clip).map(|on_gpu| (Arc::new(on_gpu), rows(clip)));
+        let upload = |clip: &Clip| GpuClip::upload(gpu, clip).map(|on_gpu| (on_gpu, rows(clip)));
         let (clip, rows) = match &variant.content {
             VariantContent::Whole => (self.whole(gpu)?, rows(self.clip)),
             VariantContent::Other(clip) => upload(clip)?,
@@ -213,7 +213,7 @@ impl<'a> Bench<'a> {
         if let Some((_, whole)) = self.wholes.iter().find(|(device, _)| ptr::eq(*device, gpu)) {
             return Ok(whole.clone());
         }
-        let whole = Arc::new(GpuClip::upload(gpu, self.clip)?);
+        let whole = GpuClip::upload(gpu, self.clip)?;
         self.wholes.push((gpu, whole.clone()));
         Ok(whole)
     }

@@ -5,7 +5,6 @@ use client::gpu::{SortOrder, Span, TakeLayout};
 use codec::{Camera, Clip, ClipInfo, Field};
 use refine::prune::PosedView;
 
-use crate::resident::layout_of;
 use crate::scene::info;
 
 /// A scene to draw, and the deviation to measure.
@@ -155,7 +154,7 @@ impl TakeScene {
         };
         // Half of them for gaps between the rows of segments.
         let rows = 2 * self.segments.iter().map(|(span, _)| at(span.start_s)).max().unwrap_or(0);
-        TakeLayout { rows, ..layout_of(whole, self.duration_s) }
+        TakeLayout::for_clip(whole).segmented(self.duration_s).with_rows(rows)
     }
 }
 

@@ -1,6 +1,5 @@
 //! [`run()`]: measures one case.
 
-use std::sync::Arc;
 use std::time::Instant;
 
 use super::result::CaseResult;
@@ -156,7 +155,7 @@ fn measure(
     let depth = ChannelDepth::Sixteen;
     let mut drawing = meter
         .count(|| match &scene.take {
-            None => Drawing::new(gpu, Arc::new(GpuClip::upload(gpu, clip)?), first, depth),
+            None => Drawing::new(gpu, GpuClip::upload(gpu, clip)?, first, depth),
             Some(take) => {
                 let layout = take.layout(clip);
                 Drawing::by(gpu, first, depth, |frame| Renderer::new_take(gpu, layout, frame))
