@@ -1,4 +1,4 @@
-//! Decodes a package and lists it: metadata, layers, sections and the sizes of all columns; of a take, its segments.
+//! Decodes a clip or a take and lists it: metadata, segments; of each its layers, sections and Gaussians.
 //!
 //! `cargo run -p codec --example list -- assets/demo.aarc`
 //!
@@ -8,9 +8,7 @@ use std::num::NonZero;
 use std::process::ExitCode;
 use std::{env, fs, thread};
 
-use codec::{
-    Clip, ClipInfo, Contents, Error, Field, Limits, Package, Take, VERSION_MAJOR, decode_parallel, package,
-};
+use codec::{Clip, Contents, Error, Field, Limits, Take, VERSION_MAJOR, package};
 
 fn main() -> ExitCode {
     let Some(path) = env::args_os().nth(1) else {
@@ -33,35 +31,36 @@ fn main() -> ExitCode {
     }
 }
 
-fn list(bytes: &[u8]) -> Result<(), Error> {
-    // The head needs no decoding: a menu of clips can be built from the first kilobytes of each.
-    let limits = Limits::default();
-    let head = package(bytes, &limits)?;
-    // Every chunk of 4096 Gaussians decodes independently.
-    let threads = thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN);
-    match head {
-        Package::Clip(head) => {
-            list_head(&head);
-            list_clip(&decode_parallel(bytes, &limits, threads)?);
-        }
-        Package::Take(take) => list_take(&take, bytes, threads)?,
-    }
-    Ok(())
-}
-
-/// Lists the table of a take, and decodes one segment after the other; a damaged one is named and skipped.
+/// Lists a clip or a take, and decodes one segment after the other; a damaged one is named and skipped.
 ///
 /// # Errors
-/// The first error of a segment, after the others were listed.
-fn list_take(take: &Take, bytes: &[u8], threads: NonZero<usize>) -> Result<(), Error> {
+/// That of the head, or the first error of a segment, after the others were listed.
+fn list(bytes: &[u8]) -> Result<(), Error> {
+    // The head needs no decoding: a menu of clips can be built from the first kilobytes of each.
+    let take = package(bytes, &Limits::default())?;
+    list_table(&take);
+    let mut first_error = None;
+    for (index, segment) in take.segments.iter().enumerate() {
+        // A file that was cut short ends within a segment, or before it.
+        let start = usize::try_from(segment.offset).map_or(bytes.len(), |offset| offset.min(bytes.len()));
+        let end = (start + segment.bytes()).min(bytes.len());
+        if let Err(error) = list_segment(&take, index, &bytes[start..end]) {
+            println!("segment {index}: {error}");
+            first_error.get_or_insert(error);
+        }
+    }
+    first_error.map_or(Ok(()), Err)
+}
+
+fn list_table(take: &Take) {
+    let info = &take.info;
     println!("format {VERSION_MAJOR}.{}, coder {}", take.version_minor, take.coder.name());
-    println!(
-        "take of {} s, {} segments, at most {} Gaussians at an instant",
-        take.duration_s,
-        take.segments.len(),
-        take.resident_max()
-    );
-    list_info(&take.info, take.bounds);
+    println!("duration {} s, {} frames/s", take.duration_s, info.fps);
+    println!("up {:?}, {} m per unit, bounds {:?}", info.up, info.metres_per_unit, take.bounds);
+    for viewpoint in &info.viewpoints {
+        println!("viewpoint {:?} at {:?} towards {:?}", viewpoint.name, viewpoint.position, viewpoint.target);
+    }
+    println!("at most {} Gaussians at an instant", take.resident_max());
     println!("segment    start      end level      offset    bytes gaussians");
     for (index, segment) in take.segments.iter().enumerate() {
         println!(
@@ -74,28 +73,25 @@ fn list_take(take: &Take, bytes: &[u8], threads: NonZero<usize>) -> Result<(), E
             segment.gaussians(),
         );
     }
-    let mut first_error = None;
-    for (index, segment) in take.segments.iter().enumerate() {
-        // A file that was cut short ends within a segment, or before it.
-        let start = usize::try_from(segment.offset).map_or(bytes.len(), |offset| offset.min(bytes.len()));
-        let end = (start + segment.bytes()).min(bytes.len());
-        match take.decode_segment(index, &bytes[start..end], &Limits::default(), threads) {
-            Ok(clip) => {
-                println!("segment {index}, {} of {} layers", clip.layers.len(), clip.layers_announced.len());
-                list_clip(&clip);
-            }
-            Err(error) => {
-                println!("segment {index}: {error}");
-                first_error.get_or_insert(error);
-            }
-        }
-    }
-    first_error.map_or(Ok(()), Err)
+}
+
+/// Lists and decodes a segment, of which `bytes` are there.
+///
+/// # Errors
+/// What is wrong with it.
+fn list_segment(take: &Take, index: usize, bytes: &[u8]) -> Result<(), Error> {
+    let limits = Limits::default();
+    let head = take.segment_contents(index, bytes, &limits)?;
+    // Every chunk of 4096 Gaussians decodes independently.
+    let threads = thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN);
+    let clip = take.decode_segment(index, bytes, &limits, threads)?;
+    println!("segment {index}, {} of {} layers", clip.layers.len(), clip.layers_announced.len());
+    list_head(&head);
+    list_clip(&clip);
+    Ok(())
 }
 
 fn list_head(head: &Contents) {
-    println!("format {VERSION_MAJOR}.{}, coder {}", head.version_minor, head.coder.name());
-    list_info(&head.info, head.bounds);
     println!("layer   static  dynamic  (up to its end)  bytes");
     for ((layer, end), bytes) in head.layers.iter().enumerate().zip(head.layer_bytes()) {
         println!("{layer:5} {:8} {:8} {bytes:24}", end.static_count, end.dynamic_count);
@@ -112,14 +108,6 @@ fn list_head(head: &Contents) {
             section.length,
             section.raw_length,
         );
-    }
-}
-
-fn list_info(info: &ClipInfo, bounds: [[f32; 3]; 2]) {
-    println!("duration {} s, {} frames/s", info.duration_s, info.fps);
-    println!("up {:?}, {} m per unit, bounds {bounds:?}", info.up, info.metres_per_unit);
-    for viewpoint in &info.viewpoints {
-        println!("viewpoint {:?} at {:?} towards {:?}", viewpoint.name, viewpoint.position, viewpoint.target);
     }
 }
 

@@ -17,7 +17,7 @@
 //! | read the head of a package: metadata, layers, sections | [`contents`] | |
 //! | decode a package, or the complete layers of a prefix | [`decode()`], [`decode_parallel`] | |
 //! | decode further layers alone, and add them | [`Contents::decode_layers`], [`Clip::append`] | |
-//! | read the head of a clip or a take; an ordinary clip as a take | [`package`](package()), [`Take::from`] | |
+//! | read the head of a clip or a take as a take | [`package`](package()), [`Take::from`] | |
 //! | decode the segments that hold a time | [`Take::at`], [`Take::decode_segment`], [`Take::decode_segment_layers`] | |
 //! | check segments without decoding them | [`Take::segment_contents`], [`Contents::check_sections`] | |
 //! | find the Gaussians alive at a time | [`TimeIndex::candidates`] of [`Clip::time_index`] | |
@@ -83,13 +83,13 @@
 //! assert_eq!(prefix, clip);
 //!
 //! // A take of 3 seconds: the clip plays in its first two and, again, in its last two.
-//! use codec::{Package, SegmentPackage, encode_take_head};
+//! use codec::{SegmentPackage, encode_take_head};
 //! let segments =
 //!     [0.0, 1.0].map(|start_s| SegmentPackage { start_s, duration_s: 2.0, level: 0, contents: &head });
 //! let mut bytes = encode_take_head(&info, 3.0, &segments)?;
 //! segments.iter().for_each(|_| bytes.extend_from_slice(&package));
 //!
-//! let Package::Take(take) = codec::package(&bytes, &Limits::default())? else { unreachable!() };
+//! let take = codec::package(&bytes, &Limits::default())?;
 //! assert_eq!(take.at(0.5).collect::<Vec<_>>(), [0]);
 //! assert_eq!(take.at(1.5).collect::<Vec<_>>(), [0, 1]);
 //! let segment = &take.segments[1];
@@ -175,7 +175,7 @@ pub use section::{Region, Section, SectionKind};
 pub use sound::with_sound;
 pub use sound::{SOUND_RATE_HZ, Sound, SoundInfo};
 pub use standing::{StandPoints, Surroundings, SurroundingsBuilder, unseen_rows};
-pub use take::{Package, Resident, SPAN_TOLERANCE_S, Segment, SegmentLayer, Take, package, span_holds};
+pub use take::{Resident, SPAN_TOLERANCE_S, Segment, SegmentLayer, Take, package, span_holds};
 #[cfg(feature = "encode")]
 pub use take::{SegmentGrid, SegmentPackage, SplitSegment, encode_take_head, retime, split, take_order};
 pub use time_index::TimeIndex;

@@ -3,9 +3,7 @@
 //! A section that is not critical stores it, in the first segment of a take. `with_poster` rewrites the beginning of a
 //! package; Gaussians are copied, not coded anew.
 
-use crate::{
-    ClipInfo, Contents, Error, FormatError, Limits, Package, SectionKind, Viewpoint, bytes::Reader, package,
-};
+use crate::{ClipInfo, Contents, Error, FormatError, Limits, SectionKind, Viewpoint, bytes::Reader, package};
 
 /// The picture that stands for a clip or a take: what file managers and lists of clips show.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -69,26 +67,21 @@ impl Contents {
     }
 }
 
-/// Reads the poster of a clip or a take from the beginning of its package, which holds the head and, of a take, the
-/// first layer of the first segment. Its time lies in the clip or take.
+/// Reads the poster of a clip or a take from the beginning of its package, which holds the first layer of the first
+/// segment. Its time lies in the clip or take.
 ///
 /// # Errors
 /// Those of [`package`](crate::package()), [`Take::segment_contents`](crate::Take::segment_contents) and
 /// [`Contents::poster`].
 pub fn poster(start: &[u8], limits: &Limits) -> Result<Option<Poster>, Error> {
-    let (poster, duration_s) = match package(start, limits)? {
-        Package::Clip(contents) => (contents.poster(start)?, f64::from(contents.info.duration_s)),
-        Package::Take(take) => {
-            let segment = &take.segments[0];
-            let end = start.len().min(take.head_bytes.saturating_add(segment.bytes()));
-            let bytes = start.get(take.head_bytes..end).unwrap_or_default();
-            let poster = take.segment_contents(0, bytes, limits)?.poster(bytes);
-            let poster = poster.map_err(|error| error.rebased(take.head_bytes))?;
-            let poster = poster.map(|poster| Poster { time_s: segment.start_s + poster.time_s, ..poster });
-            (poster, take.duration_s)
-        }
-    };
-    Ok(poster.map(|poster| Poster { time_s: poster.time_s.clamp(0.0, duration_s), ..poster }))
+    let take = package(start, limits)?;
+    let segment = &take.segments[0];
+    let end = start.len().min(take.head_bytes.saturating_add(segment.bytes()));
+    let bytes = start.get(take.head_bytes..end).unwrap_or_default();
+    let poster = take.segment_contents(0, bytes, limits)?.poster(bytes);
+    let poster = poster.map_err(|error| error.rebased(take.head_bytes))?;
+    let placed = |poster: &Poster| (segment.start_s + poster.time_s).clamp(0.0, take.duration_s);
+    Ok(poster.map(|poster| Poster { time_s: placed(&poster), ..poster }))
 }
 
 #[cfg(feature = "encode")]
@@ -113,10 +106,7 @@ mod write {
         poster: Option<&Poster>,
         limits: &Limits,
     ) -> Result<Vec<u8>, EncodeError> {
-        let mut take = match package(start, limits).map_err(EncodeError::Package)? {
-            Package::Clip(contents) => return rewrite(start, contents, poster),
-            Package::Take(take) => take,
-        };
+        let mut take = package(start, limits).map_err(EncodeError::Package)?;
         let segment = &take.segments[0];
         let bytes = start.get(take.head_bytes..take.head_bytes.saturating_add(segment.bytes()));
         let needed = take.head_bytes.saturating_add(segment.bytes());
@@ -124,6 +114,10 @@ mod write {
         let contents = take.segment_contents(0, bytes, limits).map_err(EncodeError::Package)?;
         let poster = poster.map(|poster| Poster { time_s: poster.time_s - segment.start_s, ..*poster });
         let segment = rewrite(bytes, contents, poster.as_ref())?;
+        if take.head_bytes == 0 {
+            // A clip, which has no table.
+            return Ok(segment);
+        }
         let contents = crate::contents(&segment, limits).map_err(EncodeError::Package)?;
         take.segments[0].head_crc = contents.head_crc;
         take.segments[0].layers = prefixes(&contents);

@@ -10,7 +10,7 @@ mod common;
 
 use std::num::NonZero;
 
-use codec::{Clip, Coder, Limits, Package, Take, package};
+use codec::{Clip, Coder, Limits, Take, package};
 use common::{TakeParts, put_u32, small_take};
 use peak_alloc::PeakAlloc;
 use properties::{LIMITS, check_package};
@@ -57,7 +57,7 @@ struct Subject {
 impl Subject {
     fn new(coder: Coder) -> Subject {
         let bytes = small_take(coder);
-        let Ok(Package::Take(take)) = package(&bytes, &LIMITS) else { panic!("a take") };
+        let take = package(&bytes, &LIMITS).unwrap();
         let mut clips = Vec::new();
         check_package(&bytes, |_, clip| clips.push(clip.unwrap()));
         Subject { take, clips, parts: TakeParts::new(&bytes).unwrap(), bytes }

@@ -7,8 +7,8 @@
 mod common;
 
 use codec::{
-    Clip, Coder, EncodeOptions, Field, Limits, Package, PixelFilter, Poster, Sound, SoundInfo, contents,
-    decode, package, split, with_poster, with_sound,
+    Clip, Coder, EncodeOptions, Field, Limits, PixelFilter, Poster, Sound, SoundInfo, contents, decode,
+    package, split, with_poster, with_sound,
 };
 use common::{Shape, field, options, segment_package, static_field, take_package};
 use std::{fmt::Write, fs, num::NonZero, path::PathBuf};
@@ -109,7 +109,7 @@ fn take() -> Vec<u8> {
 #[test]
 fn takes_decode_to_the_same_bits() {
     let bytes = frozen("v1-take.aarc");
-    let Ok(Package::Take(take)) = package(&bytes, &Limits::default()) else { panic!("a take") };
+    let take = package(&bytes, &Limits::default()).unwrap();
     let mut actual = format!("{:?}\nduration {:?}, head {}\n", take.info, take.duration_s, take.head_bytes);
     writeln!(actual, "bounds {:?}", take.bounds).unwrap();
     writeln!(

@@ -42,16 +42,14 @@ fn a_poster_is_read_as_it_was_written_and_changes_no_gaussian() {
         let again = with_poster(&posted, Some(&other), &limits()).unwrap();
         assert_eq!(poster(&again, &limits()).unwrap(), Some(other));
         assert!(with_poster(&again, None, &limits()).unwrap() == bare, "the clip as it was");
+        assert!(with_poster(&bare[..bare.len() - 1], None, &limits()).is_err(), "cut short");
     }
 }
 
 #[test]
 fn the_poster_of_a_take_is_in_its_first_segment_and_leaves_the_others_as_they_are() {
     let bare = small_take(Coder::Fixed);
-    let take_of = |bytes: &[u8]| match codec::package(bytes, &limits()).unwrap() {
-        codec::Package::Take(take) => take,
-        codec::Package::Clip(_) => panic!("a take"),
-    };
+    let take_of = |bytes: &[u8]| codec::package(bytes, &limits()).unwrap();
     let take = take_of(&bare);
     let end = take.head_bytes + take.segments[0].bytes();
     assert!(take.segments.len() > 1 && end < bare.len(), "there are others");

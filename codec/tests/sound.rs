@@ -5,7 +5,7 @@ mod common;
 use std::num::NonZero;
 
 use codec::{
-    Coder, Contents, EncodeError, Error, Limits, Package, SectionKind, Sound, SoundInfo, contents, decode,
+    Coder, Contents, EncodeError, Error, Limits, SectionKind, Sound, SoundInfo, contents, decode,
     encode_take_head, with_sound,
 };
 use common::{Parts, Rng, Shape, field, options, put_u32, static_field};
@@ -245,7 +245,7 @@ fn segments_of_a_take_have_sounds_of_their_own() {
     let mut bytes = encode_take_head(&common::info(), 2.72, &[first, second]).unwrap();
     bytes.extend_from_slice(&package);
     bytes.extend_from_slice(&plain);
-    let Package::Take(take) = codec::package(&bytes, &Limits::default()).unwrap() else { unreachable!() };
+    let take = codec::package(&bytes, &Limits::default()).unwrap();
     let part = |index: usize, layers: usize| {
         let segment = &take.segments[index];
         &bytes[segment.offset as usize..][..segment.layers[layers].bytes]

@@ -5,9 +5,7 @@ use std::path::Path;
 use std::sync::OnceLock;
 use std::thread;
 
-use codec::{
-    Clip, Error, FormatError, LayerEnd, Layers, Limits, Package, PixelFilter, Surroundings, Take, package,
-};
+use codec::{Clip, Error, FormatError, LayerEnd, Layers, Limits, PixelFilter, Surroundings, Take, package};
 use glam::DVec3;
 use program::{Fault, Subject};
 use shaders::{Features, Motion};
@@ -76,9 +74,9 @@ impl OpenTake {
             found => found,
         };
         let take = match found {
-            Ok(Package::Take(take)) => take,
             // What is wrong with anything else, a clip's decoder says.
-            Ok(Package::Clip(_)) => return Ok(None),
+            Ok(take) if take.head_bytes == 0 => return Ok(None),
+            Ok(take) => take,
             Err(_) if !looks_like_take(&head) => return Ok(None),
             Err(error) => return Err(fault(format!("{error}: {}", advice(&error, "copy it again")))),
         };

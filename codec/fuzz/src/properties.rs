@@ -5,8 +5,8 @@ use std::ops::Range;
 
 use codec::{
     ALPHA_MIN, Clip, ClipInfo, Coder, Contents, EncodeOptions, Error, Field, FormatError, LayerEnd, Limits,
-    Package, Poster, Precision, SH_C0, SPAN_TOLERANCE_S, SectionKind, Segment, Sensitivity, Sound, Source,
-    Take, Temporal, contents, decode, encode, package, poster, sh_coefficients, with_poster, with_sound,
+    Poster, Precision, SH_C0, SPAN_TOLERANCE_S, SectionKind, Segment, Sensitivity, Sound, Source, Take,
+    Temporal, contents, decode, encode, package, poster, sh_coefficients, with_poster, with_sound,
 };
 
 /// Limits that small, fast inputs can reach and exceed.
@@ -45,7 +45,7 @@ pub fn check_decoding(bytes: &[u8], decoded: &Result<Clip, Error>) {
     }
 }
 
-/// Reads the poster of a package of either kind and checks it.
+/// Reads the poster of a clip or a take and checks it.
 ///
 /// # Panics
 /// If a poster is out of range, or is written as another one.
@@ -88,7 +88,7 @@ pub fn check_sound(bytes: &[u8], head: &Contents) {
     }
 }
 
-/// Reads `bytes` as a package of either kind, decodes each segment that has begun within [`LIMITS`], and checks the
+/// Reads `bytes` as a clip or a take, decodes each segment that has begun within [`LIMITS`], and checks the
 /// results. `segment` receives every result, by the number of the segment.
 ///
 /// # Panics
@@ -102,16 +102,15 @@ pub fn check_package(bytes: &[u8], mut segment: impl FnMut(usize, Result<Clip, E
             assert!(error.to_string().contains("at byte "), "no offset in: {error}");
             return assert!(head == is_take || head == Err(error), "both read the same head: {head:?}");
         }
-        Ok(Package::Clip(clip)) => {
-            assert_eq!(head.as_ref(), Ok(&clip), "both read the same head");
-            Take::from(&clip)
-        }
-        Ok(Package::Take(take)) => {
+        Ok(take) => take,
+    };
+    match &head {
+        Ok(clip) => assert_eq!(take, Take::from(clip), "both read the same head"),
+        Err(_) => {
             assert_eq!(head, is_take);
             check_table(&take, bytes.len());
-            take
         }
-    };
+    }
     for (index, entry) in take.segments.iter().enumerate() {
         let Some(rest) = usize::try_from(entry.offset).ok().and_then(|offset| bytes.get(offset..)) else {
             break;

@@ -12,7 +12,7 @@ mod table;
 pub(crate) use head::write_take;
 #[cfg(feature = "encode")]
 pub use head::{SegmentPackage, encode_take_head};
-pub use package::{Package, package};
+pub use package::package;
 pub use span::{Resident, SPAN_TOLERANCE_S, span_holds};
 #[cfg(feature = "encode")]
 pub use split::{SegmentGrid, SplitSegment, retime, split};

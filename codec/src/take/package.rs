@@ -1,19 +1,10 @@
-//! [`package`]: reads the head of a package of either kind.
+//! [`package`]: reads the head of a clip or of a take.
 
 use crate::{
-    Contents, Error, Limits, Take, header::contents_of, limits::Budget, preamble::Head, take::head::read_take,
+    Error, Limits, Take, header::contents_of, limits::Budget, preamble::Head, take::head::read_take,
 };
 
-/// The head of a package.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Package {
-    /// An ordinary clip. [`Take::from`] makes it a take of one segment.
-    Clip(Contents),
-    /// A take of segments.
-    Take(Take),
-}
-
-/// Reads the head of a clip or of a take without decoding any Gaussian.
+/// Reads the head of a clip or of a take without decoding any Gaussian. A clip is a take of one segment.
 ///
 /// `bytes` may be any prefix of a package that holds the whole head.
 ///
@@ -23,12 +14,11 @@ pub enum Package {
 /// - [`Error::Version`] if the major version is not [`VERSION_MAJOR`](crate::VERSION_MAJOR).
 /// - [`Error::Limits`] if a clip announces more Gaussians than `limits` allow, or a table of sections or segments
 ///   needs more memory.
-pub fn package(bytes: &[u8], limits: &Limits) -> Result<Package, Error> {
+pub fn package(bytes: &[u8], limits: &Limits) -> Result<Take, Error> {
     let head = Head::checked(bytes)?;
     let budget = &mut Budget::new(limits);
     if head.is_take() {
-        read_take(&head, bytes.len(), budget).map(Package::Take)
-    } else {
-        contents_of(&head, bytes.len(), limits, budget).map(Package::Clip)
+        return read_take(&head, bytes.len(), budget);
     }
+    contents_of(&head, bytes.len(), limits, budget).map(|contents| Take::from(&contents))
 }

@@ -14,8 +14,8 @@ use crate::{
 
 /// The head of a take: metadata and the table of segments.
 ///
-/// What [`package`](crate::package()) returns obeys the rules of FORMAT.md. All methods also work for a take that
-/// was put together otherwise and does not.
+/// What [`package`](crate::package()) reads of a take obeys the rules of FORMAT.md. All methods also work for a take
+/// that was put together otherwise and does not.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Take {
     /// Minor version of the format.

@@ -168,10 +168,7 @@ fn a_long_file_with_bytes_after_its_end_is_refused() {
 
 /// Length of the head of a take.
 fn codec_head(bytes: &[u8]) -> usize {
-    match package(bytes, &Limits::default()).unwrap() {
-        Package::Take(take) => take.head_bytes,
-        Package::Clip(_) => unreachable!("it is a take"),
-    }
+    package(bytes, &Limits::default()).unwrap().head_bytes
 }
 
 #[test]

@@ -6,7 +6,7 @@ use std::num::NonZero;
 use std::path::{Path, PathBuf};
 use std::thread::available_parallelism;
 
-use codec::{Clip, Contents, Error, FormatError, Limits, Package, Poster, Sound, Take, Viewpoint};
+use codec::{Clip, Contents, Error, FormatError, Limits, Poster, Sound, Take, Viewpoint};
 use program::Fault;
 
 use super::folder::FieldFolder;
@@ -22,7 +22,6 @@ pub struct TakeFile {
     file: File,
     bytes: u64,
     take: Take,
-    is_clip: bool,
 }
 
 impl TakeFile {
@@ -43,7 +42,7 @@ impl TakeFile {
         }
         let mut head = Vec::new();
         let mut needed = HEAD_BYTES;
-        let package = loop {
+        let take = loop {
             let more = (needed - head.len()) as u64;
             let read = (&mut file).take(more).read_to_end(&mut head).map_err(cannot_read)?;
             match codec::package(&head, &Limits::default()) {
@@ -57,17 +56,13 @@ impl TakeFile {
             }
         };
         let bytes = metadata.len();
-        let (take, is_clip) = match package {
-            Package::Take(take) => (take, false),
-            Package::Clip(contents) => (Take::from(&contents), true),
-        };
         if bytes > take.package_bytes() {
             let offset = usize::try_from(take.package_bytes()).unwrap_or(usize::MAX);
             let count = usize::try_from(bytes - take.package_bytes()).unwrap_or(usize::MAX);
             let error = Error::Format { offset, error: FormatError::Extra { count, part: "the package" } };
             return Err(bad_package(path, &error));
         }
-        Ok(TakeFile { path: path.to_owned(), file, bytes, take, is_clip })
+        Ok(TakeFile { path: path.to_owned(), file, bytes, take })
     }
 
     /// The head and the table of segments.
@@ -85,9 +80,9 @@ impl TakeFile {
         self.bytes
     }
 
-    /// Whether it is an ordinary clip.
+    /// Whether it is an ordinary clip, without a table of segments.
     pub fn is_clip(&self) -> bool {
-        self.is_clip
+        self.take.head_bytes == 0
     }
 
     /// Number of bytes of a segment that the file holds: all, unless it was cut short.
@@ -172,7 +167,7 @@ impl TakeFile {
     /// # Errors
     /// [`Fault::Data`] that names the segment: missing, cut short in its first layer, or damaged.
     pub fn decode(&self, index: usize) -> Result<Clip, Fault> {
-        if !self.is_clip {
+        if !self.is_clip() {
             self.check_present(
                 index,
                 self.take.segments[index].layers.first().map_or(0, |layer| layer.bytes),
@@ -181,7 +176,7 @@ impl TakeFile {
         let bytes = self.read(index)?;
         let threads = available_parallelism().unwrap_or(NonZero::<usize>::MIN);
         let clip = self.take.decode_segment(index, &bytes, &Limits::default(), threads);
-        clip.map_err(|error| match self.is_clip {
+        clip.map_err(|error| match self.is_clip() {
             true => bad_package(&self.path, &error),
             false => self.damaged(index, &without_number(&error)),
         })

@@ -4,9 +4,7 @@ use crate::support::{Noise, field, info};
 use crate::tool;
 use crate::tool::{Outcome, aarc_studio, aarc_studio_with};
 #[cfg(target_os = "linux")]
-use codec::{
-    ClipInfo, Coder, EncodeOptions, Field, Limits, Package, SegmentPackage, Source, Take, encode_take_head,
-};
+use codec::{ClipInfo, Coder, EncodeOptions, Field, Limits, SegmentPackage, Source, Take, encode_take_head};
 use serde_json::{Value, json};
 use std::fs;
 use std::path::Path;
@@ -49,10 +47,7 @@ fn read(folder: &TempDir, name: &str) -> Vec<u8> {
 }
 
 fn take_of(bytes: &[u8]) -> Take {
-    match codec::package(bytes, &Limits::default()).unwrap() {
-        Package::Take(take) => take,
-        Package::Clip(_) => panic!("a clip"),
-    }
+    codec::package(bytes, &Limits::default()).unwrap()
 }
 
 /// The picture of an input at a second.
