@@ -118,9 +118,9 @@ impl JoinInput {
             JoinInput::Package(file) => {
                 let segment = &file.take().segments[index];
                 let mut clip = file.decode(index)?;
-                let name = match file.is_clip() {
-                    true => file.path().display().to_string(),
-                    false => format!("{}, segment {index}", file.path().display()),
+                let name = match self.len() {
+                    1 => file.path().display().to_string(),
+                    _ => format!("{}, segment {index}", file.path().display()),
                 };
                 LoadedSegment {
                     name,
