@@ -28,7 +28,8 @@ use crate::fit::{Backend, DeviceError, FrameView, Parameters, Timeline};
 use crate::prune::PosedView;
 use numbers::Numbers;
 
-/// Default number of rounds at a precision, with which `package` takes up to about twice as long; see codec/README.md.
+/// Default number of rounds at a precision, with which `package` takes up to about twice as long; see
+/// `codec/MEASURED.md`.
 pub const JOINT_ROUNDS: usize = 3;
 
 /// Number of parts that the views are split into; each round looks at one part.

@@ -3,7 +3,9 @@
 //! The rates of 3D Gaussian Splatting are made for 30,000 steps, each with most Gaussians visible. In a
 //! fit over time a photograph shows the Gaussians of a few frames only, so each of them moves in a fraction of the
 //! steps, and colours and sizes arrive at those rates too late. The rates here were swept on captures with and
-//! without time; `codec/refine/README.md` has the tables.
+//! without time: on stage-knight (16 cameras at 128x96, 6000 steps) held frames have 24.8 dB at the rates of 3D
+//! Gaussian Splatting, and 28.3 dB at these rates with motion 5/3 as fast. The optimum is flat except for motion: too
+//! slow, it does not follow; too fast, held frames lose.
 
 use codec::sh_coefficients;
 
@@ -45,7 +47,8 @@ const ROTATION_RATES: f64 = 1e-3;
 const SUPPORT_RADIUS: f64 = 3.0;
 
 /// Fraction of the steps, at the end, over which the rates decay. The paper's is 0.1, of 96,000 steps. Swept for fits
-/// of 6000 steps and refinements of 2000.
+/// of 6000 steps and refinements of 2000: at 0.2, 0.4 and 0.5, held frames of stage-knight have 30.36, 30.41 and 30.33
+/// dB after a fit, and 29.82, 30.32 and 30.42 dB after a refinement.
 const DECAY_SHARE: f64 = 0.4;
 
 /// Factor of the rates at the end.

@@ -20,7 +20,7 @@ const INTERVAL: usize = 100;
 const CAP: usize = 2;
 
 /// A value of [`FitSettings::fragment_weight`] that saves most of the fragments and costs next to no quality;
-/// `codec/refine/README.md` has its measurement.
+/// `codec/refine/MEASURED.md` has its measurement.
 pub const FRAGMENT_WEIGHT: f64 = 1e-3;
 
 /// The settings of a fit.
