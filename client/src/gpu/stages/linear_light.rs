@@ -1,5 +1,10 @@
 //! Stage `linear_light`: [`LinearLight`], images whose colours are converted for a compositor that blends in linear
 //! light, and the pass that converts them.
+//!
+//! A headset's compositor decodes sRGB images and blends their light; splats and the panel blend display-referred
+//! colours. A colour c premultiplied by alpha a as displayed would be decoded to less than a times the light of c, so
+//! edges would be dark over the room. Straight alpha (`UNPREMULTIPLIED_ALPHA`) gives the same light in a pixel, but the
+//! compositor interpolates between pixels, and the black of a transparent pixel would darken the edge beside it.
 
 use glam::UVec2;
 use program::Fault;
