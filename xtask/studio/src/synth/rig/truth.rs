@@ -1,4 +1,19 @@
-//! Everything that perturbs a rig, as `truth.json`. `xtask/CAPTURE.md` describes its keys.
+//! Everything that perturbs a rig, as `truth.json`: `settings`; `sound` with its `place`, `clap_s` and `speed_m_s`; and
+//! for each of `cameras`
+//!
+//! | key | meaning |
+//! |---|---|
+//! | `id`, `w`, `h`, `K`, `w2c` | as in a manifest, upright |
+//! | `start_s` | second of the first frame; all cameras run from second 0 on |
+//! | `times_s` | second of each frame: `start_s` + its presentation time (1 + `drift_ppm` / 10^6) |
+//! | `gain`, `white_balance` | the factor of green; the factors of red, green and blue relative to it |
+//! | `noise` | in 255ths |
+//! | `rotated_degrees` | 90 if players turn the stored picture by so much, clockwise |
+//! | `sound_delay_s` | seconds that sound takes from `place` to the camera, at 343 m/s |
+//! | `sound_skew_s`, `sound_noise_db` | seconds that sound is late in the file; null without noise |
+//!
+//! What sounds at second t is in a camera's file at (t + `sound_delay_s` - `start_s`) / (1 + `drift_ppm` / 10^6) +
+//! `sound_skew_s`: there is a clap at `clap_s`, and noise in syllables, from 300 to 4,800 Hz.
 
 use serde_json::{Value, json};
 
