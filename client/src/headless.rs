@@ -3,6 +3,7 @@
 //!
 //! A device that is lost after it has rendered enough images is replaced, and the image rendered again.
 
+use std::sync::Arc;
 use std::time::Instant;
 
 use codec::{Camera, Poster};
@@ -13,15 +14,15 @@ use program::{Fault, output, read_camera};
 
 use crate::args::Args;
 use crate::clips::{
-    Beginning, Change, ClipController, ClipTarget, Content, Entry, LoadEvent, LoadOptions, cache_dir,
-    playlist, redacted, too_few_layers,
+    Beginning, Change, ClipController, ClipTarget, Entry, LoadEvent, LoadOptions, Wait, cache_dir, playlist,
+    redacted, too_few_layers,
 };
 use crate::gpu::{
-    ChannelDepth, DEVICE_REPLACED, FrameCounts, FrameLayout, Gpu, GpuClip, Offscreen, Pixels, RenderSettings,
+    ChannelDepth, DEVICE_REPLACED, FrameCounts, FrameLayout, Gpu, Offscreen, Pixels, RenderSettings,
     Renderer, choose_f16,
 };
 use crate::stats::{FrameStats, LoadingStats, Stats, Summary, TakeStats};
-use crate::takes::{Extent, TakePlayer};
+use crate::takes::{Extent, OpenTake, TakePlayer};
 use crate::terminal::Reporter;
 use crate::view::View;
 use crate::{clips, viewpoint};
@@ -95,11 +96,11 @@ impl Device {
     }
 }
 
-/// A clip or a take on the device, and its renderer for the views of `args`.
+/// A take on the device, and its renderer for the views of `args`.
 struct ClipRenderer<'a> {
     args: &'a Args,
     device: &'a mut Device,
-    clip: Content,
+    clip: Arc<OpenTake>,
     views: Vec<View>,
     settings: RenderSettings,
     state: DeviceState,
@@ -109,13 +110,12 @@ struct ClipRenderer<'a> {
 struct DeviceState {
     image: Offscreen,
     renderer: Renderer,
-    /// The segments of a take.
-    take: Option<TakePlayer>,
+    take: TakePlayer,
     upload_ms: f64,
 }
 
 impl DeviceState {
-    fn new(gpu: &Gpu, clip: &Content, views: &[View], args: &Args) -> Result<DeviceState, Fault> {
+    fn new(gpu: &Gpu, opened: &Arc<OpenTake>, views: &[View], args: &Args) -> Result<DeviceState, Fault> {
         let mut image = Offscreen::new(gpu, views[0].size, views.len() as u32, args.target)?;
         let inset = args.settings().inset;
         if let Some(side) = inset {
@@ -124,27 +124,17 @@ impl DeviceState {
         let layout =
             FrameLayout { format: args.target.format(), eyes: views.len(), foveated: inset.is_some() };
         let start = Instant::now();
-        match clip {
-            Content::Clip(version) => {
-                let on_gpu = GpuClip::upload(gpu, &version.clip)?;
-                let upload_ms = start.elapsed().as_secs_f64() * 1e3;
-                let renderer = Renderer::new(gpu, on_gpu, layout)?;
-                Ok(DeviceState { image, renderer, take: None, upload_ms })
-            }
-            Content::Take(opened) => {
-                let (mut renderer, mut take) = TakePlayer::new(gpu, opened.clone(), layout, || ())?;
-                take.wait(gpu, &mut renderer, 0.0, Extent::All)?;
-                let upload_ms = start.elapsed().as_secs_f64() * 1e3;
-                Ok(DeviceState { image, renderer, take: Some(take), upload_ms })
-            }
-        }
+        let (mut renderer, mut take) = TakePlayer::new(gpu, opened.clone(), layout, || ())?;
+        take.wait(gpu, &mut renderer, 0.0, Extent::All)?;
+        let upload_ms = start.elapsed().as_secs_f64() * 1e3;
+        Ok(DeviceState { image, renderer, take, upload_ms })
     }
 }
 
 impl<'a> ClipRenderer<'a> {
     fn new(
         device: &'a mut Device,
-        clip: Content,
+        clip: Arc<OpenTake>,
         poster: Option<Poster>,
         args: &'a Args,
     ) -> Result<ClipRenderer<'a>, Fault> {
@@ -170,11 +160,9 @@ impl<'a> ClipRenderer<'a> {
     fn render(&mut self, time_s: f64) -> Result<FrameCounts, Fault> {
         let t = clip_time(&self.clip, time_s);
         let DeviceState { image, renderer, take, .. } = &mut self.state;
-        if let Some(take) = take {
-            take.wait(&self.device.gpu, renderer, time_s, Extent::All)?;
-            let mut reporter = Reporter::new();
-            take.take_notes().into_iter().for_each(|note| reporter.print(&LoadEvent::Note(note)));
-        }
+        take.wait(&self.device.gpu, renderer, time_s, Extent::All)?;
+        let mut reporter = Reporter::new();
+        take.take_notes().into_iter().for_each(|note| reporter.print(&LoadEvent::Note(note)));
         image.render(&self.device.gpu, renderer, t, &self.views, &self.settings)
     }
 
@@ -232,7 +220,7 @@ impl<'a> ClipRenderer<'a> {
             passes: renderer.passes(),
             gaussians: clip.gaussians(),
             gpu_bytes: renderer.clip().bytes(),
-            take: take.as_ref().map(|take| TakeStats::from(take.counts())),
+            take: Some(take.counts()).filter(|counts| counts.segments > 1).map(TakeStats::from),
             pipelines: renderer.pipelines(),
             loading,
             upload_ms: *upload_ms,
@@ -248,7 +236,6 @@ impl<'a> ClipRenderer<'a> {
 
 fn run_clip(args: &Args, output: &ImageOutput) -> Result<(), Fault> {
     let Loaded { clip, poster, stats: loading } = load(args)?;
-    let poster = poster.filter(|_| args.poster);
     let fps = clip.info().fps.into();
     let times = times(args, poster, fps);
     check_times(&times, clip.duration_s(), fps)?;
@@ -281,20 +268,13 @@ struct HeadlessTarget {
 }
 
 impl ClipTarget for HeadlessTarget {
-    type Ready = Content;
-    type Uploaded = ();
+    type Ready = Arc<OpenTake>;
 
-    fn prepare(
-        &self,
-        entry: &Entry,
-        clip: Content,
-        _: Beginning<'_>,
-        _: &mut Option<()>,
-    ) -> Result<Content, Fault> {
-        views(&self.args, &clip, None)
-            .and_then(|_| settings(&self.args, &clip))
+    fn prepare(&self, entry: &Entry, take: Arc<OpenTake>, _: Beginning<'_>) -> Result<Arc<OpenTake>, Fault> {
+        views(&self.args, &take, None)
+            .and_then(|_| settings(&self.args, &take))
             .map_err(|fault| named(fault, entry))?;
-        Ok(clip)
+        Ok(take)
     }
 }
 
@@ -350,7 +330,7 @@ struct PlaylistRun<'a> {
     /// Where the next clip starts, in seconds.
     start_s: f64,
     /// The clip before.
-    last: Option<Content>,
+    last: Option<Arc<OpenTake>>,
 }
 
 /// The images left after a clip.
@@ -366,7 +346,7 @@ impl PlaylistRun<'_> {
     ///
     /// # Errors
     /// [`Fault::Usage`] if a time is before the start.
-    fn take_times(&mut self, clip: &Content) -> Result<Vec<(usize, f64)>, Fault> {
+    fn take_times(&mut self, clip: &OpenTake) -> Result<Vec<(usize, f64)>, Fault> {
         if self.last.is_none() {
             let times = times(self.args, None, clip.info().fps.into());
             if let Some(time) = times.iter().find(|time| **time < 0.0) {
@@ -382,7 +362,12 @@ impl PlaylistRun<'_> {
     }
 
     /// Renders the images `times` of `clip`. If it cannot be uploaded, the next clip takes its place.
-    fn render(&mut self, entry: &Entry, clip: Content, times: Vec<(usize, f64)>) -> Result<Rendered, Fault> {
+    fn render(
+        &mut self,
+        entry: &Entry,
+        clip: Arc<OpenTake>,
+        times: Vec<(usize, f64)>,
+    ) -> Result<Rendered, Fault> {
         if !times.is_empty() {
             let device = opened(&mut self.device, self.args.target)?;
             match ClipRenderer::new(device, clip.clone(), None, self.args) {
@@ -409,7 +394,7 @@ impl PlaylistRun<'_> {
     ///
     /// # Errors
     /// [`Fault::Usage`] if a time is beyond the end.
-    fn render_end(&mut self, clip: Content) -> Result<(), Fault> {
+    fn render_end(&mut self, clip: Arc<OpenTake>) -> Result<(), Fault> {
         let (fps, duration_s) = (clip.info().fps, clip.duration_s());
         let times: Vec<f64> = self.pending.iter().map(|&(_, time_s)| time_s).collect();
         check_times(&times, self.start_s, fps.into())?;
@@ -437,7 +422,7 @@ fn opened(device: &mut Option<Device>, target: ChannelDepth) -> Result<&mut Devi
 fn next_clip(
     clips: &mut ClipController<HeadlessTarget>,
     reporter: &mut Reporter,
-) -> Result<Option<(Entry, Content)>, Fault> {
+) -> Result<Option<(Entry, Arc<OpenTake>)>, Fault> {
     loop {
         match clips.follow().or_else(|| clips.wait()) {
             None => return Ok(None),
@@ -452,7 +437,7 @@ fn next_clip(
 
 /// A clip that was loaded, and the time and view that it states to stand for it.
 struct Loaded {
-    clip: Content,
+    clip: Arc<OpenTake>,
     poster: Option<Poster>,
     stats: LoadingStats,
 }
@@ -461,18 +446,15 @@ struct Loaded {
 fn load(args: &Args) -> Result<Loaded, Fault> {
     let start = Instant::now();
     let elapsed_ms = || start.elapsed().as_secs_f64() * 1e3;
-    let (mut reporter, mut playable_ms, mut poster) = (Reporter::new(), None, None);
-    let clip = clips::open(args.clip.as_deref(), &args.source(cache_dir()))?.wait(None, |event| {
-        if let LoadEvent::Clip(_) | LoadEvent::Take(_) = event {
-            playable_ms.get_or_insert_with(elapsed_ms);
-        }
-        match event {
-            LoadEvent::Clip(version) => poster = version.poster,
-            LoadEvent::Take(take) if args.poster => poster = take.poster(),
-            _ => {}
-        }
-        reporter.print(event);
-    })?;
+    let (mut reporter, mut playable_ms) = (Reporter::new(), None);
+    let clip =
+        clips::open(args.clip.as_deref(), &args.source(cache_dir()))?.wait(Wait::Complete, |event| {
+            if let LoadEvent::Take(_) = event {
+                playable_ms.get_or_insert_with(elapsed_ms);
+            }
+            reporter.print(event);
+        })?;
+    let poster = args.poster.then(|| clip.poster()).flatten();
     let whole_ms = elapsed_ms();
     let stats = LoadingStats { playable_ms: playable_ms.unwrap_or(whole_ms), whole_ms };
     Ok(Loaded { clip, poster, stats })
@@ -505,13 +487,13 @@ fn check_times(times: &[f64], duration: f64, captured_fps: f64) -> Result<(), Fa
 }
 
 /// Normalised clip time at `time` seconds, 1 beyond the end.
-fn clip_time(clip: &Content, time: f64) -> f64 {
+fn clip_time(clip: &OpenTake, time: f64) -> f64 {
     let duration = clip.duration_s();
     if duration > 0.0 { (time / duration).min(1.0) } else { 0.0 }
 }
 
 /// The views of the eyes: the views of `poster` if there is one.
-fn views(args: &Args, clip: &Content, poster: Option<Poster>) -> Result<Vec<View>, Fault> {
+fn views(args: &Args, clip: &OpenTake, poster: Option<Poster>) -> Result<Vec<View>, Fault> {
     if let Some(path) = &args.camera {
         let camera = read_camera(path)?;
         let camera = args.size.map_or(camera.clone(), |size| camera.resized(size.x, size.y));
@@ -543,7 +525,7 @@ fn views(args: &Args, clip: &Content, poster: Option<Poster>) -> Result<Vec<View
 }
 
 /// The view of `camera`, or with --stereo the views of two eyes.
-fn eyes(args: &Args, clip: &Content, camera: Camera) -> Vec<View> {
+fn eyes(args: &Args, clip: &OpenTake, camera: Camera) -> Vec<View> {
     if args.stereo {
         let distance = Camera::EYE_DISTANCE_M / f64::from(clip.info().metres_per_unit);
         camera.stereo_pair(distance).iter().map(View::from_camera).collect()
@@ -556,10 +538,10 @@ fn eyes(args: &Args, clip: &Content, camera: Camera) -> Vec<View> {
 ///
 /// # Errors
 /// [`Fault::Usage`] if the clip has fewer layers than `--layer`.
-pub(crate) fn settings(args: &Args, clip: &Content) -> Result<RenderSettings, Fault> {
+pub(crate) fn settings(args: &Args, clip: &OpenTake) -> Result<RenderSettings, Fault> {
     let settings = args.settings();
     match settings.layers {
-        Some(layers) if layers > clip.layers() => Err(too_few_layers(layers, "the clip", clip)),
+        Some(layers) if layers > clip.layer_count() => Err(too_few_layers(layers, "the clip", clip)),
         _ => Ok(settings),
     }
 }

@@ -265,12 +265,13 @@ impl Shelf {
         let mut latest = None;
         let url = self.server.url(&format!("{which}"));
         for event in Download::new(&url, Options { cache, retry, ..Options::default() }) {
-            if let LoadEvent::Clip(clip) = event.map_err(|fault| fault.to_string())? {
-                latest = Some(clip);
+            if let LoadEvent::Take(take) = event.map_err(|fault| fault.to_string())? {
+                latest = Some(take);
             }
         }
         self.server.forget();
-        latest.map(|clip| Arc::unwrap_or_clone(clip.clip)).ok_or_else(|| "a download without a clip".into())
+        let take = latest.ok_or("a download without a clip")?;
+        take.segment(0, take.layers()[0]).map_err(|fault| fault.to_string())
     }
 }
 

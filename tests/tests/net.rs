@@ -10,10 +10,11 @@ use std::time::{Duration, Instant};
 
 use aarc_tests::scene::{Motion, Recipe, packaged};
 use aarc_tests::server::{Answer, Request, Server};
+use client::clips::LoadEvent;
 use client::clips::playlist::{self, Playlist};
-use client::clips::{ClipVersion, LoadEvent};
 use client::clips::{Progress, SourceOptions};
 use client::net::{Cache, Download, Options, RetryPolicy};
+use client::takes::OpenTake;
 use codec::{Clip, Limits, contents, decode};
 use program::Fault;
 
@@ -56,16 +57,10 @@ struct Events {
 }
 
 impl Events {
-    /// Adds a clip. A clip that continues the clip before has the earlier clip's rows.
-    fn add(&mut self, version: ClipVersion) {
-        let clip = Arc::unwrap_or_clone(version.clip);
-        if version.is_continued {
-            let before = self.clips.last().expect("it continues another");
-            assert!(clip.layers.starts_with(&before.layers) && clip.layers.len() > before.layers.len());
-            assert!(clip.static_field.centers.starts_with(&before.static_field.centers));
-            assert!(clip.dynamic_field.centers.starts_with(&before.dynamic_field.centers));
-        }
-        self.clips.push(clip);
+    /// Decodes what has arrived of a version.
+    fn add(&mut self, take: &OpenTake) {
+        let layers = (1..=take.layers()[0]).rev();
+        self.clips.extend(layers.filter_map(|layers| take.segment(0, layers).ok()).next());
     }
 
     fn troubles(&self) -> Vec<&str> {
@@ -82,9 +77,10 @@ impl Events {
 fn collect(download: Download) -> Events {
     let start = Instant::now();
     let mut events = Events::default();
+    let mut takes = Vec::new();
     for event in download {
         match event {
-            Ok(LoadEvent::Clip(version)) => events.add(version),
+            Ok(LoadEvent::Take(take)) => takes.push(take),
             Ok(LoadEvent::Note(note)) => events.notes.push(note),
             Ok(LoadEvent::Progress(progress)) => events.progress.push(progress),
             Ok(event) => panic!("a download reports {event:?}"),
@@ -92,6 +88,7 @@ fn collect(download: Download) -> Events {
         }
         assert!(start.elapsed() < Duration::from_secs(60), "it does not end: {events:?}");
     }
+    takes.iter().for_each(|take| events.add(take));
     events
 }
 
@@ -157,12 +154,14 @@ fn layers_play_before_the_rest_is_sent() {
     let retry = RetryPolicy { read_timeout: Duration::from_secs(30), ..RETRY };
     let mut layers_played = Vec::new();
     for event in Download::new(&server.url("clip.aarc"), Options { retry, ..Options::default() }) {
-        let LoadEvent::Clip(ClipVersion { clip, is_continued, .. }) = event.unwrap() else { continue };
-        assert_eq!(is_continued, !layers_played.is_empty());
-        layers_played.push(clip.layers.len());
-        assert_eq!(server.sent().len(), clip.layers.len(), "no more was sent than plays");
-        assert_eq!(*clip, decoded(&file[..ends[clip.layers.len() - 1]]));
-        permit.send(()).unwrap();
+        let LoadEvent::Take(take) = event.unwrap() else { continue };
+        for layers in 1..=take.layers()[0] {
+            // Waits for the layer.
+            assert_eq!(take.segment(0, layers).unwrap(), decoded(&file[..ends[layers - 1]]));
+            assert_eq!(server.sent().len(), layers, "no more was sent than plays");
+            layers_played.push(layers);
+            permit.send(()).unwrap();
+        }
     }
     assert_eq!(layers_played, [1, 2, 3]);
 }

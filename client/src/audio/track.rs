@@ -20,7 +20,7 @@ const JOINS_WITHIN: f64 = 1.001;
 
 /// The sounds of what is on display. Clones share them.
 #[derive(Clone, Debug, Default)]
-pub struct SoundTrack {
+pub(crate) struct SoundTrack {
     #[cfg(feature = "audio")]
     parts: Arc<Mutex<TrackParts>>,
 }
@@ -105,17 +105,6 @@ impl TrackParts {
     }
 }
 
-impl SoundTrack {
-    /// The sound of a clip, from its package or a prefix of one that has its first layer.
-    pub(crate) fn of_clip(package: &[u8], limits: &Limits) -> SoundTrack {
-        let track = SoundTrack::default();
-        if let Ok(head) = codec::contents(package, limits) {
-            track.add(&head, package, limits, 0, 0.0);
-        }
-        track
-    }
-}
-
 #[cfg(not(feature = "audio"))]
 impl SoundTrack {
     /// Does nothing: there is no sound without the feature `audio`.
@@ -130,6 +119,7 @@ impl SoundTrack {
     }
 
     /// Whether there is no sound: always.
+    #[cfg(any(feature = "window", feature = "xr"))]
     pub(crate) fn is_empty(&self) -> bool {
         true
     }
@@ -184,6 +174,7 @@ impl SoundTrack {
     }
 
     /// Whether there is no sound so far.
+    #[cfg(any(feature = "window", feature = "xr"))]
     pub(crate) fn is_empty(&self) -> bool {
         self.len() == 0
     }

@@ -22,8 +22,6 @@ pub(crate) struct ClipController<T: ClipTarget> {
     options: LoadOptions,
     /// What clips are made ready for; `None` while there is no device.
     target: Option<T>,
-    /// What the clip that was taken over left for its better versions, until they are requested.
-    uploaded: Option<T::Uploaded>,
     /// Where the clip that is requested next will be shown first, in seconds.
     position_s: f64,
     /// When a replaced file may be opened again, and the wait after that.
@@ -55,7 +53,6 @@ impl<T: ClipTarget> ClipController<T> {
             worker,
             options,
             target: None,
-            uploaded: None,
             position_s: 0.0,
             reopens_at: Instant::now(),
             reopens_after: REOPENS_AFTER,
@@ -94,19 +91,18 @@ impl<T: ClipTarget> ClipController<T> {
         self.send_request();
     }
 
-    /// Takes over a clip that is on display already, with what it left for its better versions, its playlist, and these.
+    /// Takes over a take that is on display already, its playlist, and what more its source has to tell.
     /// `named` is the clip or the playlist that was opened.
     #[cfg(feature = "window")]
     pub(crate) fn adopt(
         &mut self,
         target: T,
-        uploaded: Option<T::Uploaded>,
         named: Option<String>,
         entry: super::queue::Entry,
         queue: Option<Queue>,
         rest: super::source::Arrival,
     ) {
-        (self.target, self.uploaded) = (Some(target), uploaded);
+        self.target = Some(target);
         self.state.adopt(named, entry, queue, rest);
         self.send_request();
     }
@@ -221,7 +217,6 @@ impl<T: ClipTarget> ClipController<T> {
                 options: self.options.clone(),
                 is_blocking,
                 position_s,
-                uploaded: self.uploaded.take(),
             });
         }
     }
@@ -236,11 +231,13 @@ fn failure<C>() -> LoadEvent<C> {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
     use std::sync::mpsc::{Sender, channel};
 
     use super::*;
     use crate::clips::state::Transition;
-    use crate::clips::{Beginning, Content, Entry, SourceOptions};
+    use crate::clips::{Beginning, Entry, SourceOptions};
+    use crate::takes::OpenTake;
 
     const DEMO: &[u8] = include_bytes!("../../../assets/demo.aarc");
 
@@ -254,9 +251,8 @@ mod tests {
 
     impl ClipTarget for Defective {
         type Ready = ();
-        type Uploaded = ();
 
-        fn prepare(&self, _: &Entry, _: Content, _: Beginning<'_>, _: &mut Option<()>) -> Result<(), Fault> {
+        fn prepare(&self, _: &Entry, _: Arc<OpenTake>, _: Beginning<'_>) -> Result<(), Fault> {
             panic!("of the test")
         }
     }
@@ -286,15 +282,8 @@ mod tests {
 
     impl ClipTarget for Patient {
         type Ready = ();
-        type Uploaded = ();
 
-        fn prepare(
-            &self,
-            entry: &Entry,
-            _: Content,
-            beginning: Beginning<'_>,
-            _: &mut Option<()>,
-        ) -> Result<(), Fault> {
+        fn prepare(&self, entry: &Entry, _: Arc<OpenTake>, beginning: Beginning<'_>) -> Result<(), Fault> {
             self.0.send(()).unwrap();
             while entry.name.is_some() && !(beginning.is_overtaken)() {
                 std::thread::sleep(Duration::from_millis(1));
@@ -327,9 +316,8 @@ mod tests {
 
     impl ClipTarget for Display {
         type Ready = ();
-        type Uploaded = ();
 
-        fn prepare(&self, _: &Entry, _: Content, _: Beginning<'_>, _: &mut Option<()>) -> Result<(), Fault> {
+        fn prepare(&self, _: &Entry, _: Arc<OpenTake>, _: Beginning<'_>) -> Result<(), Fault> {
             Ok(())
         }
     }

@@ -4,7 +4,6 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::content::Content;
 use super::event::{LoadEvent, Version};
 use super::folder::Neighbours;
 use super::playlist;
@@ -13,6 +12,7 @@ use super::source::{self, Arrival};
 use super::source_options::SourceOptions;
 use super::url::title;
 use super::worker::Report;
+use crate::takes::OpenTake;
 use program::{Fault, counted};
 
 /// How a clip begins to be shown.
@@ -32,24 +32,18 @@ pub(crate) struct Beginning<'a> {
 
 /// What can show clips: a window, a headset, or images.
 pub(crate) trait ClipTarget: Clone + Send + 'static {
-    /// A clip that is ready to be shown.
+    /// A take that is ready to be shown.
     type Ready: Send + 'static;
 
-    /// What a version of a clip leaves for those that continue it: usually its place in GPU memory.
-    type Uploaded: Send + 'static;
-
-    /// Makes a clip ready, usually by uploading it, or a take, usually by uploading what its beginning needs. Runs on
-    /// the loader's thread. `uploaded` is what the version left that `content` continues, if it continues one, and is
-    /// replaced by what `content` leaves.
+    /// Makes a take ready, usually by uploading what its beginning needs. Runs on the loader's thread.
     ///
     /// # Errors
-    /// Why the clip cannot be shown.
+    /// Why it cannot be shown.
     fn prepare(
         &self,
         entry: &Entry,
-        content: Content,
+        take: Arc<OpenTake>,
         beginning: Beginning<'_>,
-        uploaded: &mut Option<Self::Uploaded>,
     ) -> Result<Self::Ready, Fault>;
 }
 
@@ -71,7 +65,7 @@ pub(super) enum Selection {
     Named(Option<String>),
     /// The first of these that can be loaded.
     FirstOf(Vec<Entry>),
-    /// The better versions of a clip on display.
+    /// What more its source has to tell of the take on display.
     #[cfg(feature = "window")]
     Rest(Entry, Arrival),
 }
@@ -86,8 +80,6 @@ pub(super) struct LoadRequest<T: ClipTarget> {
     pub(super) is_blocking: Arc<AtomicBool>,
     /// Where it will be shown first, in seconds.
     pub(super) position_s: f64,
-    /// What the clip on display left for its better versions, if these are requested.
-    pub(super) uploaded: Option<T::Uploaded>,
 }
 
 /// The events of a loader for the target `T`.
@@ -101,8 +93,8 @@ pub(super) fn load<T: ClipTarget>(
     request: LoadRequest<T>,
     report: &Report<'_, TargetEvent<T>>,
 ) -> ControlFlow<()> {
-    let LoadRequest { target, selection, options, is_blocking, position_s, uploaded } = request;
-    match (Loading { options, is_blocking, position_s, target, uploaded, report }).load(selection) {
+    let LoadRequest { target, selection, options, is_blocking, position_s } = request;
+    match (Loading { options, is_blocking, position_s, target, report }).load(selection) {
         Ok(ControlFlow::Continue(())) => (report.send)(LoadEvent::Done),
         Ok(ControlFlow::Break(())) => ControlFlow::Break(()),
         Err(fault) => (report.send)(LoadEvent::Failed(fault)),
@@ -115,8 +107,6 @@ struct Loading<'a, T: ClipTarget> {
     is_blocking: Arc<AtomicBool>,
     position_s: f64,
     target: T,
-    /// What the latest version left.
-    uploaded: Option<T::Uploaded>,
     report: &'a Report<'a, TargetEvent<T>>,
 }
 
@@ -150,7 +140,7 @@ impl<T: ClipTarget> Loading<'_, T> {
     /// Loads the first of `entries` that can be loaded.
     ///
     /// # Errors
-    /// The fault of the last entry if all fail; why no better version follows one that was reported.
+    /// The fault of the last entry if all fail; why no newer version follows one that was reported.
     fn first_of(&mut self, entries: &[Entry]) -> Flow {
         for (i, entry) in entries.iter().enumerate() {
             let mut is_first = true;
@@ -167,52 +157,42 @@ impl<T: ClipTarget> Loading<'_, T> {
         Ok(ControlFlow::Continue(()))
     }
 
-    /// Reports the versions of a clip: each one with enough layers while playback is blocked on it, else
-    /// the complete one only.
+    /// Reports the versions of a take: each one while playback is blocked on it, else the complete one only.
     fn versions(&mut self, entry: &Entry, arrival: Arrival, is_first: &mut bool) -> Flow {
-        let min_layers = self.options.min_layers;
         // The best version, until it is reported.
-        let mut latest: Option<Content> = None;
+        let mut latest = None;
         for event in arrival {
             let mut flow = ControlFlow::Continue(());
             match event? {
-                LoadEvent::Clip(version) => {
-                    if !version.is_continued {
-                        self.uploaded = None;
-                    }
-                    latest = Some(Content::Clip(version));
-                }
-                LoadEvent::Take(take) => latest = Some(Content::Take(take)),
+                LoadEvent::Take(take) => latest = Some(take),
                 event => flow = self.pass_on(event),
             }
             if flow.is_continue()
                 && !self.options.is_complete
                 && self.is_blocking.load(Ordering::Relaxed)
-                && let Some(clip) = latest.take_if(|clip| clip.layers() >= min_layers)
+                && let Some(take) = latest.take()
             {
-                flow = self.version(entry, clip, is_first)?;
+                flow = self.version(entry, take, is_first)?;
             }
             if flow.is_break() {
                 return Ok(flow);
             }
         }
-        match latest {
-            None => Ok(ControlFlow::Continue(())),
-            Some(clip) if clip.layers() < min_layers => {
-                Err(too_few_layers(min_layers, &title(entry.name.as_deref()), &clip))
-            }
-            Some(clip) => self.version(entry, clip, is_first),
-        }
+        latest.map_or(Ok(ControlFlow::Continue(())), |take| self.version(entry, take, is_first))
     }
 
-    fn version(&mut self, entry: &Entry, content: Content, is_first: &mut bool) -> Flow {
+    fn version(&mut self, entry: &Entry, take: Arc<OpenTake>, is_first: &mut bool) -> Flow {
+        let min_layers = self.options.min_layers;
+        if take.layer_count() < min_layers {
+            return Err(too_few_layers(min_layers, &title(entry.name.as_deref()), &take));
+        }
         let is_blocking = self.is_blocking.load(Ordering::Relaxed);
         let is_overtaken = self.report.is_overtaken;
         let beginning = Beginning { position_s: self.position_s, is_blocking, is_overtaken };
-        let clip = self.target.prepare(entry, content, beginning, &mut self.uploaded)?;
+        let clip = self.target.prepare(entry, take, beginning)?;
         let version = Version { entry: entry.clone(), is_first: *is_first, clip };
         *is_first = false;
-        Ok((self.report.send)(LoadEvent::Clip(version)))
+        Ok((self.report.send)(LoadEvent::Take(version)))
     }
 
     /// Passes on an event of a source that holds no clip.
@@ -226,8 +206,8 @@ impl<T: ClipTarget> Loading<'_, T> {
 }
 
 /// The fault of a clip with fewer than the `asked` layers; `subject` is its name.
-pub(crate) fn too_few_layers(asked: usize, subject: &str, content: &Content) -> Fault {
-    let has = counted(content.layers(), "layer");
+pub(crate) fn too_few_layers(asked: usize, subject: &str, take: &OpenTake) -> Fault {
+    let has = counted(take.layer_count(), "layer");
     Fault::Usage(format!("--layer {asked}: {subject} has {has}: give no larger number"))
 }
 
@@ -239,7 +219,6 @@ mod tests {
     use codec::Limits;
 
     use super::*;
-    use crate::clips::file::decode;
     use crate::clips::folder::Direction;
 
     const DEMO: &[u8] = include_bytes!("../../../assets/demo.aarc");
@@ -252,18 +231,11 @@ mod tests {
 
     impl ClipTarget for Target {
         type Ready = usize;
-        type Uploaded = ();
 
-        fn prepare(
-            &self,
-            entry: &Entry,
-            clip: Content,
-            _: Beginning<'_>,
-            _: &mut Option<()>,
-        ) -> Result<usize, Fault> {
+        fn prepare(&self, entry: &Entry, take: Arc<OpenTake>, _: Beginning<'_>) -> Result<usize, Fault> {
             match self.too_large == Some(entry.number) {
                 true => Err(Fault::Device("too large".into())),
-                false => Ok(clip.layers()),
+                false => Ok(take.layer_count()),
             }
         }
     }
@@ -276,7 +248,7 @@ mod tests {
     ) -> LoadRequest<Target> {
         let options = LoadOptions { source: SourceOptions::default(), min_layers, is_complete: false };
         let is_blocking = Arc::new(is_blocking.into());
-        LoadRequest { target, selection, options, is_blocking, position_s: 0.0, uploaded: None }
+        LoadRequest { target, selection, options, is_blocking, position_s: 0.0 }
     }
 
     /// The events of a request: `x` for a skipped entry, the number of a clip, `!` for its first version,
@@ -290,17 +262,14 @@ mod tests {
         let text = RefCell::new(String::new());
         let send = &|event| {
             text.borrow_mut().push_str(&match event {
-                LoadEvent::Clip(Version { entry, is_first, .. }) => {
+                LoadEvent::Take(Version { entry, is_first, .. }) => {
                     format!("{}{}", entry.number, if is_first { "!" } else { "" })
                 }
                 LoadEvent::Skipped(_) => "x".into(),
                 LoadEvent::Failed(fault) => format!(" {fault}"),
                 LoadEvent::Playlist(queue) => format!("{} ", queue.len()),
                 LoadEvent::Done => ".".into(),
-                LoadEvent::Progress(_)
-                | LoadEvent::Note(_)
-                | LoadEvent::Take(_)
-                | LoadEvent::Neighbours(_) => String::new(),
+                LoadEvent::Progress(_) | LoadEvent::Note(_) | LoadEvent::Neighbours(_) => String::new(),
             });
             ControlFlow::Continue(())
         };
@@ -337,7 +306,7 @@ mod tests {
     fn a_clip_with_too_few_layers_fails() {
         let folder = tempfile::tempdir().unwrap();
         std::fs::write(folder.path().join("a.aarc"), DEMO).unwrap();
-        let layers = decode(DEMO, &Limits::default()).unwrap().layers.len();
+        let layers = codec::decode(DEMO, &Limits::default()).unwrap().layers.len();
         for is_blocking in [true, false] {
             let selection = || Selection::FirstOf(entries(folder.path(), &["a.aarc"]));
             assert_eq!(events(selection(), layers, is_blocking, None), "0!.");

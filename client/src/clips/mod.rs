@@ -6,16 +6,11 @@
 //!                                    +--------- LoadRequest ------+
 //! ```
 //!
-//! `source` opens one clip, `playlist` the list that names several, and `queue` orders them. The `loader`
-//! carries requests out on the thread of a `worker`, up to clips that a `ClipTarget` can show. `state`
+//! `source` opens one clip as a take, `playlist` the list that names several, and `queue` orders them. The `loader`
+//! carries requests out on the thread of a `worker`, up to takes that a `ClipTarget` can show. `state`
 //! decides what to load and what to show; `controller` joins it with the thread.
 
 mod advice;
-#[cfg_attr(
-    not(all(feature = "window", feature = "xr")),
-    allow(dead_code, reason = "each display uses a part of it")
-)]
-mod content;
 #[cfg_attr(
     not(feature = "xr"),
     allow(dead_code, reason = "a headset uses all of it, images and a window less")
@@ -42,12 +37,8 @@ mod url;
 mod worker;
 
 pub(crate) use advice::advice;
-pub use content::Content;
 pub(crate) use controller::ClipController;
-pub use event::{ClipVersion, LoadEvent};
-pub use file::load_file;
-#[cfg(feature = "net")]
-pub(crate) use file::{decode, decode_layers};
+pub use event::LoadEvent;
 #[cfg(any(feature = "window", feature = "xr"))]
 pub(crate) use folder::Direction;
 pub use folder::Neighbours;
@@ -60,7 +51,7 @@ pub use progress::Progress;
 pub use queue::{Entry, Queue};
 #[cfg(not(target_os = "android"))]
 pub use source::cache_dir;
-pub use source::{Arrival, open};
+pub use source::{Arrival, Wait, open};
 pub use source_options::SourceOptions;
 pub(crate) use state::Change;
 #[cfg(any(feature = "window", feature = "xr"))]

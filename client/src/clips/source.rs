@@ -1,36 +1,26 @@
-//! [`open`]: a clip from a file, from a URL, or the built-in demo, as an [`Arrival`].
+//! [`open`]: a take from a file, from a URL, or the built-in demo, as an [`Arrival`].
 
 use std::path::Path;
 use std::sync::Arc;
 
-use codec::Limits;
 use program::Fault;
 
-use super::content::Content;
 use super::demo;
-use super::event::{ClipVersion, LoadEvent};
+use super::event::LoadEvent;
 #[cfg(feature = "import")]
 use super::field;
-use super::file::{decode, load_version, truncation};
 use super::source_options::SourceOptions;
 use super::url::{UNKNOWN_SCHEME, is_url, redacted, scheme};
 #[cfg(feature = "net")]
 use crate::net::{self, Download};
-use crate::takes::OpenTake;
+use crate::takes::{OpenTake, TakeSource};
 
-/// A clip that is in memory or being downloaded, or a take. Iterating waits for the next event; it ends after the
-/// complete clip or the first error.
+/// A take that is open or being downloaded. Iterating waits for the next event; it ends after the complete file or the
+/// first error.
 #[derive(Debug)]
 pub enum Arrival {
-    /// In memory, until it is taken, after what there is to say of it.
-    Loaded {
-        /// A remark for the viewer.
-        note: Option<String>,
-        /// The clip.
-        clip: Option<ClipVersion>,
-    },
-    /// A take, until it is taken, after what there is to say of it.
-    Take {
+    /// Open, until it is taken, after what there is to say of it.
+    Open {
         /// A remark for the viewer.
         note: Option<String>,
         /// The take.
@@ -46,11 +36,7 @@ impl Iterator for Arrival {
 
     fn next(&mut self) -> Option<Result<LoadEvent, Fault>> {
         match self {
-            Arrival::Loaded { note, clip } => {
-                let note = note.take().map(LoadEvent::Note);
-                note.or_else(|| clip.take().map(LoadEvent::Clip)).map(Ok)
-            }
-            Arrival::Take { note, take } => {
+            Arrival::Open { note, take } => {
                 let note = note.take().map(LoadEvent::Note);
                 note.or_else(|| take.take().map(LoadEvent::Take)).map(Ok)
             }
@@ -60,74 +46,64 @@ impl Iterator for Arrival {
     }
 }
 
+/// How much of a take to wait for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Wait {
+    /// What plays.
+    Playable,
+    /// The complete file, unless it is read in parts.
+    Complete,
+}
+
 impl Arrival {
-    /// Waits for the complete clip, or for its first version with `layers` layers, or for a take. Passes every event
-    /// up to then to `on_event`.
+    /// Waits for a take. Passes every event up to then to `on_event`.
     ///
     /// # Errors
-    /// Why the clip does not arrive.
-    pub fn wait(
-        &mut self,
-        layers: Option<usize>,
-        mut on_event: impl FnMut(&LoadEvent),
-    ) -> Result<Content, Fault> {
+    /// Why it does not arrive.
+    pub fn wait(&mut self, wait: Wait, mut on_event: impl FnMut(&LoadEvent)) -> Result<Arc<OpenTake>, Fault> {
         let mut latest = None;
         for event in self {
             let event = event?;
             on_event(&event);
-            match event {
-                LoadEvent::Clip(clip) => {
-                    let is_enough = layers.is_some_and(|layers| clip.clip.layers.len() >= layers);
-                    let clip = Content::Clip(clip);
-                    if is_enough {
-                        return Ok(clip);
-                    }
-                    latest = Some(clip);
+            if let LoadEvent::Take(take) = event {
+                if wait == Wait::Playable {
+                    return Ok(take);
                 }
-                LoadEvent::Take(take) => latest = Some(Content::Take(take)),
-                _ => {}
+                latest = Some(take);
             }
         }
-        // A download ends with a clip or an error.
+        // A download ends with a take or an error.
         latest.ok_or_else(|| Fault::Defect("no clip came: report this defect of the player".into()))
     }
 }
 
-/// Opens a clip: a path, which is read and decoded at once; a URL; or the demo clip where `name` is
+/// Opens a clip or a take: a path, whose head is read at once; a URL; or the demo where `name` is
 /// `None`. With the feature `import`, a path may also name a field in the format of another program.
 ///
 /// # Errors
-/// As [`load_file`](super::file::load_file); [`Fault::Usage`] for a URL if this program was built without the feature `net`, or if
+/// As [`OpenTake::open`]; [`Fault::Usage`] for a URL if this program was built without the feature `net`, or if
 /// its scheme is another one.
 pub fn open(name: Option<&str>, options: &SourceOptions) -> Result<Arrival, Fault> {
-    let loaded = |note, clip| Arrival::Loaded { note, clip: Some(clip) };
+    let limits = &options.limits;
+    let opened = |note: Option<String>, take| Arrival::Open { note, take: Some(Arc::new(take)) };
     match name {
-        None => decode(&demo::package()?, &options.limits)
-            .map(|clip| loaded(None, ClipVersion::bare(clip)))
-            .map_err(|error| Fault::Defect(format!("demo clip: {error}: install the player again"))),
+        None => OpenTake::from_source(TakeSource::Memory("demo clip".into(), demo::package()?), limits)
+            .map(|take| opened(None, take))
+            .map_err(|fault| Fault::Defect(format!("{fault}: install the player again"))),
         Some(name) if is_url(name) => download(name, options),
         Some(url) if scheme(url).is_some() => {
             Err(Fault::Usage(format!("{}: {UNKNOWN_SCHEME}", redacted(url))))
         }
-        Some(path) => {
-            let path = Path::new(path);
+        Some(name) => {
+            let path = Path::new(name);
             #[cfg(feature = "import")]
             if field::is_field(path) {
-                let field = field::load_field(path, &options.limits);
-                return field.map(|(clip, note)| loaded(note, ClipVersion::bare(clip)));
+                let (clip, note) = field::load_field(path, limits)?;
+                return Ok(opened(note, OpenTake::from_clip(name.into(), clip, limits)));
             }
-            if let Some(take) = open_take(path, &options.limits)? {
-                return Ok(Arrival::Take { note: take.truncation(), take: Some(Arc::new(take)) });
-            }
-            load_version(path, &options.limits)
-                .map(|version| loaded(truncation(path, &version.clip), version))
+            OpenTake::open(path, limits).map(|take| opened(take.truncation(), take))
         }
     }
-}
-
-/// Opens a file if it is a take. What is wrong with other files, [`load_file`](super::file::load_file) says.
-fn open_take(path: &Path, limits: &Limits) -> Result<Option<OpenTake>, Fault> {
-    if path.is_file() { OpenTake::open(path, limits) } else { Ok(None) }
 }
 
 /// The folder in which this user's downloads are cached; `None` if the system has no place for them.
@@ -170,7 +146,7 @@ mod tests {
 
     #[test]
     fn the_demo_clip_plays_and_offers_viewpoints() {
-        let clip = open(None, &SourceOptions::default()).unwrap().wait(None, |_| ()).unwrap();
+        let clip = open(None, &SourceOptions::default()).unwrap().wait(Wait::Complete, |_| ()).unwrap();
         assert!(!clip.is_static() && clip.duration_s() > 0.0 && !clip.info().viewpoints.is_empty());
     }
 
@@ -180,7 +156,8 @@ mod tests {
         let path = folder.path().join("a.aarc");
         let rows = [ball(), sky(30.0)].concat();
         std::fs::write(&path, package(&y_up(), &field(&rows))).unwrap();
-        let clip = open(path.to_str(), &SourceOptions::default()).unwrap().wait(None, |_| ()).unwrap();
+        let clip =
+            open(path.to_str(), &SourceOptions::default()).unwrap().wait(Wait::Complete, |_| ()).unwrap();
         let [opening] = &clip.info().viewpoints[..] else { panic!("{:?}", clip.info().viewpoints) };
         let camera = opening.camera(clip.info().up, 100, 100);
         let [x, y, depth] = camera.camera_from_world[..3] else { unreachable!("it has three rows") };
@@ -196,7 +173,7 @@ mod tests {
     fn a_url_is_not_fetched_before_it_is_iterated() {
         let opened = open(Some("http://a/b.aarc"), &SourceOptions::default());
         if cfg!(feature = "net") {
-            assert!(!matches!(opened.unwrap(), Arrival::Loaded { .. }), "nothing is fetched yet");
+            assert!(!matches!(opened.unwrap(), Arrival::Open { .. }), "nothing is fetched yet");
         } else {
             assert!(matches!(opened, Err(Fault::Usage(_))));
         }

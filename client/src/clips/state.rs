@@ -4,7 +4,7 @@
 //! [`Change`]s to the display and requests to the loader. At most one clip besides the clip on display is held ready.
 //!
 //! ```text
-//! open ----> Opening --first version--> Current --better versions--> idle
+//! open ----> Opening --first version--> Current --newer versions--> idle
 //!                                                                     |  request_next
 //! shown <--- follow <--- Ready <--first version-- Next <--------------+
 //! ```
@@ -138,7 +138,7 @@ impl<C> QueueState<C> {
         self.load(Loading::Opening { has_neighbours }, Selection::Named(name));
     }
 
-    /// Takes over a clip that is on display already, its playlist, and its better versions. `named` is the clip or
+    /// Takes over a clip that is on display already, its playlist, and its newer versions. `named` is the clip or
     /// the playlist that was opened.
     #[cfg(feature = "window")]
     pub(super) fn adopt(
@@ -280,9 +280,7 @@ impl<C> QueueState<C> {
                 }
                 None
             }
-            LoadEvent::Clip(version) => self.on_version(version),
-            // The loader makes a version of it.
-            LoadEvent::Take(_) => None,
+            LoadEvent::Take(version) => self.on_version(version),
             LoadEvent::Failed(fault) => Some(self.on_failure(fault)),
             LoadEvent::Done => {
                 self.finish();
@@ -346,7 +344,7 @@ impl<C> QueueState<C> {
         self.request_next();
     }
 
-    /// Whether the clip on display waits at its end for the next one. A looping clip whose better versions
+    /// Whether the clip on display waits at its end for the next one. A looping clip whose newer versions
     /// are still being loaded does not: they may take long.
     pub(super) fn is_followed(&self, looping: bool) -> bool {
         let (Some(queue), Some(_)) = (&self.queue, &self.current) else { return false };
@@ -382,7 +380,7 @@ impl<C> QueueState<C> {
                 }
                 self.current = Some(entry.clone());
                 (self.next_wanted, self.skip_requested) = (false, false);
-                // Its better versions may be on their way.
+                // Its newer versions may be on their way.
                 if let Some(Loading::Next(_)) = self.loading {
                     self.loading = Some(Loading::Current);
                 }
@@ -485,7 +483,7 @@ mod tests {
 
     fn clip(number: usize, is_first: bool, clip: &'static str) -> LoadEvent<Version<&'static str>> {
         let entry = Entry { number, name: Some(number.to_string()) };
-        LoadEvent::Clip(Version { entry, is_first, clip })
+        LoadEvent::Take(Version { entry, is_first, clip })
     }
 
     fn failed(why: &str) -> LoadEvent<Version<&'static str>> {
@@ -530,7 +528,7 @@ mod tests {
         assert!(matches!(state.take_request(), Some((Selection::Named(_), _))));
         assert_eq!(short(state.on_event(LoadEvent::Playlist(queue(count)))), "");
         assert_eq!(short(state.on_event(clip(0, true, "a"))), "Open 0 a");
-        assert!(state.take_request().is_none(), "better versions come first");
+        assert!(state.take_request().is_none(), "newer versions come first");
         assert_eq!(short(state.on_event(LoadEvent::Done)), "idle");
         state
     }
@@ -561,7 +559,7 @@ mod tests {
         assert_eq!(short(state.on_event(progress())), "progress");
         state.on_event(clip(1, true, "b"));
         assert_eq!(short(state.follow()), "Follow 1 b");
-        assert!(state.take_request().is_none(), "its better versions come first");
+        assert!(state.take_request().is_none(), "its newer versions come first");
         assert!(!state.is_followed(true), "a loop does not wait for them");
         assert_eq!(short(state.on_event(clip(1, false, "a better b"))), "Refine 1 a better b");
         state.on_event(LoadEvent::Done);
@@ -578,7 +576,7 @@ mod tests {
         state.on_event(clip(1, true, "b"));
         assert_eq!(short(state.follow()), "Follow 1 b");
         assert!(!state.skip_requested());
-        // A skip during the better versions waits for them and for the clip after.
+        // A skip during the newer versions waits for them and for the clip after.
         state.skip(Direction::Forward);
         assert!(state.follow().is_none() && state.skip_requested());
         state.on_event(LoadEvent::Done);
@@ -674,7 +672,7 @@ mod tests {
         assert_eq!(candidates(&mut state).unwrap(), [1, 2, 3]);
         assert_eq!(short(state.on_event(clip(1, true, "b"))), "Follow 1 b");
         // Before the next clip is there, while it is loaded, and once it is ready.
-        assert_eq!(short(state.skip(forward)), "", "its better versions come first");
+        assert_eq!(short(state.skip(forward)), "", "its newer versions come first");
         assert_eq!(short(state.skip(forward)), "waiting");
         assert_eq!(candidates(&mut state).unwrap(), [3, 0, 1]);
         for is_ready in [false, true] {
@@ -723,7 +721,7 @@ mod tests {
                 "counted from the one that is being opened"
             );
             assert_eq!(short(state.on_event(clip(0, true, "d"))), "Open 0 d");
-            // Its better versions are still on their way.
+            // Its newer versions are still on their way.
             state.skip(Direction::Back);
             assert_eq!(opened(&mut state).as_ref(), Some(&c));
         }

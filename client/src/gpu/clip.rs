@@ -5,7 +5,6 @@
 
 use std::sync::Arc;
 
-use codec::LayerEnd;
 use glam::DVec3;
 use shaders::layout::{self, Ranges};
 use shaders::{ROW_BITS, SLOTS};
@@ -56,18 +55,6 @@ impl GpuClip {
     /// GPU memory of the clip, or of all that may be resident of the take, in bytes.
     pub fn bytes(&self) -> u64 {
         self.sets().map(|set| set.buffers.bytes()).sum()
-    }
-
-    /// Number of Gaussians in the first k layers of the only segment, for k from 1; the plate is in no layer. Empty where
-    /// several are drawn.
-    pub fn layer_ends(&self) -> Vec<usize> {
-        self.ends().into_iter().map(LayerEnd::total).collect()
-    }
-
-    /// As [`GpuClip::layer_ends`], of both kinds.
-    pub(super) fn ends(&self) -> Vec<LayerEnd> {
-        let only = self.clip.slots[0].as_ref().filter(|_| !self.clip.buffers.features.segmented);
-        only.map_or_else(Vec::new, |slot| slot.segment.rows.layer_ends().collect())
     }
 
     /// The sets back to front: the plate, if there is one, then the clip.

@@ -3,7 +3,7 @@
 //! Once per device, [`choose_f16`] measures whether the fragment stage may calculate in f16.
 //! Once per take, [`Renderer::new_take`] builds buffers of fixed size and the pipelines that the device does not have yet.
 //! While it plays, its segments are packed by a loader ([`PackedSegment::new`], [`PackedLayers::new`]), and come and go
-//! between frames ([`Slots`]). A clip is the only segment, uploaded as its layers arrive ([`UploadedClip`]).
+//! between frames ([`Slots`]). A clip is the only segment.
 //! Per frame, [`Renderer::prepare`] runs the stages `alive` and `sort` on the CPU, and [`Renderer::record`] records
 //! `evaluate` and `splat`, and for a foveated frame `foveate`, for the GPU.
 
@@ -38,7 +38,6 @@ mod target;
 mod timing;
 #[cfg(any(feature = "window", feature = "xr"))]
 mod ui;
-mod uploaded;
 
 pub use clip::GpuClip;
 pub use counts::{Coverage, FrameCounts};
@@ -59,7 +58,6 @@ pub use stages::sort::{DIGIT_BITS as SORT_DIGIT_BITS, DIGITS as SORT_DIGITS};
 pub use target::{ChannelDepth, Offscreen};
 #[cfg(any(feature = "window", feature = "xr"))]
 pub(crate) use ui::UiPainter;
-pub use uploaded::UploadedClip;
 #[cfg(feature = "xr")]
 pub(crate) use {
     device::Failures,

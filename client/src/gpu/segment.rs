@@ -151,15 +151,6 @@ impl PackedLayers {
         Ok(PackedLayers { run: PackedRun::new(&LayerRun::from(layers), span, &layout.format())? })
     }
 
-    /// Packs the layers of the only segment of a take of `layout` from layer `first` on, counted from 0.
-    ///
-    /// # Errors
-    /// As for [`PackedSegment::new`].
-    pub(super) fn since(clip: &Clip, first: usize, layout: &TakeLayout) -> Result<PackedLayers, Fault> {
-        let run = LayerRun::of_clip(clip, first);
-        Ok(PackedLayers { run: PackedRun::new(&run, Span::WHOLE, &layout.format())? })
-    }
-
     /// Number of Gaussians.
     pub fn gaussians(&self) -> usize {
         self.run.rows.len()

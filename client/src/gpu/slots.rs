@@ -12,7 +12,7 @@ use std::collections::VecDeque;
 use std::ops::Range;
 use std::sync::Arc;
 
-use codec::LayerEnd;
+use codec::{Clip, LayerEnd};
 use program::Fault;
 use shaders::{Features, ROW_BITS, SLOTS};
 
@@ -275,6 +275,20 @@ impl Slots {
 
     fn find(&self, id: SlotId) -> Option<&Taken> {
         self.taken[id.number].as_ref().filter(|taken| taken.serial == id.serial)
+    }
+}
+
+impl GpuClip {
+    /// Packs and uploads the layers of `clip` as the only segment, into buffers with room for all that are announced.
+    ///
+    /// # Errors
+    /// [`Fault::Device`] if the clip does not fit the device with all its layers.
+    pub fn upload(gpu: &Gpu, clip: &Clip) -> Result<Arc<GpuClip>, Fault> {
+        let layout = TakeLayout::for_clip(clip);
+        let mut slots = Slots::new(gpu, &layout)?;
+        slots.insert(PackedSegment::new(clip, Span::WHOLE, &layout)?).expect("it has its room");
+        gpu.allocate("the clip", || slots.upload(gpu, usize::MAX))?;
+        Ok(slots.clip)
     }
 }
 

@@ -13,7 +13,7 @@ pub struct Span {
 
 impl Span {
     /// The span of the only segment of a clip, in units of the clip.
-    pub(super) const WHOLE: Span = Span { start_s: 0.0, duration_s: 1.0 };
+    pub const WHOLE: Span = Span { start_s: 0.0, duration_s: 1.0 };
 
     /// Whether the segment is drawn at the instant `t_s` of a take of `take_s` seconds, as [`span_holds`] has it.
     pub fn holds(&self, t_s: f64, take_s: f64) -> bool {

@@ -5,7 +5,9 @@
 //! that is being resolved, or a connection that is being opened, still takes its time; nothing is sent then.
 
 use std::any::Any;
+use std::ops::Range;
 use std::panic::{self, AssertUnwindSafe};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -44,6 +46,10 @@ pub(super) struct State {
     pub(super) outcome: Option<Outcome>,
     /// The URL of the file, where redirects led, once the server has responded.
     pub(super) url: Option<String>,
+    /// Number of times that the file began again, as another version.
+    pub(super) beginnings: u32,
+    /// Whether nothing more arrives.
+    has_ended: bool,
     meter: Meter,
     /// What the thread panicked with: a defect, which goes on in the caller's thread.
     panic: Option<Box<dyn Any + Send>>,
@@ -57,6 +63,8 @@ impl State {
             progress: Progress::default(),
             outcome: None,
             url: None,
+            beginnings: 0,
+            has_ended: false,
             meter: Meter::default(),
             panic: None,
         }
@@ -135,6 +143,7 @@ impl Fetch {
         let thread = std::thread::Builder::new().name("fetch".into()).spawn(move || {
             let result = panic::catch_unwind(AssertUnwindSafe(|| work(&ours)));
             let mut state = ours.lock();
+            state.has_ended = true;
             match result {
                 Ok(outcome) => state.outcome = outcome,
                 Err(panic) => state.panic = Some(panic),
@@ -144,6 +153,12 @@ impl Fetch {
         });
         thread.map_err(|error| Fault::Device(format!("cannot start a thread: {error}")))?;
         Ok(Fetch(shared))
+    }
+
+    /// The file as it arrives, with a `name` for messages.
+    pub(super) fn file(&self, name: String) -> ArrivingFile {
+        let beginnings = self.0.lock().beginnings;
+        ArrivingFile { shared: self.0.clone(), name, beginnings, is_closed: AtomicBool::new(false) }
     }
 
     /// Waits until `is_ready`, for `time` at most, and returns the state, locked.
@@ -175,6 +190,72 @@ impl Drop for Fetch {
         // The thread looks at the watch with the state locked before it waits.
         drop(self.0.lock());
         self.0.changed.notify_all();
+    }
+}
+
+/// A file that a [`Fetch`] brings, from its start. Of the bytes that are there it may be read also after the fetch.
+pub(crate) struct ArrivingFile {
+    shared: Arc<Shared>,
+    name: String,
+    /// [`State::beginnings`] of this version.
+    beginnings: u32,
+    is_closed: AtomicBool,
+}
+
+/// How often a read that waits for bytes looks whether it was closed.
+const LOOK_INTERVAL: Duration = Duration::from_millis(100);
+
+impl ArrivingFile {
+    /// Name for messages.
+    pub(crate) fn name(&self) -> String {
+        self.name.clone()
+    }
+
+    /// The bytes that are there.
+    pub(crate) fn there(&self) -> Vec<u8> {
+        self.shared.lock().file.bytes().to_vec()
+    }
+
+    /// Whether bytes that are not there will not come: the fetch has ended, or brings another version.
+    pub(crate) fn has_failed(&self) -> bool {
+        self.has_failed_in(&self.shared.lock())
+    }
+
+    fn has_failed_in(&self, state: &State) -> bool {
+        let is_incomplete = !state.file.is_complete();
+        let has_ended = state.has_ended || self.shared.watch.is_cancelled();
+        state.beginnings != self.beginnings || is_incomplete && has_ended
+    }
+
+    /// Ends a read that waits, and those that follow.
+    pub(crate) fn close(&self) {
+        self.is_closed.store(true, Ordering::Relaxed);
+    }
+
+    /// Reads `range` once it is there; less at the end of the file.
+    ///
+    /// # Errors
+    /// [`Fault::Network`] if it does not come, or the file was closed.
+    pub(crate) fn read(&self, range: Range<u64>) -> Result<Vec<u8>, Fault> {
+        let mut state = self.shared.lock();
+        loop {
+            let bytes = state.file.bytes();
+            let is_there = bytes.len() as u64 >= range.end || state.file.is_complete();
+            if is_there && state.beginnings == self.beginnings {
+                let [start, end] = [range.start, range.end].map(|at| bytes.len().min(at as usize));
+                return Ok(bytes[start..end.max(start)].to_vec());
+            }
+            if self.has_failed_in(&state) || self.is_closed.load(Ordering::Relaxed) {
+                return Err(Fault::Network("the rest does not arrive: open it again".into()));
+            }
+            state = self.shared.wait(state, LOOK_INTERVAL);
+        }
+    }
+}
+
+impl std::fmt::Debug for ArrivingFile {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_tuple("ArrivingFile").field(&self.name).finish()
     }
 }
 
@@ -279,7 +360,10 @@ impl Exchange<'_> {
         match self.transfer.on_response(&request, &head) {
             Action::Read { skip } => self.read(body, skip),
             Action::StartOver => {
-                self.shared.lock().file.clear();
+                let mut state = self.shared.lock();
+                state.file.clear();
+                state.beginnings += 1;
+                drop(state);
                 self.read(body, 0)
             }
             // A take may be: its head tells.

@@ -1,11 +1,11 @@
-//! Clips from URLs: [`Download`] fetches one, decodes its layers as they arrive, and caches it.
+//! Clips from URLs: [`Download`] fetches one, opens it when its first layer is there, and caches it.
 //! `document` does the same for a file that is not a clip.
 //!
 //! ```text
-//! request -> transfer -> partial_file -> decode -> LoadEvent   request: HTTP; head: status and headers
-//!      (fetch: a thread)           |                           transfer: what to request next
-//!                                cache                         partial_file: the bytes, and what plays
-//!                                                              cache: files of earlier runs, on disk
+//! request -> transfer -> partial_file -> OpenTake -> LoadEvent   request: HTTP; head: status and headers
+//!      (fetch: a thread)           |                             transfer: what to request next
+//!                                cache                           partial_file: the bytes, and what plays
+//!                                                                cache: files of earlier runs, on disk
 //! ```
 //!
 //! A `watch` ends a cancelled fetch, and a request whose bytes come too slowly; `wire` asks it below HTTP and
@@ -35,5 +35,6 @@ mod wire;
 pub use cache::{CACHE_BYTES, Cache};
 pub(crate) use document::document;
 pub use download::{Download, Options};
+pub(crate) use fetch::ArrivingFile;
 pub(crate) use remote_file::RemoteFile;
 pub use retry::RetryPolicy;

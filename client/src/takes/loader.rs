@@ -9,22 +9,23 @@ use std::time::Duration;
 
 use program::Fault;
 
-use super::layers::Traffic;
-use super::opened::{OpenTake, PackedWant};
+use super::opened::{Loaded, OpenTake};
 use super::plan::Want;
 use crate::clips::{Report, Worker};
 use crate::gpu::TakeLayout;
 
 /// What the thread reports.
 pub(super) enum SegmentEvent {
-    /// Layers of a segment are packed; and what came from a server for them.
-    Packed(Want, PackedWant, Traffic),
+    /// Layers of a segment are packed.
+    Packed(Loaded),
     /// A segment cannot be loaded.
     Failed(Want, Fault),
     /// A segment cannot be loaded because the file is another version by now.
     Replaced(Want, Fault),
     /// The read of a segment was ended for the sake of others.
     Overtaken(Want),
+    /// A segment does not arrive; whoever fetches the file says why.
+    Ended(Want),
     /// Nothing is left to load.
     Idle,
 }
@@ -36,6 +37,16 @@ struct Wants {
     under_way: Vec<Want>,
     /// Whether the read under way was told to end.
     is_cancelled: bool,
+}
+
+impl Wants {
+    /// Takes in that a segment was loaded, perhaps with more layers than were wanted.
+    fn on_loaded(&mut self, loaded: Want) {
+        let is_it = |other: &&mut Want| (other.segment, other.from) == (loaded.segment, loaded.from);
+        self.under_way.iter_mut().filter(is_it).for_each(|want| *want = loaded);
+        let list = self.queue.drain(..).collect();
+        self.queue = behind(&self.under_way, list).collect();
+    }
 }
 
 /// The loader of a take.
@@ -57,7 +68,7 @@ impl SegmentLoader {
         wake: impl Fn() + Send + 'static,
     ) -> Result<SegmentLoader, Fault> {
         let wants = Arc::new(Mutex::new(Wants::default()));
-        let (shared, loaded) = (wants.clone(), opened.clone());
+        let (shared, ours) = (wants.clone(), opened.clone());
         let work = move |(), report: &Report<'_, SegmentEvent>| {
             loop {
                 let want = {
@@ -65,13 +76,17 @@ impl SegmentLoader {
                     let Some(want) = wants.queue.pop_front() else { break };
                     wants.under_way.push(want);
                     wants.is_cancelled = false;
-                    loaded.resume();
+                    ours.resume();
                     want
                 };
-                let packed = loaded.load(want, &layout);
-                let is_replaced = loaded.is_replaced();
+                let packed = ours.load(want, &layout);
+                let is_replaced = ours.is_replaced();
                 let event = match packed {
-                    Ok((packed, traffic)) => SegmentEvent::Packed(want, packed, traffic),
+                    Ok(loaded) => {
+                        lock(&shared).on_loaded(loaded.want);
+                        SegmentEvent::Packed(loaded)
+                    }
+                    Err(_) if ours.has_failed() => SegmentEvent::Ended(want),
                     Err(Fault::Network(_)) if lock(&shared).is_cancelled => SegmentEvent::Overtaken(want),
                     Err(fault) if is_replaced => SegmentEvent::Replaced(want, fault),
                     Err(fault) => SegmentEvent::Failed(want, fault),
@@ -136,10 +151,11 @@ impl SegmentLoader {
     /// Takes in an event of the thread; `None` if it was idle.
     fn take_in(&mut self, event: SegmentEvent) -> Option<SegmentEvent> {
         match &event {
-            SegmentEvent::Packed(want, ..)
+            SegmentEvent::Packed(Loaded { want, .. })
             | SegmentEvent::Failed(want, _)
             | SegmentEvent::Replaced(want, _)
-            | SegmentEvent::Overtaken(want) => {
+            | SegmentEvent::Overtaken(want)
+            | SegmentEvent::Ended(want) => {
                 lock(&self.wants).under_way.retain(|other| other != want);
                 Some(event)
             }

@@ -1,9 +1,10 @@
-//! Takes: clips of minutes. Only the parts that playing needs are in memory.
+//! Takes: whatever plays. Of a take of minutes, only the parts that playing needs are in memory; a clip is a take of one
+//! segment, and so is a field of another program.
 //!
 //! ```text
-//! file --source--> opened (head, table) --> loader (a thread) --packed segments--> player --> slots of the renderer
-//!                         |                     ^  most urgent first                 |
-//!                         +------> plan --------+------------------------------------+
+//! file | URL | demo --source--> opened (head, table) --> loader (a thread) --packed segments--> player --> slots of the renderer
+//!                                      |                     ^  most urgent first                 |
+//!                                      +------> plan --------+------------------------------------+
 //! ```
 //!
 //! `plan` says which segments a position needs; it is pure. `player` is between two frames: it gives the loader the
@@ -21,5 +22,4 @@ mod source;
 pub(crate) use layers::Traffic;
 pub use opened::OpenTake;
 pub use player::{Extent, TakeCounts, TakePlayer, UPLOAD_BYTES_MAX};
-#[cfg(feature = "net")]
 pub(crate) use source::TakeSource;

@@ -1,11 +1,14 @@
-//! [`OpenTake`]: a take whose head is in memory, and whose segments are read and decoded one at a time.
+//! [`OpenTake`]: what plays: a take whose head is in memory, and whose segments are read and decoded one at a time. A clip
+//! is a take of one segment, and so is a field of another program.
 
 use std::num::NonZero;
 use std::path::Path;
-use std::sync::OnceLock;
+use std::sync::{Mutex, OnceLock, PoisonError};
 use std::thread;
 
-use codec::{Clip, Error, FormatError, LayerEnd, Layers, Limits, PixelFilter, Surroundings, Take, package};
+use codec::{
+    Clip, ClipInfo, Error, FormatError, LayerEnd, Layers, Limits, PixelFilter, Surroundings, Take, package,
+};
 use glam::DVec3;
 use program::{Fault, Subject};
 use shaders::{Features, Motion};
@@ -28,6 +31,15 @@ const MEMORY_PARTS: usize = 4;
 const PLATES: usize = 2;
 
 /// What was loaded of a segment.
+pub(super) struct Loaded {
+    /// What was wanted, or more layers of it.
+    pub(super) want: Want,
+    pub(super) packed: PackedWant,
+    /// What came from a server for it.
+    pub(super) traffic: Traffic,
+}
+
+/// Layers of a segment, packed.
 pub(super) enum PackedWant {
     /// The segment with its first layers.
     Segment(Box<PackedSegment>),
@@ -43,50 +55,44 @@ pub struct OpenTake {
     /// Number of layers of each segment that the file holds; 0 for a segment beyond its end.
     layers: Vec<usize>,
     limits: Limits,
+    layout: TakeLayout,
+    /// The first layers of the only segment, until they are loaded.
+    decoded: Mutex<Option<Clip>>,
+    /// A field without a package: the only segment.
+    field: Option<Clip>,
     /// The sounds of the segments that were loaded.
     pub(crate) sound: SoundTrack,
     subject: OnceLock<Subject>,
 }
 
 impl OpenTake {
-    /// Opens a file if it is a take; `None` if it is anything else.
+    /// Opens a file.
     ///
     /// # Errors
-    /// [`Fault::Data`] if it is a take that cannot be read, or one too large for `limits`.
-    pub fn open(path: &Path, limits: &Limits) -> Result<Option<OpenTake>, Fault> {
+    /// [`Fault::Data`] if it cannot be read, or is too large for `limits`.
+    pub fn open(path: &Path, limits: &Limits) -> Result<OpenTake, Fault> {
+        if path.is_dir() {
+            let path = path.display();
+            return Err(Fault::Data(format!("{path}: is a folder: name an .aarc file in it")));
+        }
         OpenTake::from_source(TakeSource::open(path)?, limits)
     }
 
-    /// As [`OpenTake::open`], of any source.
+    /// As [`OpenTake::open`], of any source. Of a take of one segment the first layers are decoded, or all layers if its
+    /// file is at hand.
     ///
     /// # Errors
-    /// As there; [`Fault::Network`] if its head does not arrive.
-    pub(crate) fn from_source(source: TakeSource, limits: &Limits) -> Result<Option<OpenTake>, Fault> {
+    /// As there; [`Fault::Network`] if its head or these layers do not arrive.
+    pub(crate) fn from_source(source: TakeSource, limits: &Limits) -> Result<OpenTake, Fault> {
+        let take = read_head(&source, limits)?;
         let fault = |reason: String| Fault::Data(format!("{}: {reason}", source.name()));
-        let mut head = source.read(0..HEAD_BYTES)?;
-        let found = match package(&head, limits) {
-            Err(Error::Format { error: FormatError::Truncated { needed, .. }, .. })
-                if needed > head.len() && needed <= limits.max_bytes =>
-            {
-                head = source.read(0..needed as u64)?;
-                package(&head, limits)
-            }
-            found => found,
-        };
-        let take = match found {
-            // What is wrong with anything else, a clip's decoder says.
-            Ok(take) if take.head_bytes == 0 => return Ok(None),
-            Ok(take) => take,
-            Err(_) if !looks_like_take(&head) => return Ok(None),
-            Err(error) => return Err(fault(format!("{error}: {}", advice(&error, "copy it again")))),
-        };
         let package_bytes = take.package_bytes();
         let length = source.length()?.unwrap_or(package_bytes);
         if length > package_bytes {
             let rest = length - package_bytes;
             return Err(fault(format!("{rest} extra bytes after the last segment: copy it again")));
         }
-        let most = limits.max_bytes / MEMORY_PARTS;
+        let most = limits.max_bytes / memory_parts(&take);
         if let Some(segment) = take.segments.iter().find(|segment| segment.bytes() > most) {
             return Err(fault(format!(
                 "the segment at {:.3} s has {} MiB, and at most {} are read: package it with a smaller --budget",
@@ -106,12 +112,90 @@ impl OpenTake {
         if layers.iter().all(|layers| *layers == 0) {
             return Err(fault("the file is cut short before its first layer ends: copy it again".into()));
         }
-        let (sound, subject) = (SoundTrack::default(), OnceLock::new());
-        let mut opened = OpenTake { take, source, layers, limits: *limits, sound, subject };
-        if opened.take.info.viewpoints.is_empty() {
-            opened.subject = Subject::with_opening(&opened.surroundings(), &mut opened.take.info).into();
+        let layout = layout(&take, limits);
+        let mut opened = OpenTake {
+            take,
+            source,
+            layers,
+            limits: *limits,
+            layout,
+            decoded: Mutex::default(),
+            field: None,
+            sound: SoundTrack::default(),
+            subject: OnceLock::new(),
+        };
+        if let [layers] = opened.layers[..] {
+            let is_at_hand = !opened.source.is_arriving() && !opened.source.has_ranges();
+            let want = Want { segment: 0, from: 0, layers: if is_at_hand { layers } else { 1 } };
+            let bytes = opened.read(want)?;
+            opened.add_sound(0, &bytes);
+            let clip = opened.decode_segment(want, &bytes)?;
+            opened.set_only(&clip);
+            opened.decoded = Mutex::new(Some(clip));
         }
-        Ok(Some(opened))
+        opened.find_opening();
+        Ok(opened)
+    }
+
+    /// A decoded clip without a package, named `name` in messages.
+    #[cfg(feature = "import")]
+    pub(crate) fn from_clip(name: String, clip: Clip, limits: &Limits) -> OpenTake {
+        let take = Take::from(&clip);
+        let mut opened = OpenTake {
+            layers: vec![clip.layers.len()],
+            layout: layout(&take, limits),
+            take,
+            source: TakeSource::Memory(name, (&[][..]).into()),
+            limits: *limits,
+            decoded: Mutex::default(),
+            field: None,
+            sound: SoundTrack::default(),
+            subject: OnceLock::new(),
+        };
+        opened.set_only(&clip);
+        opened.field = Some(clip);
+        opened.find_opening();
+        opened
+    }
+
+    /// Takes in what the only segment has, by its first layers: no room is left for anything else.
+    fn set_only(&mut self, clip: &Clip) {
+        self.layout = TakeLayout { duration_s: self.take.duration_s, ..TakeLayout::for_clip(clip) };
+    }
+
+    /// Adds the opening view to a take without viewpoints.
+    fn find_opening(&mut self) {
+        if self.take.info.viewpoints.is_empty() {
+            self.subject = Subject::with_opening(&self.surroundings(), &mut self.take.info).into();
+        }
+    }
+
+    /// Axes, frames per second, viewpoints. There is at least one viewpoint.
+    pub(crate) fn info(&self) -> &ClipInfo {
+        &self.take.info
+    }
+
+    /// Duration in seconds.
+    pub(crate) fn duration_s(&self) -> f64 {
+        self.take.duration_s
+    }
+
+    /// Most layers of a segment that the file holds.
+    pub(crate) fn layer_count(&self) -> usize {
+        self.layers.iter().copied().max().unwrap_or(0)
+    }
+
+    /// Number of Gaussians of all segments, plates included.
+    pub(crate) fn gaussians(&self) -> usize {
+        self.layer_ends().last().copied().unwrap_or(0)
+    }
+
+    /// Whether there is nothing to play: the image is the same at all times, and silent.
+    #[cfg(any(feature = "window", feature = "xr"))]
+    pub(crate) fn is_static(&self) -> bool {
+        let TakeLayout { features, room, .. } = self.layout;
+        // Of several segments, only their heads say. One with sound plays, although nothing moves.
+        !features.segmented && room.dynamic_count == 0 && self.sound.is_empty()
     }
 
     /// Name of the take for messages.
@@ -120,7 +204,7 @@ impl OpenTake {
     }
 
     /// Number of layers of each segment that can be loaded; 0 for a segment that is missing.
-    pub(crate) fn layers(&self) -> &[usize] {
+    pub fn layers(&self) -> &[usize] {
         &self.layers
     }
 
@@ -131,12 +215,12 @@ impl OpenTake {
             self.layers.len(),
             self.take.segments.iter().zip(&self.layers).filter(|pair| all(*pair)).count(),
         );
-        (whole < count).then(|| {
-            let name = self.name();
-            format!(
-                "{name}: the file is cut short, {whole} of {count} segments are whole: copy it again for the rest"
-            )
-        })
+        let there = match (self.layers.as_slice(), self.take.segments.as_slice()) {
+            ([layers], [segment]) => format!("{layers} of {} layers play", segment.layers.len()),
+            _ => format!("{whole} of {count} segments are whole"),
+        };
+        (whole < count)
+            .then(|| format!("{}: the file is cut short, {there}: copy it again for the rest", self.name()))
     }
 
     /// Number of Gaussians of all segments in their first k layers, for k from 1; plates are counted in each.
@@ -167,41 +251,49 @@ impl OpenTake {
 
     /// Those at the start, by the first layers there that can be decoded.
     fn surroundings(&self) -> Surroundings {
-        let wants = self.take.at(0.0).filter(|&segment| self.layers[segment] > 0);
-        let clips: Vec<(usize, Clip)> = wants
-            .map(|segment| Want { segment, from: 0, layers: 1 })
-            .filter_map(|want| Some((want.segment, self.decode_segment(want, &self.read(want).ok()?).ok()?)))
-            .collect();
+        if let Some(clip) = &self.field {
+            return clip.surroundings();
+        }
+        if let Some(clip) = &*self.decoded.lock().unwrap_or_else(PoisonError::into_inner) {
+            return clip.surroundings();
+        }
+        let segments = self.take.at(0.0).filter(|&segment| self.layers[segment] > 0);
+        let clips: Vec<(usize, Clip)> =
+            segments.filter_map(|segment| Some((segment, self.segment(segment, 1).ok()?))).collect();
         self.take.surroundings(&clips)
     }
 
-    /// The layout of the take in GPU memory: rows for what playing wants at any instant, and for gaps between segments of
-    /// the size of the largest.
+    /// Reads and decodes the first `layers` layers of a segment.
+    ///
+    /// # Errors
+    /// [`Fault::Data`] with the place of the segment in the take; [`Fault::Network`] if it does not arrive.
+    ///
+    /// # Panics
+    /// If there is no such segment, or it has fewer layers.
+    pub fn segment(&self, segment: usize, layers: usize) -> Result<Clip, Fault> {
+        let want = Want { segment, from: 0, layers };
+        self.decode_segment(want, &self.read(want)?)
+    }
+
+    /// The layout in GPU memory.
     pub(crate) fn layout(&self) -> TakeLayout {
-        let largest = self.take.segments.iter().map(|segment| segment.gaussians()).max().unwrap_or(0);
-        let rows = rows_wanted(&self.take).saturating_add(largest);
-        let Take { bounds, plate_len, .. } = self.take;
-        let [low, high] = bounds.map(|corner| DVec3::from_array(corner.map(f64::from)));
-        let features = |sh_degree, motion, filter| Features {
-            sh_degree,
-            motion,
-            mip: filter == PixelFilter::Mip,
-            segmented: true,
-        };
-        let motion = Motion { order: self.take.motion_order, rotates: self.take.rotation_rates };
-        let layout = TakeLayout {
-            features: features(self.take.sh_degree, Some(motion), self.take.filter),
-            near: self.take.near,
-            origin: 0.5 * (low + high),
-            bounds,
-            room: LayerEnd::default(),
-            duration_s: self.take.duration_s,
-            plate: (plate_len > 0).then(|| PlateLayout {
-                features: features(self.take.plate_sh_degree, None, self.take.plate_filter),
-                rows: PLATES * plate_len,
-            }),
-        };
-        layout.with_rows(rows.min(self.limits.max_gaussians).max(self.take.resident_max()))
+        self.layout
+    }
+
+    /// Whether its layers come one after the other from a network.
+    #[cfg(any(feature = "window", feature = "xr"))]
+    pub(super) fn is_streamed(&self) -> bool {
+        self.source.is_arriving() || self.source.has_ranges()
+    }
+
+    /// Whether it arrives from its start.
+    pub(super) fn is_arriving(&self) -> bool {
+        self.source.is_arriving()
+    }
+
+    /// Whether nothing more of it arrives; whoever fetches it says why.
+    pub(super) fn has_failed(&self) -> bool {
+        self.source.has_failed()
     }
 
     /// Whether the file is another version by now. Asks the disk, but no server.
@@ -234,12 +326,27 @@ impl OpenTake {
         self.source.resume();
     }
 
-    /// Reads, decodes and packs the wanted layers of a segment. Also returns what came from a server for them.
+    /// Reads, decodes and packs the wanted layers of a segment, or more if these were decoded before.
     ///
     /// # Errors
     /// [`Fault::Data`] with the place of the segment in the take; [`Fault::Network`] if it does not arrive.
-    pub(super) fn load(&self, want: Want, layout: &TakeLayout) -> Result<(PackedWant, Traffic), Fault> {
+    pub(super) fn load(&self, want: Want, layout: &TakeLayout) -> Result<Loaded, Fault> {
         let span = span(&self.take.segments[want.segment]);
+        let named = |fault: Fault| fault.about(&self.name());
+        let segment = |clip: &Clip| {
+            PackedSegment::new(clip, span, layout).map(|segment| PackedWant::Segment(Box::new(segment)))
+        };
+        if want.from == 0 {
+            let decoded = self.decoded.lock().unwrap_or_else(PoisonError::into_inner).take();
+            if let Some(clip) = decoded.as_ref().or(self.field.as_ref()) {
+                let want = Want { layers: clip.layers.len(), ..want };
+                return Ok(Loaded {
+                    want,
+                    packed: segment(clip).map_err(named)?,
+                    traffic: Traffic::default(),
+                });
+            }
+        }
         let before = self.source.traffic();
         let bytes = self.read(want)?;
         let traffic = self.source.traffic() - before;
@@ -247,12 +354,11 @@ impl OpenTake {
             self.add_sound(want.segment, &bytes);
         }
         let packed = match want.from {
-            0 => PackedSegment::new(&self.decode_segment(want, &bytes)?, span, layout)
-                .map(|segment| PackedWant::Segment(Box::new(segment))),
+            0 => segment(&self.decode_segment(want, &bytes)?),
             _ => PackedLayers::new(&self.decode_layers(want, &bytes)?, span, layout)
                 .map(|layers| PackedWant::Layers(Box::new(layers))),
         };
-        Ok((packed.map_err(|fault| fault.about(&self.name()))?, traffic))
+        Ok(Loaded { want, packed: packed.map_err(named)?, traffic })
     }
 
     /// Adds the sound of a segment to the track. What is wrong with its head, the decoder says.
@@ -289,7 +395,7 @@ impl OpenTake {
 
     /// The limits of a segment.
     fn segment_limits(&self) -> Limits {
-        Limits { max_bytes: self.limits.max_bytes / MEMORY_PARTS, ..self.limits }
+        Limits { max_bytes: self.limits.max_bytes / memory_parts(&self.take), ..self.limits }
     }
 
     fn undecodable(&self, want: Want, error: &Error) -> Fault {
@@ -297,7 +403,7 @@ impl OpenTake {
             Error::Format { error: FormatError::Segment { .. } | FormatError::Magic, .. } => {
                 "the file is another one or damaged: open it again"
             }
-            error => advice(error, "copy it again"),
+            error => advice(error, self.source.remedy()),
         };
         self.segment_fault(want, &format!("{error}: {advice}"))
     }
@@ -305,7 +411,11 @@ impl OpenTake {
     fn segment_fault(&self, want: Want, reason: &str) -> Fault {
         let (name, number) = (self.name(), want.segment);
         let start_s = self.take.segments[number].start_s;
-        Fault::Data(format!("{name}: segment {number}, at {start_s:.3} s: {reason}"))
+        let place = match self.take.segments.len() {
+            1 => String::new(),
+            _ => format!("segment {number}, at {start_s:.3} s: "),
+        };
+        Fault::Data(format!("{name}: {place}{reason}"))
     }
 }
 
@@ -315,10 +425,60 @@ fn threads() -> NonZero<usize> {
     NonZero::new(all - 1).unwrap_or(NonZero::<usize>::MIN)
 }
 
-/// Whether `bytes` begin as a take does, right or wrong.
-fn looks_like_take(bytes: &[u8]) -> bool {
-    const LAYERS_OFFSET: usize = 64;
-    bytes.starts_with(b"AARC") && bytes.get(LAYERS_OFFSET) == Some(&0)
+/// Reads the head of a package.
+fn read_head(source: &TakeSource, limits: &Limits) -> Result<Take, Fault> {
+    let mut head = source.read_start(HEAD_BYTES)?;
+    let found = match package(&head, limits) {
+        Err(Error::Format { error: FormatError::Truncated { needed, .. }, .. })
+            if needed > head.len() && needed <= limits.max_bytes =>
+        {
+            head = source.read(0..needed as u64)?;
+            package(&head, limits)
+        }
+        found => found,
+    };
+    found.map_err(|error| {
+        let reason = match error {
+            Error::Format { error: FormatError::Magic, .. } => {
+                format!("{}: {}", FormatError::Magic, source.format_remedy())
+            }
+            _ => format!("{error}: {}", advice(&error, source.remedy())),
+        };
+        Fault::Data(format!("{}: {reason}", source.name()))
+    })
+}
+
+/// Into how many parts the memory of the decoder is divided. The only segment has all of it.
+fn memory_parts(take: &Take) -> usize {
+    if take.segments.len() == 1 { 1 } else { MEMORY_PARTS }
+}
+
+/// The layout of a take of several segments in GPU memory: rows for what playing wants at any instant, and for gaps between
+/// segments of the size of the largest.
+fn layout(take: &Take, limits: &Limits) -> TakeLayout {
+    let largest = take.segments.iter().map(|segment| segment.gaussians()).max().unwrap_or(0);
+    let rows = rows_wanted(take).saturating_add(largest);
+    let [low, high] = take.bounds.map(|corner| DVec3::from_array(corner.map(f64::from)));
+    let features = |sh_degree, motion, filter| Features {
+        sh_degree,
+        motion,
+        mip: filter == PixelFilter::Mip,
+        segmented: true,
+    };
+    let motion = Motion { order: take.motion_order, rotates: take.rotation_rates };
+    let layout = TakeLayout {
+        features: features(take.sh_degree, Some(motion), take.filter),
+        near: take.near,
+        origin: 0.5 * (low + high),
+        bounds: take.bounds,
+        room: LayerEnd::default(),
+        duration_s: take.duration_s,
+        plate: (take.plate_len > 0).then(|| PlateLayout {
+            features: features(take.plate_sh_degree, None, take.plate_filter),
+            rows: PLATES * take.plate_len,
+        }),
+    };
+    layout.with_rows(rows.min(limits.max_gaussians).max(take.resident_max()))
 }
 
 /// Number of layers of each segment in the first `length` bytes of a take.

@@ -14,7 +14,7 @@ use program::Fault;
 use super::buffered::Buffered;
 use super::layers::LayerChoice;
 use super::loader::{SegmentEvent, SegmentLoader};
-use super::opened::{OpenTake, PackedWant};
+use super::opened::{Loaded, OpenTake, PackedWant};
 use super::plan::{Direction, Plan, Playhead, Want, needs, span};
 #[cfg(any(feature = "window", feature = "xr"))]
 use crate::clips::Beginning;
@@ -69,6 +69,8 @@ pub struct TakeCounts {
     pub buffered_s: f64,
     /// Most layers of a segment that are loaded while the take plays.
     pub layers: usize,
+    /// Most layers of a segment that are drawn or being uploaded.
+    pub resident_layers: usize,
     /// Bytes uploaded in the latest frame. What is uploaded before a take is shown is in none.
     pub uploaded_bytes: usize,
     /// The most in any frame.
@@ -77,12 +79,15 @@ pub struct TakeCounts {
 
 #[cfg(any(feature = "window", feature = "xr"))]
 impl TakeCounts {
-    /// Rows of names and values for a viewer.
-    pub(crate) fn rows(&self) -> [(&'static str, String); 3] {
+    /// Rows of names and values for a viewer; none for a single segment.
+    pub(crate) fn rows(&self) -> Vec<(&'static str, String)> {
+        if self.segments == 1 {
+            return Vec::new();
+        }
         let TakeCounts { segments, resident, buffered_s, layers, uploaded_bytes, uploaded_bytes_max, .. } =
             self;
         let kilobytes = |bytes: &usize| bytes.div_ceil(1000);
-        [
+        vec![
             ("segments", format!("{resident} of {segments}")),
             ("buffered", format!("{buffered_s:.1} s of {}", program::counted(*layers, "layer"))),
             (
@@ -181,7 +186,7 @@ impl TakePlayer {
         wake: impl Fn() + Send + 'static,
     ) -> Result<(Renderer, TakePlayer), Fault> {
         // What is read from a disk comes at once, and what plays later has time.
-        let extent = match beginning.is_blocking && opened.has_ranges() {
+        let extent = match beginning.is_blocking && opened.is_streamed() {
             true => Extent::FirstLayers,
             false => Extent::All,
         };
@@ -304,13 +309,15 @@ impl TakePlayer {
         self.counts.resident = self.residents.len();
         self.counts.sounds = self.opened.sound.len();
         self.counts.layers = self.layer_choice.layers();
+        self.counts.resident_layers =
+            self.residents.iter().map(|resident| resident.layers).max().unwrap_or(0);
         self.counts.buffered_s = self.buffered.from(self.head.t_s, self.head.direction);
         written
     }
 
     fn take_in(&mut self, slots: &mut Slots, event: SegmentEvent) {
         match event {
-            SegmentEvent::Packed(want, packed, traffic) => {
+            SegmentEvent::Packed(Loaded { want, packed, traffic }) => {
                 self.counts.loaded += 1;
                 // Of a file that is read whole, fewer layers come no sooner.
                 if self.opened.has_ranges() {
@@ -343,6 +350,7 @@ impl TakePlayer {
             SegmentEvent::Failed(want, fault) => {
                 self.give_up(want, want.from.max(want.layers.min(2) - 1), &fault.to_string())
             }
+            SegmentEvent::Ended(want) => self.keep(want.segment, want.from),
             SegmentEvent::Overtaken(_) | SegmentEvent::Idle => {}
         }
     }
@@ -353,6 +361,11 @@ impl TakePlayer {
         if self.layers[segment] == self.opened.layers()[segment] {
             self.notes.push(format!("{why}; the rest plays"));
         }
+        self.keep(segment, layers);
+    }
+
+    /// Plays on with only the first `layers` layers of a segment.
+    fn keep(&mut self, segment: usize, layers: usize) {
         self.layers[segment] = layers;
         self.buffered = Buffered::new(&self.opened.take, &self.layers);
         self.change();
@@ -465,6 +478,10 @@ impl TakePlayer {
         // Further layers of a segment that waits for room have no place yet.
         let waiting = self.waiting.as_ref().map(|(want, _)| want.segment);
         missing.retain(|want| Some(want.segment) != waiting);
+        if self.opened.is_arriving() {
+            // Each layer is drawn as soon as it is there.
+            missing.iter_mut().for_each(|want| want.layers = want.from + 1);
+        }
         self.loader.set(missing);
     }
 

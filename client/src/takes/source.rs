@@ -1,5 +1,6 @@
-//! [`TakeSource`]: the bytes of a take, read in parts: never the whole take is in memory.
+//! [`TakeSource`]: the bytes of a take, read in parts.
 
+use std::borrow::Cow;
 use std::fs::{File, Metadata};
 use std::io::{self, Read, Seek, SeekFrom};
 use std::ops::Range;
@@ -14,7 +15,7 @@ use program::{Fault, read_error};
 use super::layers::Traffic;
 
 #[cfg(feature = "net")]
-use crate::net::RemoteFile;
+use crate::net::{ArrivingFile, RemoteFile};
 
 /// How long a file that takes the place of another must stay as it is to be opened: it may be a copy under way.
 const SETTLED: Duration = Duration::from_secs(1);
@@ -22,11 +23,16 @@ const SETTLED: Duration = Duration::from_secs(1);
 /// Where the bytes of a take come from.
 #[derive(Debug)]
 pub(crate) enum TakeSource {
+    /// All of it is in memory, under this name.
+    Memory(String, Cow<'static, [u8]>),
     /// A file.
     File(Box<LocalFile>),
     /// A file on a server.
     #[cfg(feature = "net")]
     Remote(Arc<RemoteFile>),
+    /// A file that arrives from its start, whole.
+    #[cfg(feature = "net")]
+    Arriving(Arc<ArrivingFile>),
 }
 
 /// A file of this machine. It stays open: after a file that takes its place by renaming, it can still be read.
@@ -87,9 +93,12 @@ impl TakeSource {
     /// Name of the source for messages.
     pub(crate) fn name(&self) -> String {
         match self {
+            TakeSource::Memory(name, _) => name.clone(),
             TakeSource::File(file) => file.path.display().to_string(),
             #[cfg(feature = "net")]
             TakeSource::Remote(file) => file.name(),
+            #[cfg(feature = "net")]
+            TakeSource::Arriving(file) => file.name(),
         }
     }
 
@@ -99,6 +108,7 @@ impl TakeSource {
     /// [`Fault::Data`] if it cannot be read.
     pub(crate) fn length(&self) -> Result<Option<u64>, Fault> {
         match self {
+            TakeSource::Memory(_, bytes) => Ok(Some(bytes.len() as u64)),
             TakeSource::File(local) => {
                 let LocalFile { path, file, .. } = &**local;
                 let file = file.lock().unwrap_or_else(PoisonError::into_inner);
@@ -106,6 +116,20 @@ impl TakeSource {
             }
             #[cfg(feature = "net")]
             TakeSource::Remote(file) => Ok(file.total()),
+            #[cfg(feature = "net")]
+            TakeSource::Arriving(_) => Ok(None),
+        }
+    }
+
+    /// Reads the start of the file, at least `least` bytes unless it is shorter, which may hold the head of a package.
+    ///
+    /// # Errors
+    /// As [`TakeSource::read`].
+    pub(crate) fn read_start(&self, least: u64) -> Result<Vec<u8>, Fault> {
+        match self {
+            #[cfg(feature = "net")]
+            TakeSource::Arriving(file) => Ok(file.there()),
+            _ => self.read(0..least),
         }
     }
 
@@ -115,6 +139,10 @@ impl TakeSource {
     /// [`Fault::Data`] if it cannot be read; [`Fault::Network`] if it does not arrive.
     pub(crate) fn read(&self, range: Range<u64>) -> Result<Vec<u8>, Fault> {
         match self {
+            TakeSource::Memory(_, bytes) => {
+                let [start, end] = [range.start, range.end].map(|at| bytes.len().min(at as usize));
+                Ok(bytes[start..end.max(start)].to_vec())
+            }
             TakeSource::File(local) => {
                 let LocalFile { path, file, .. } = &**local;
                 let mut file = file.lock().unwrap_or_else(PoisonError::into_inner);
@@ -126,15 +154,28 @@ impl TakeSource {
             }
             #[cfg(feature = "net")]
             TakeSource::Remote(file) => file.read(range).map_err(|fault| fault.about(&file.name())),
+            #[cfg(feature = "net")]
+            TakeSource::Arriving(file) => file.read(range).map_err(|fault| fault.about(&file.name())),
+        }
+    }
+
+    /// What to do about a file that is no package.
+    pub(crate) fn format_remedy(&self) -> &'static str {
+        const FIELDS: [&str; 6] = ["ply", "splatv", "spz", "splat", "sog", "glb"];
+        let TakeSource::File(file) = self else { return self.remedy() };
+        let extension = file.path.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
+        match FIELDS.iter().any(|field| extension.eq_ignore_ascii_case(field)) {
+            true => "make one of this field with aarc-studio package",
+            false => "name a file that aarc-studio package made",
         }
     }
 
     /// What came from a server so far.
     pub(crate) fn traffic(&self) -> Traffic {
         match self {
-            TakeSource::File(_) => Traffic::default(),
             #[cfg(feature = "net")]
             TakeSource::Remote(file) => file.traffic(),
+            _ => Traffic::default(),
         }
     }
 
@@ -144,6 +185,7 @@ impl TakeSource {
             TakeSource::File(file) => file.replaced_for().is_some(),
             #[cfg(feature = "net")]
             TakeSource::Remote(file) => file.is_replaced(),
+            _ => false,
         }
     }
 
@@ -156,42 +198,72 @@ impl TakeSource {
             }
             #[cfg(feature = "net")]
             TakeSource::Remote(file) => file.is_replaced(),
+            _ => false,
         }
     }
 
     /// Whether it comes from a server, part by part.
     pub(crate) fn has_ranges(&self) -> bool {
         match self {
-            TakeSource::File(_) => false,
             #[cfg(feature = "net")]
             TakeSource::Remote(file) => file.has_ranges(),
+            _ => false,
+        }
+    }
+
+    /// Whether it arrives from its start, so that its layers come one after the other.
+    pub(crate) fn is_arriving(&self) -> bool {
+        match self {
+            #[cfg(feature = "net")]
+            TakeSource::Arriving(_) => true,
+            _ => false,
+        }
+    }
+
+    /// Whether nothing more of it arrives; whoever fetches it says why.
+    pub(crate) fn has_failed(&self) -> bool {
+        match self {
+            #[cfg(feature = "net")]
+            TakeSource::Arriving(file) => file.has_failed(),
+            _ => false,
+        }
+    }
+
+    /// What to do about a damaged file.
+    pub(crate) fn remedy(&self) -> &'static str {
+        match self {
+            TakeSource::Memory(..) | TakeSource::File(_) => "copy it again",
+            #[cfg(feature = "net")]
+            TakeSource::Remote(_) | TakeSource::Arriving(_) => "upload it again",
         }
     }
 
     /// Ends a read that waits for a server, and those that follow, until [`TakeSource::resume`].
     pub(crate) fn cancel(&self) {
         match self {
-            TakeSource::File(_) => {}
             #[cfg(feature = "net")]
             TakeSource::Remote(file) => file.cancel(),
+            _ => {}
         }
     }
 
     /// Ends a read that waits for a server for good.
     pub(crate) fn close(&self) {
         match self {
-            TakeSource::File(_) => {}
             #[cfg(feature = "net")]
             TakeSource::Remote(file) => file.close(),
+            #[cfg(feature = "net")]
+            TakeSource::Arriving(file) => file.close(),
+            _ => {}
         }
     }
 
     /// Takes back [`TakeSource::cancel`].
     pub(crate) fn resume(&self) {
         match self {
-            TakeSource::File(_) => {}
             #[cfg(feature = "net")]
             TakeSource::Remote(file) => file.resume(),
+            _ => {}
         }
     }
 }

@@ -21,6 +21,7 @@ mod style;
 mod viewed_clip;
 mod viewer;
 
+use std::sync::Arc;
 use std::time::Instant;
 
 use program::Fault;
@@ -30,8 +31,9 @@ use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoopProxy};
 use winit::window::WindowId;
 
 use crate::args::Args;
-use crate::clips::{Arrival, Content, Entry, LoadEvent, Queue, cache_dir, playlist};
+use crate::clips::{Arrival, Entry, LoadEvent, Queue, Wait, cache_dir, playlist};
 use crate::gpu::DEVICE_REPLACED;
+use crate::takes::OpenTake;
 use crate::terminal::Reporter;
 use crate::{clips, headless, viewpoint};
 use session::{Event, Next, Session, Start};
@@ -63,8 +65,8 @@ pub fn run(args: &Args) -> Result<(), Fault> {
 /// The clip that plays first.
 struct First {
     entry: Entry,
-    clip: Content,
-    /// Its better versions, which are still being loaded.
+    clip: Arc<OpenTake>,
+    /// What more its source has to tell.
     rest: Arrival,
     queue: Option<Queue>,
     /// The last remark on it.
@@ -74,12 +76,11 @@ struct First {
 /// Waits for the clip of `args`, or for the first clip of their playlist that loads. Prints the faults of the clips
 /// before it.
 fn first_clip(args: &Args, reporter: &mut Reporter) -> Result<First, Fault> {
-    let layers = args.layer.map_or(1, |layers| layers as usize);
     let source = args.source(cache_dir());
     let wait = |entry: Entry, queue, reporter: &mut Reporter| -> Result<First, Fault> {
         let mut rest = clips::open(entry.name.as_deref(), &source)?;
         let mut note = None;
-        let clip = rest.wait(Some(layers), |event| {
+        let clip = rest.wait(Wait::Playable, |event| {
             reporter.print(event);
             if let LoadEvent::Note(text) = event {
                 note = Some(text.clone());

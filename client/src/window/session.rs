@@ -1,7 +1,7 @@
 //! [`Session`]: a window with its device, the clip it plays, and the frames it draws.
 //!
 //! The next clip of a playlist is made ready while this one plays: both are on the device, and for a moment
-//! a better version of one of them. Going from one to the other takes no longer than a frame.
+//! a newer version of one of them. Going from one to the other takes no longer than a frame.
 //!
 //! A lost device takes all clips on it along: the session opens another one and loads the clip again.
 
@@ -31,14 +31,12 @@ use super::viewed_clip::ViewedClip;
 use super::viewer::{FrameSeconds, Requests, Viewer};
 use crate::audio::{SoundTrack, Speaker};
 use crate::clips::{
-    Arrival, Beginning, Change, ClipController, ClipTarget, Content, Direction, Entry, LoadEvent,
-    LoadOptions, Queue, SourceOptions, Transition, is_url, title,
+    Arrival, Beginning, Change, ClipController, ClipTarget, Direction, Entry, LoadEvent, LoadOptions, Queue,
+    SourceOptions, Transition, is_url, title,
 };
 use crate::folders;
-use crate::gpu::{
-    Format, FrameCounts, FrameLayout, Gpu, Picture, RenderSettings, Renderer, SurfaceFrame, UploadedClip,
-};
-use crate::takes::TakePlayer;
+use crate::gpu::{Format, FrameCounts, FrameLayout, Gpu, Picture, RenderSettings, Renderer, SurfaceFrame};
+use crate::takes::{OpenTake, TakePlayer};
 use crate::terminal::Reporter;
 use crate::view::View;
 use program::Fault;
@@ -68,9 +66,9 @@ const NO_DIALOG: &str =
 pub(super) struct Start {
     /// The clip or the playlist that was opened.
     pub(super) named: Option<String>,
-    /// The clip to show, and its better versions, which are still being loaded.
+    /// The take to show, and what more its source has to tell.
     pub(super) entry: Entry,
-    pub(super) clip: Content,
+    pub(super) clip: Arc<OpenTake>,
     pub(super) rest: Arrival,
     /// The playlist of the clip, at its entry.
     pub(super) queue: Option<Queue>,
@@ -126,30 +124,28 @@ impl WindowTarget {
 
 impl ClipTarget for WindowTarget {
     type Ready = Box<Playing>;
-    type Uploaded = UploadedClip;
 
     fn prepare(
         &self,
         entry: &Entry,
-        content: Content,
+        opened: Arc<OpenTake>,
         beginning: Beginning<'_>,
-        uploaded: &mut Option<UploadedClip>,
     ) -> Result<Box<Playing>, Fault> {
         let gpu = self
             .gpu
             .upgrade()
             .ok_or_else(|| Fault::Device("the graphics device is gone: open the clip again".into()))?;
-        Playing::new(&gpu, self.format, &self.proxy, entry, &content, beginning, uploaded).map(Box::new)
+        Playing::new(&gpu, self.format, &self.proxy, entry, &opened, beginning).map(Box::new)
     }
 }
 
-/// A clip or a take that is ready to be drawn.
+/// A take that is ready to be drawn.
 struct Playing {
     title: String,
     viewed: ViewedClip,
     /// `None` once its device was lost.
     renderer: Option<Renderer>,
-    /// The segments of a take, as long as there is a renderer.
+    /// Its segments, as long as there is a renderer.
     take: Option<TakePlayer>,
     sound: SoundTrack,
     metres_per_unit: f64,
@@ -160,37 +156,26 @@ struct Playing {
 }
 
 impl Playing {
-    /// Uploads a clip, or the layers of it that are not `uploaded`, or what the start of a take needs, and builds its
-    /// renderer.
+    /// Uploads what the beginning of `opened` needs, and builds its renderer.
     fn new(
         gpu: &Gpu,
         format: Format,
         proxy: &EventLoopProxy<Event>,
         entry: &Entry,
-        content: &Content,
+        opened: &Arc<OpenTake>,
         beginning: Beginning<'_>,
-        uploaded: &mut Option<UploadedClip>,
     ) -> Result<Playing, Fault> {
         let layout = FrameLayout::plain(format, 1);
-        let (renderer, take) = match content {
-            Content::Clip(version) => {
-                (Renderer::new(gpu, UploadedClip::following(gpu, uploaded, &version.clip)?, layout)?, None)
-            }
-            Content::Take(opened) => {
-                let (renderer, take) =
-                    TakePlayer::begin(gpu, opened.clone(), layout, beginning, waker(proxy))?;
-                (renderer, Some(take))
-            }
-        };
+        let (renderer, take) = TakePlayer::begin(gpu, opened.clone(), layout, beginning, waker(proxy))?;
         Ok(Playing {
             title: title(entry.name.as_deref()),
-            viewed: ViewedClip::new(content),
+            viewed: ViewedClip::new(opened),
             renderer: Some(renderer),
-            take,
-            sound: content.sound(),
-            metres_per_unit: content.info().metres_per_unit.into(),
-            gaussians: content.gaussians(),
-            layers_announced: content.layers_announced(),
+            take: Some(take),
+            sound: opened.sound.clone(),
+            metres_per_unit: opened.info().metres_per_unit.into(),
+            gaussians: opened.gaussians(),
+            layers_announced: opened.layer_ends().len(),
         })
     }
 }
@@ -259,11 +244,10 @@ impl Session {
             .map_err(|error| Fault::Device(format!("cannot open a window: {error}: try --headless")))?;
         let window = Arc::new(window);
         let screen = Screen::open(&window)?;
-        let mut uploaded = None;
         let playing = {
             let beginning = Beginning { position_s: 0.0, is_blocking: true, is_overtaken: &|| false };
             let (gpu, format) = (&screen.gpu, screen.surface.format());
-            Playing::new(gpu, format, &proxy, &start.entry, &start.clip, beginning, &mut uploaded)?
+            Playing::new(gpu, format, &proxy, &start.entry, &start.clip, beginning)?
         };
         let mut viewer = Viewer::new(playing.viewed.clone(), start.viewpoint, start.settings);
         viewer.message = start.note.map(|note| Message::note(screen.input.egui_ctx(), note));
@@ -274,7 +258,7 @@ impl Session {
             library.remember(name);
         }
         let target = WindowTarget::new(&screen, &proxy);
-        clips.adopt(target, uploaded, start.named, start.entry, start.queue, start.rest);
+        clips.adopt(target, start.named, start.entry, start.queue, start.rest);
         let mut speaker = Speaker::new(folders::state());
         speaker.change_track(playing.sound.clone(), false);
         window.request_redraw();
@@ -616,7 +600,7 @@ impl Session {
     fn shown_time(&self) -> f64 {
         let player = &self.viewer.player;
         match &self.playing.take {
-            Some(take) if player.duration_s() > 0.0 => {
+            Some(take) if player.duration_s() > 0.0 && !self.playing.viewed.is_static => {
                 take.shown_s(player.position_s()) / player.duration_s()
             }
             _ => self.viewer.clip_time(),
@@ -721,7 +705,7 @@ impl Session {
         ];
         let announced = self.playing.layers_announced;
         if announced > 1 {
-            let there = self.viewer.layers();
+            let there = self.playing.take.as_ref().map_or(0, |take| take.counts().resident_layers);
             let drawn = self.viewer.settings.layers.unwrap_or(there).min(there);
             rows.insert(1, ("layers", format!("{drawn} of {announced}")));
         }

@@ -2,7 +2,7 @@
 
 use codec::Viewpoint;
 
-use crate::clips::Content;
+use crate::takes::OpenTake;
 
 /// The properties of a clip that its viewer needs.
 #[derive(Clone, Debug, PartialEq)]
@@ -20,7 +20,7 @@ pub(crate) struct ViewedClip {
 
 impl ViewedClip {
     /// The properties of `clip`.
-    pub(crate) fn new(clip: &Content) -> ViewedClip {
+    pub(crate) fn new(clip: &OpenTake) -> ViewedClip {
         let info = clip.info();
         ViewedClip {
             duration_s: clip.duration_s(),
@@ -28,7 +28,7 @@ impl ViewedClip {
             is_static: clip.is_static(),
             up: info.up,
             viewpoints: info.viewpoints.clone(),
-            layers: clip.layers().max(1),
+            layers: clip.layer_count().max(1),
         }
     }
 }

@@ -120,11 +120,6 @@ impl Viewer {
         self.camera.viewpoint()
     }
 
-    /// Number of layers, at least 1.
-    pub(crate) fn layers(&self) -> usize {
-        self.clip.layers
-    }
-
     /// The camera for a window of `width` x `height` pixels.
     pub(crate) fn camera(&self, width: u32, height: u32) -> Camera {
         self.camera.camera(width, height)

@@ -6,9 +6,9 @@
 use std::cmp::Ordering;
 
 use crate::{
-    Clip, ClipInfo, Coder, Contents, PixelFilter, Surroundings,
+    Clip, ClipInfo, Coder, Contents, Field, LayerEnd, PixelFilter, Surroundings,
     columns::{PackageColumns, TemporalColumns},
-    format::{FIXED_BYTES, LAYERS_MAX, RESIDENT_MAX, SEGMENTS_MAX},
+    format::{FIXED_BYTES, LAYERS_MAX, RESIDENT_MAX, SEGMENTS_MAX, VERSION_MINOR},
     take::span::{Resident, span_holds},
 };
 
@@ -257,6 +257,38 @@ impl From<&Contents> for Take {
             by_device: contents.by_device,
             near: contents.near,
             table_bytes: size_of::<Segment>() + segment.layers.len() * size_of::<SegmentLayer>(),
+            segments: vec![segment],
+            head_bytes: 0,
+        }
+    }
+}
+
+impl From<&Clip> for Take {
+    /// The take of a decoded clip: one segment that spans it, without bytes.
+    fn from(clip: &Clip) -> Take {
+        let duration_s = f64::from(clip.info.duration_s);
+        let temporal = clip.dynamic_field.temporal.as_ref();
+        let plate = clip.plate.as_ref().filter(|plate| !plate.is_empty());
+        let plate_len = plate.map_or(0, Field::len);
+        let layer = |end: &LayerEnd| SegmentLayer { bytes: 0, gaussians: end.total() + plate_len };
+        let layers = clip.layers_announced.iter().map(layer).collect();
+        let segment = Segment { start_s: 0.0, duration_s, level: 0, offset: 0, head_crc: 0, layers };
+        Take {
+            version_minor: VERSION_MINOR,
+            info: clip.info.clone(),
+            duration_s,
+            bounds: clip.bounds,
+            coder: Coder::default(),
+            sh_degree: clip.sh_degree(),
+            motion_order: temporal.map_or(0, |temporal| temporal.motion_order),
+            rotation_rates: temporal.is_some_and(|temporal| temporal.rotation_rates.is_some()),
+            filter: clip.filter(),
+            plate_len,
+            plate_sh_degree: plate.map_or(0, |plate| plate.sh_degree),
+            plate_filter: plate.map_or(PixelFilter::default(), |plate| plate.filter),
+            by_device: false,
+            near: clip.near(),
+            table_bytes: 0,
             segments: vec![segment],
             head_bytes: 0,
         }

@@ -195,12 +195,13 @@ fn server(file: Arc<[u8]>, condition: Condition, is_paced: bool) -> Server {
 fn download(url: &str) -> Result<[f64; 2], String> {
     let start = Instant::now();
     let elapsed_ms = || start.elapsed().as_secs_f64() * 1e3;
-    let mut times: Option<[f64; 2]> = None;
+    let mut opened = None;
     for event in Download::new(url, Options::default()) {
-        if let LoadEvent::Clip(_) = event.map_err(|fault| fault.to_string())? {
-            let now = elapsed_ms();
-            times = Some([times.map_or(now, |times| times[0]), now]);
+        if let LoadEvent::Take(take) = event.map_err(|fault| fault.to_string())? {
+            opened = Some((take, elapsed_ms()));
         }
     }
-    times.ok_or_else(|| format!("{url}: no clip came"))
+    let (take, first_ms) = opened.ok_or_else(|| format!("{url}: no clip came"))?;
+    take.segment(0, take.layers()[0]).map_err(|fault| fault.to_string())?;
+    Ok([first_ms, elapsed_ms()])
 }

@@ -6,8 +6,10 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::time::Instant;
 
-use client::gpu::{Gpu, UploadedClip};
-use codec::{Clip, Limits, contents, decode_parallel};
+use client::gpu::{
+    ChannelDepth, FrameLayout, Gpu, PackedLayers, PackedSegment, Renderer, SlotId, Span, TakeLayout,
+};
+use codec::{Clip, Layers, Limits, contents, decode_parallel};
 use program::Fault;
 
 /// Number of times that everything is done, alone and with the layers before in turn, so that other work on the machine
@@ -35,6 +37,34 @@ struct Costs {
     /// Packing, uploading, and waiting for the device.
     upload_ms: Vec<f64>,
     bytes: usize,
+}
+
+/// A clip in GPU memory.
+struct Uploaded {
+    layout: TakeLayout,
+    renderer: Renderer,
+    segment: SlotId,
+    bytes: usize,
+}
+
+impl Uploaded {
+    fn new(gpu: &Gpu, clip: &Clip) -> Result<Uploaded, Fault> {
+        let (layout, frame) =
+            (TakeLayout::for_clip(clip), FrameLayout::plain(ChannelDepth::Eight.format(), 1));
+        let mut renderer = Renderer::new_take(gpu, layout, frame)?;
+        let slots = renderer.slots().expect("it has its own segments");
+        let segment = slots.insert(PackedSegment::new(clip, Span::WHOLE, &layout)?).expect("it has its room");
+        let bytes = slots.upload(gpu, usize::MAX);
+        Ok(Uploaded { layout, renderer, segment, bytes })
+    }
+
+    /// Packs and uploads further layers; returns the number of bytes.
+    fn extend(mut self, gpu: &Gpu, layers: &Layers) -> Result<usize, Fault> {
+        let packed = PackedLayers::new(layers, Span::WHOLE, &self.layout)?;
+        let slots = self.renderer.slots().expect("it has its own segments");
+        slots.append(self.segment, packed);
+        Ok(slots.upload(gpu, usize::MAX))
+    }
 }
 
 impl Costs {
@@ -90,16 +120,16 @@ fn print_layers(path: &Path) -> Result<(), Fault> {
         let decode = || decode_parallel(prefix, &Limits::default(), threads);
         let clip = decode().map_err(|error| data(error.to_string()))?;
         let (mut alone, mut whole) = (Costs::default(), Costs::default());
-        let upload = || UploadedClip::new(&gpu, &clip).map(|uploaded| uploaded.bytes());
+        let upload = || Uploaded::new(&gpu, &clip).map(|uploaded| uploaded.bytes);
         if let Some(earlier) = before {
             let further = || head.decode_layers(prefix, layer, &Limits::default(), threads);
             let mut appended = earlier.clone();
             appended.append(further().map_err(|error| data(error.to_string()))?);
             assert!(appended == clip, "layers that are appended are those decoded at once");
             for _ in 0..RUNS {
-                let mut start = UploadedClip::new(&gpu, &earlier)?;
-                let extend = || start.extend(&gpu, &clip).map(|()| start.bytes());
-                alone.add(&gpu, || drop(further()), extend)?;
+                let start = Uploaded::new(&gpu, &earlier)?;
+                let layers = further().map_err(|error| data(error.to_string()))?;
+                alone.add(&gpu, || drop(further()), || start.extend(&gpu, &layers))?;
                 whole.add(&gpu, || drop(decode()), upload)?;
             }
             ratio = Some(median(alone.total_ms().zip(whole.total_ms()).map(|(alone, whole)| alone / whole)));

@@ -10,7 +10,7 @@ use aarc_tests::gpu::{self, Passes};
 use aarc_tests::scene::{Motion, Place, Recipe, camera, packaged};
 use aarc_tests::server::Server;
 use aarc_tests::take_files::{SegmentFile, take_package};
-use client::clips::{self, Content, LoadEvent, SourceOptions};
+use client::clips::{self, LoadEvent, SourceOptions, Wait};
 use client::gpu::{ChannelDepth, FrameLayout, Gpu, Offscreen, Pixels, RenderSettings, Renderer};
 use client::player::Player;
 use client::takes::{Extent, OpenTake, TakeCounts, TakePlayer, UPLOAD_BYTES_MAX};
@@ -94,7 +94,7 @@ struct Played {
 
 impl Played {
     fn open(path: &Path, duration_s: f64) -> Result<Played, String> {
-        let opened = OpenTake::open(path, &Limits::default()).map_err(text)?.ok_or("it is a take")?;
+        let opened = OpenTake::open(path, &Limits::default()).map_err(text)?;
         Played::play(Arc::new(opened), duration_s)
     }
 
@@ -315,10 +315,7 @@ fn sound() -> Result<(), String> {
 /// The take on a server.
 fn fetched(server: &Server) -> Result<Arc<OpenTake>, String> {
     let mut arrival = clips::open(Some(&server.url("take.aarc")), &SourceOptions::default()).map_err(text)?;
-    match arrival.wait(None, |_| ()).map_err(text)? {
-        Content::Take(opened) => Ok(opened),
-        Content::Clip(..) => Err("it is a take".into()),
-    }
+    arrival.wait(Wait::Complete, |_| ()).map_err(text)
 }
 
 /// The rate of the WiFi of a headset, 58 Mbit/s, and the delay of a request.

@@ -6,7 +6,10 @@ use std::num::NonZero;
 use aarc_tests::gpu::{self, Drawing, Passes};
 use aarc_tests::image::{Tolerance, check, difference};
 use aarc_tests::scene::{Motion, Place, Recipe, camera, packaged};
-use client::gpu::{ChannelDepth, Gpu, GpuClip, RenderSettings, UploadedClip};
+use client::gpu::{
+    ChannelDepth, FrameLayout, Gpu, GpuClip, PackedLayers, PackedSegment, RenderSettings, Renderer, Span,
+    TakeLayout,
+};
 use codec::{Field, LayerEnd, Limits};
 use libtest_mimic::Trial;
 use program::Fault;
@@ -43,23 +46,29 @@ fn one_by_one(gpu: &Gpu) -> Result<(), String> {
         let head = codec::contents(&bytes, &limits).map_err(error)?;
         let ends = head.layer_bytes();
         let mut clip = codec::decode(&bytes[..ends[0]], &limits).map_err(error)?;
-        let mut uploading = UploadedClip::new(gpu, &clip).map_err(text)?;
-        let (first_bytes, gpu_bytes) = (uploading.bytes(), uploading.clip().bytes());
+        let layout = TakeLayout::for_clip(&clip);
+        let frame = FrameLayout::plain(ChannelDepth::Sixteen.format(), 1);
+        let mut owner = Renderer::new_take(gpu, layout, frame).map_err(text)?;
+        let slots = owner.slots().ok_or("it has its own segments")?;
+        let packed = PackedSegment::new(&clip, Span::WHOLE, &layout).map_err(text)?;
+        let segment = slots.insert(packed).ok_or("no room")?;
+        let first_bytes = slots.upload(gpu, usize::MAX);
+        let gpu_bytes = owner.clip().bytes();
         let mut uploaded = first_bytes;
         let mut drawn: Vec<(Drawing<'_>, Image)> = Vec::new();
         for layers in 1..=ends.len() {
             if layers > 1 {
-                let one = NonZero::<usize>::MIN;
-                clip.append(
-                    head.decode_layers(&bytes[..ends[layers - 1]], layers - 1, &limits, one)
-                        .map_err(error)?,
-                );
-                uploading.extend(gpu, &clip).map_err(text)?;
-                uploaded += uploading.bytes();
+                let (one, prefix) = (NonZero::<usize>::MIN, &bytes[..ends[layers - 1]]);
+                let further = head.decode_layers(prefix, layers - 1, &limits, one).map_err(error)?;
+                let slots = owner.slots().ok_or("it has its own segments")?;
+                let packed = PackedLayers::new(&further, Span::WHOLE, &layout).map_err(text)?;
+                slots.append(segment, packed);
+                uploaded += slots.upload(gpu, usize::MAX);
+                clip.append(further);
             }
-            let on_gpu = uploading.clip().clone();
-            if on_gpu.bytes() != gpu_bytes || on_gpu.layer_ends().len() != layers {
-                return Err(format!("{} of {gpu_bytes} bytes, {:?}", on_gpu.bytes(), on_gpu.layer_ends()));
+            let on_gpu = owner.clip().clone();
+            if on_gpu.bytes() != gpu_bytes {
+                return Err(format!("{} of {gpu_bytes} bytes", on_gpu.bytes()));
             }
             let view = camera(Place::Whole, 160, 120);
             let expected = render(&RenderScene::from(&clip), &view, 0.4, Order::Depth);
@@ -82,9 +91,10 @@ fn one_by_one(gpu: &Gpu) -> Result<(), String> {
             }
         }
         // Every row once: as many bytes as all at once.
-        let whole = UploadedClip::new(gpu, &clip).map_err(text)?;
-        if uploaded != whole.bytes() || first_bytes * 3 > uploaded || whole.clip().bytes() != gpu_bytes {
-            return Err(format!("{motion:?}: {uploaded} bytes, {} at once", whole.bytes()));
+        let whole = PackedSegment::new(&clip, Span::WHOLE, &layout).map_err(text)?.bytes();
+        let at_once = GpuClip::upload(gpu, &clip).map_err(text)?;
+        if uploaded != whole || first_bytes * 3 > uploaded || at_once.bytes() != gpu_bytes {
+            return Err(format!("{motion:?}: {uploaded} bytes, {whole} at once"));
         }
     }
     Ok(())

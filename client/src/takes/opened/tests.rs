@@ -41,6 +41,8 @@ fn three() -> Vec<u8> {
     take(&[clip(0.0, 60, &[20]), clip(100.0, 50, &[]), clip(200.0, 70, &[30, 50])])
 }
 
+const DEMO: &[u8] = include_bytes!("../../../../assets/demo.aarc");
+
 struct Written {
     path: PathBuf,
     _folder: TempDir,
@@ -54,7 +56,7 @@ fn written(bytes: &[u8]) -> Written {
 }
 
 fn open(file: &Written) -> OpenTake {
-    OpenTake::open(&file.path, &Limits::default()).unwrap().expect("it is a take")
+    OpenTake::open(&file.path, &Limits::default()).unwrap()
 }
 
 /// Number of Gaussians of the first layers of a segment.
@@ -64,7 +66,7 @@ fn gaussians(opened: &OpenTake, segment: usize, layers: usize) -> Result<usize, 
 
 /// Number of Gaussians of the layers of a segment behind the first `from`.
 fn further(opened: &OpenTake, segment: usize, from: usize, layers: usize) -> Result<usize, Fault> {
-    let (packed, _) = opened.load(Want { segment, from, layers }, &opened.layout())?;
+    let Loaded { packed, .. } = opened.load(Want { segment, from, layers }, &opened.layout())?;
     Ok(match packed {
         PackedWant::Segment(packed) if from == 0 => packed.gaussians(),
         PackedWant::Layers(packed) if from > 0 => packed.gaussians(),
@@ -124,12 +126,64 @@ fn a_take_without_viewpoints_opens_where_its_content_is_at_the_start() {
 }
 
 #[test]
-fn what_is_no_take_is_left_to_others() {
-    for bytes in
-        [&clip(0.0, 5, &[])[..], b"", b"AARC", b"ply\n", include_bytes!("../../../../assets/demo.aarc")]
-    {
+fn a_clip_is_the_only_segment() {
+    let file = written(&clip(0.0, 60, &[20]));
+    let opened = open(&file);
+    assert_eq!((opened.layers(), opened.layer_ends()), (&[2][..], vec![20, 60]));
+    assert!(opened.is_static() && !open(&written(DEMO)).is_static());
+    // It has room for nothing else.
+    let layout = opened.layout();
+    assert_eq!((layout.room.static_count, layout.room.dynamic_count), (60, 0));
+    assert!(!layout.features.segmented && layout.features.motion.is_none());
+    // What was decoded to open it is loaded once, whole.
+    let want = Want { segment: 0, from: 0, layers: 1 };
+    for (layers, count) in [(2, 60), (1, 20)] {
+        let Loaded { want, packed: PackedWant::Segment(packed), .. } = opened.load(want, &layout).unwrap()
+        else {
+            panic!("it is a segment")
+        };
+        assert_eq!((want.layers, packed.gaussians()), (layers, count));
+    }
+    assert_eq!(further(&opened, 0, 1, 2).unwrap(), 40);
+}
+
+#[test]
+fn a_clip_that_is_cut_short_or_damaged_says_so() {
+    let all = codec::contents(DEMO, &Limits::default()).unwrap().layer_bytes();
+    let note = |bytes: usize| open(&written(&DEMO[..bytes])).truncation();
+    assert_eq!(note(DEMO.len()), None);
+    for bytes in [all[0], all[0] + 1, all[1] - 1] {
+        let note = note(bytes).unwrap();
+        assert!(
+            note.ends_with(&format!("cut short, 1 of {} layers play: copy it again for the rest", all.len()))
+        );
+    }
+    let mut damaged = DEMO.to_vec();
+    *damaged.last_mut().unwrap() ^= 1;
+    let cut = &DEMO[..all[0] - 1];
+    for (bytes, why) in [(&damaged[..], "CRC-32"), (cut, "cut short before its first layer")] {
         let file = written(bytes);
-        assert!(OpenTake::open(&file.path, &Limits::default()).unwrap().is_none(), "{} bytes", bytes.len());
+        let fault = OpenTake::open(&file.path, &Limits::default()).unwrap_err();
+        let text = fault.to_string();
+        assert!(matches!(fault, Fault::Data(_)) && text.contains(why), "{text}");
+        assert!(text.contains("a.aarc: ") && text.ends_with("copy it again"), "{text}");
+    }
+}
+
+#[test]
+fn a_file_of_another_format_has_a_next_step() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, step) in
+        [("a.PLY", "of this field"), ("a.aarc", "that aarc-studio package made"), ("a", "made")]
+    {
+        let path = folder.path().join(name);
+        std::fs::write(&path, b"ply\nformat binary_little_endian 1.0\n").unwrap();
+        let text = OpenTake::open(&path, &Limits::default()).unwrap_err().to_string();
+        assert!(text.contains("not an .aarc package: ") && text.contains(step), "{text}");
+    }
+    for path in [folder.path().to_owned(), folder.path().join("none.aarc")] {
+        let fault = OpenTake::open(&path, &Limits::default()).unwrap_err();
+        assert!(matches!(&fault, Fault::Data(text) if text.starts_with(&path.display().to_string())));
     }
 }
 

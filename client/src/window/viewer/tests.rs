@@ -375,7 +375,7 @@ fn more_layers_of_a_clip_change_nothing_else() {
     let (eye, position_s) = (bench.eye(), bench.viewer.player.position_s());
     bench.viewer.update_clip(ViewedClip { layers: 4, ..clip() });
     let viewer = &bench.viewer;
-    assert_eq!((viewer.layers(), viewer.viewpoint, viewer.settings.layers), (4, 1, Some(1)));
+    assert_eq!((viewer.clip.layers, viewer.viewpoint, viewer.settings.layers), (4, 1, Some(1)));
     assert_eq!((viewer.player.position_s(), bench.eye()), (position_s, eye));
     bench.viewer.update_clip(ViewedClip { duration_s: 7.0, ..clip() });
     assert_eq!(bench.viewer.player.position_s(), 0.0, "it has changed on the server");

@@ -303,7 +303,8 @@ mod tests {
 
     #[test]
     fn the_demo_clip_stands_before_the_viewer() {
-        let clip = clips::open(None, &Default::default()).unwrap().wait(None, |_| ()).unwrap();
+        let clip =
+            clips::open(None, &Default::default()).unwrap().wait(clips::Wait::Complete, |_| ()).unwrap();
         let subject = clip.subject();
         let head = head(0.3);
         let stage_from_clip = Placement::start(&subject, &head).stage_from_clip(&subject);

@@ -4,14 +4,14 @@
 //! That thread fills buffers and builds pipelines without a submission: copies go along with the next
 //! frame.
 
-use std::sync::Weak;
+use std::sync::{Arc, Weak};
 
 use codec::ClipInfo;
 
 use crate::audio::SoundTrack;
-use crate::clips::{Beginning, ClipTarget, Content, Entry};
-use crate::gpu::{FrameLayout, Gpu, Renderer, RuntimeFormat, UploadedClip};
-use crate::takes::TakePlayer;
+use crate::clips::{Beginning, ClipTarget, Entry};
+use crate::gpu::{FrameLayout, Gpu, Renderer, RuntimeFormat};
+use crate::takes::{OpenTake, TakePlayer};
 use program::Fault;
 use program::Subject;
 
@@ -24,42 +24,30 @@ pub(super) struct HeadsetTarget {
 
 impl ClipTarget for HeadsetTarget {
     type Ready = Box<ReadyClip>;
-    type Uploaded = UploadedClip;
 
     fn prepare(
         &self,
         _: &Entry,
-        content: Content,
+        opened: Arc<OpenTake>,
         beginning: Beginning<'_>,
-        uploaded: &mut Option<UploadedClip>,
     ) -> Result<Box<ReadyClip>, Fault> {
         let gpu = self
             .gpu
             .upgrade()
             .ok_or_else(|| Fault::Device("the graphics device is gone: open the clip again".into()))?;
         let layout = FrameLayout { format: self.format.drawn(), eyes: 2, foveated: true };
-        let (renderer, take, layer_ends) = match &content {
-            Content::Clip(version) => {
-                let on_gpu = UploadedClip::following(&gpu, uploaded, &version.clip)?;
-                let layer_ends = on_gpu.layer_ends();
-                (Renderer::new(&gpu, on_gpu, layout)?, None, layer_ends)
-            }
-            Content::Take(opened) => {
-                // A frame of the headset follows in any case: it needs nothing to wake it.
-                let (renderer, take) = TakePlayer::begin(&gpu, opened.clone(), layout, beginning, || ())?;
-                (renderer, Some(take), opened.layer_ends())
-            }
-        };
+        // A frame of the headset follows in any case: it needs nothing to wake it.
+        let (renderer, take) = TakePlayer::begin(&gpu, opened.clone(), layout, beginning, || ())?;
         Ok(Box::new(ReadyClip {
-            subject: content.subject(),
-            layer_ends,
+            subject: opened.subject(),
+            layer_ends: opened.layer_ends(),
             renderer: Some(renderer),
-            take,
-            gaussians: content.gaussians(),
-            sound: content.sound(),
-            is_static: content.is_static(),
-            duration_s: content.duration_s(),
-            info: content.info().clone(),
+            take: Some(take),
+            gaussians: opened.gaussians(),
+            sound: opened.sound.clone(),
+            is_static: opened.is_static(),
+            duration_s: opened.duration_s(),
+            info: opened.info().clone(),
         }))
     }
 }
@@ -69,7 +57,7 @@ pub(super) struct ReadyClip {
     pub(super) subject: Subject,
     /// `None` once its device was lost.
     pub(super) renderer: Option<Renderer>,
-    /// The segments of a take, as long as there is a renderer.
+    /// Its segments, as long as there is a renderer.
     pub(super) take: Option<TakePlayer>,
     /// Whether the image is the same at all times.
     pub(super) is_static: bool,

@@ -1,10 +1,9 @@
 //! This project's player, by the calls that its headless mode makes.
 
 use std::path::Path;
-use std::sync::Arc;
 
-use client::clips::load_file;
 use client::gpu::{ChannelDepth, Cutoff, FrameLayout, Gpu, GpuClip, Offscreen, RenderSettings, Renderer};
+use client::takes::OpenTake;
 use client::view::View;
 
 use super::renderer::PeerRenderer;
@@ -19,7 +18,8 @@ struct Ours {
 
 /// Opens the package at `path`, for 8 bits per channel, as windows have.
 pub(super) fn open(path: &Path, work: &Workload, cutoff: Cutoff) -> anyhow::Result<Box<dyn PeerRenderer>> {
-    let clip = load_file(path, &codec::Limits::default())?;
+    let opened = OpenTake::open(path, &codec::Limits::default())?;
+    let clip = opened.segment(0, opened.layers()[0])?;
     let gpu = Gpu::new_headless()?;
     let view = View::from_camera(&work.frames[0].camera);
     let image = Offscreen::new(&gpu, view.size, 1, ChannelDepth::Eight)?;

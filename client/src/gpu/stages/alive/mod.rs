@@ -60,7 +60,8 @@ impl Rows {
     }
 
     /// Number of Gaussians in the first k layers, for k from 1.
-    pub(in crate::gpu) fn layer_ends(&self) -> impl Iterator<Item = LayerEnd> {
+    #[cfg(test)]
+    fn layer_ends(&self) -> impl Iterator<Item = LayerEnd> {
         self.runs.iter().flat_map(|run| run.ends.iter().copied())
     }
 
