@@ -173,10 +173,10 @@ impl Download {
     fn wait(&mut self, fetch: Fetch) -> Flow {
         let mut state = fetch.wait(REPORT_INTERVAL, |state| self.has_event(state));
         if self.is_new(&state) {
-            self.opened = Some(state.beginnings);
             drop(state);
-            let source = TakeSource::Arriving(Arc::new(fetch.file(redacted(&self.url))));
-            let take = OpenTake::from_source(source, &self.options.limits);
+            let file = fetch.file(redacted(&self.url));
+            self.opened = Some(file.beginnings());
+            let take = OpenTake::from_source(TakeSource::Arriving(Arc::new(file)), &self.options.limits);
             self.stage = Stage::Fetching(fetch);
             return ControlFlow::Break(take.map(|take| LoadEvent::Take(Arc::new(take))));
         }

@@ -211,6 +211,11 @@ impl ArrivingFile {
         self.name.clone()
     }
 
+    /// Which version of the file it is, by [`State::beginnings`].
+    pub(super) fn beginnings(&self) -> u32 {
+        self.beginnings
+    }
+
     /// The bytes that are there.
     pub(crate) fn there(&self) -> Vec<u8> {
         self.shared.lock().file.bytes().to_vec()

@@ -540,9 +540,9 @@ impl TakePlayer {
         self.revision
     }
 
-    /// The parts of the take that play without loading, as seconds (from, to), ascending.
+    /// The parts of the take that play without loading, as seconds (from, to), ascending; none to tell of a single segment.
     pub fn buffered(&self) -> &[(f64, f64)] {
-        self.buffered.ranges()
+        if self.counts.segments == 1 { &[] } else { self.buffered.ranges() }
     }
 
     /// Counts for statistics.
