@@ -136,7 +136,7 @@ impl Error {
     }
 
     /// The same error in a file in which the package begins at `base`.
-    pub(crate) fn rebased(self, base: usize) -> Error {
+    pub fn rebased(self, base: usize) -> Error {
         match self {
             Error::Format { offset, error } => Error::format(offset.saturating_add(base), error),
             Error::Limits { offset, quantity, needed, limit } => {

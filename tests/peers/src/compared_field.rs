@@ -2,12 +2,13 @@
 
 use std::path::Path;
 
-use codec::{Clip, ClipInfo, Field, Limits, Surroundings};
+use codec::{Clip, ClipInfo, Field, Surroundings};
 use indicatif::ProgressBar;
 use refine::prune::{Ranking, by_importance, contributions_to};
-use studio::input::{Input, read_package};
+use studio::input::is_package;
 use studio::package::QUALITY_DB;
 use studio::report::ReportSubject;
+use studio::segments::TakeFile;
 
 use crate::coding::{Judge, SIZE, views_of};
 
@@ -36,9 +37,8 @@ impl ComparedField {
         progress: &ProgressBar,
     ) -> anyhow::Result<ComparedField> {
         progress.set_message("reading");
-        let is_played_unchanged =
-            budget.is_none() && matches!(Input::load(path)?, Input::Package(clip) if clip.plate.is_none());
         let ReportSubject { mut scene, mut field, .. } = ReportSubject::load(path)?;
+        let is_played_unchanged = budget.is_none() && is_package(path) && scene.plate.is_none();
         let info = &mut scene.info;
         if info.viewpoints.is_empty() {
             info.viewpoints.push(Surroundings::new(&field, None, info.up).opening());
@@ -52,9 +52,8 @@ impl ComparedField {
         }
         let info = scene.info;
         let (package, clip) = if is_played_unchanged {
-            let package = read_package(path)?;
-            let clip = codec::decode(&package, &Limits::default())?;
-            (package, clip)
+            let file = TakeFile::open(path)?;
+            (file.read(0)?, file.decode(0)?)
         } else {
             let coded = Judge::new(&field, &info, progress).ours(QUALITY_DB)?;
             (coded.bytes, coded.clip)

@@ -1,14 +1,14 @@
-//! [`Input`]: the input of a command, a package or a scene.
+//! [`Input`]: the input of a command, segments or a scene.
 
-use std::fs::{self, File};
+use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-use codec::{Clip, ClipInfo, Contents, Field, Limits, SectionKind, Viewpoint};
+use codec::{ClipInfo, Field, Viewpoint};
 use refine::reference;
 
 use crate::import::FitRecord;
-use crate::messages::{bad_package, decimal, unreadable};
+use crate::messages::decimal;
 use crate::scene::{Scene, frames_of};
 use crate::segments::{DecodedTake, FieldFolder, TakeFile};
 use program::Fault;
@@ -16,18 +16,13 @@ use program::Fault;
 /// First bytes of a package.
 const PACKAGE_MAGIC: [u8; 4] = *b"AARC";
 
-/// Maximum size of a package: its offsets have 32 bits.
-const PACKAGE_BYTES_MAX: u64 = u32::MAX as u64;
-
-/// A package, or a scene that one can be made from.
+/// What a command works on.
 #[derive(Debug)]
 pub enum Input {
-    /// A decoded package.
-    Package(Box<Clip>),
+    /// The segments of a package or of a field folder.
+    Take(Box<DecodedTake>),
     /// A fitted field, perhaps with a background.
     Scene(Box<Scene>),
-    /// A take of segments: a package, or a field folder.
-    Take(Box<DecodedTake>),
 }
 
 impl Input {
@@ -40,7 +35,7 @@ impl Input {
         Input::load_part(path, None)
     }
 
-    /// Reads an input as [`Input::load`] does, but only the segments of a take that hold one of these `seconds`.
+    /// Reads an input as [`Input::load`] does, but only the segments that hold one of these `seconds`.
     ///
     /// # Errors
     /// Those of [`Input::load`].
@@ -54,12 +49,8 @@ impl Input {
             return Ok(Input::Take(Box::new(take)));
         }
         if is_package(path) {
-            let file = TakeFile::open(path)?;
-            if !file.is_clip() {
-                return Ok(Input::Take(Box::new(DecodedTake::of_file(&file, seconds)?)));
-            }
-            let clip = codec::decode(&read_package(path)?, &Limits::default());
-            return Ok(Input::Package(Box::new(clip.map_err(|error| bad_package(path, &error))?)));
+            let take = DecodedTake::of_file(&TakeFile::open(path)?, seconds)?;
+            return Ok(Input::Take(Box::new(take)));
         }
         let scene = Scene::load(path)?;
         for (part, imported) in [("", Some(&scene.subject)), (" (plate)", scene.plate.as_ref())] {
@@ -76,25 +67,22 @@ impl Input {
     /// Duration, axes, viewpoints.
     pub fn info(&self) -> &ClipInfo {
         match self {
-            Input::Package(clip) => &clip.info,
-            Input::Scene(scene) => &scene.info,
             Input::Take(take) => &take.info,
+            Input::Scene(scene) => &scene.info,
         }
     }
 
-    /// Number of captured frames, if known; packages always record it.
+    /// Number of captured frames, if known; packages and field folders always record it.
     pub fn frames(&self) -> Option<usize> {
         match self {
-            Input::Package(clip) => Some(frames_of(&clip.info)),
-            Input::Scene(scene) => scene.frames(),
             Input::Take(take) => Some(frames_of(&take.info)),
+            Input::Scene(scene) => scene.frames(),
         }
     }
 
     /// The photographs that it was fitted to, as far as a field file records them.
     pub fn fit_record(&self) -> FitRecord {
         match self {
-            Input::Package(_) => FitRecord::default(),
             Input::Take(take) => take.fit_record(),
             Input::Scene(scene) => scene.fit_record(),
         }
@@ -103,18 +91,16 @@ impl Input {
     /// Whether all but the background shows the same at all times.
     pub fn is_static(&self) -> bool {
         match self {
-            Input::Package(clip) => clip.dynamic_field.is_empty(),
+            Input::Take(take) => take.is_static(),
             Input::Scene(scene) => scene.subject.field.temporal.is_none(),
-            Input::Take(_) => false,
         }
     }
 
-    /// The background plate of a package or scene; a take has one for each segment.
+    /// The background plate of a scene or of the only segment; several segments have one each.
     pub fn plate(&self) -> Option<&Field> {
         match self {
-            Input::Package(clip) => clip.plate.as_ref(),
+            Input::Take(take) => take.plate(),
             Input::Scene(scene) => scene.plate.as_ref().map(|plate| &plate.field),
-            Input::Take(_) => None,
         }
     }
 
@@ -122,15 +108,14 @@ impl Input {
     pub fn has_plate(&self) -> bool {
         match self {
             Input::Take(take) => take.has_plate(),
-            Input::Package(_) | Input::Scene(_) => self.plate().is_some(),
+            Input::Scene(scene) => scene.plate.is_some(),
         }
     }
 
     /// The scene for the reference renderer.
     pub fn to_reference(&self) -> reference::RenderScene<'_> {
         match self {
-            Input::Package(clip) => (&**clip).into(),
-            Input::Take(take) => take.to_reference(),
+            Input::Take(take) => take.to_reference(usize::MAX),
             Input::Scene(scene) => {
                 let subject = reference::RenderScene::from(&scene.subject.field);
                 match &scene.plate {
@@ -145,19 +130,18 @@ impl Input {
     pub fn gaussians(&self) -> usize {
         match self {
             Input::Take(take) => take.gaussians(),
-            Input::Package(clip) => clip.len() + clip.plate.as_ref().map_or(0, |plate| plate.len()),
             Input::Scene(scene) => {
                 scene.subject.field.len() + scene.plate.as_ref().map_or(0, |plate| plate.field.len())
             }
         }
     }
 
-    /// All Gaussians but the background's as one field, and the metadata.
-    pub fn into_field(self) -> (Field, ClipInfo) {
+    /// All Gaussians but the background's as one field, and how many of them it shows before or after the span of their
+    /// segment, where the take does not.
+    pub fn into_field(self) -> (Field, usize) {
         match self {
-            Input::Package(clip) => (clip.merged(), clip.info),
-            Input::Take(take) => (take.merged().0, take.info),
-            Input::Scene(scene) => (scene.subject.field, scene.info),
+            Input::Take(take) => take.into_field(),
+            Input::Scene(scene) => (scene.subject.field, 0),
         }
     }
 
@@ -167,9 +151,8 @@ impl Input {
     /// [`Fault::Usage`] that lists the viewpoints.
     pub fn viewpoint(&self, name: Option<&str>) -> Result<Viewpoint, Fault> {
         let mut viewpoints = match self {
-            Input::Package(clip) => clip.viewpoints(),
-            Input::Scene(scene) => scene.info.viewpoints.clone(),
             Input::Take(take) => take.viewpoints.clone(),
+            Input::Scene(scene) => scene.info.viewpoints.clone(),
         };
         let name = name.unwrap_or("0");
         let named = viewpoints.iter().position(|viewpoint| viewpoint.name == name);
@@ -201,31 +184,6 @@ pub fn clip_time(option: &str, seconds: f64, info: &ClipInfo) -> Result<f64, Fau
     Ok((seconds / duration).min(1.0))
 }
 
-/// Reads the bytes of a package without decoding.
-///
-/// # Errors
-/// [`Fault::Data`] if the file cannot be read or is larger than a package can be.
-pub fn read_package(path: &Path) -> Result<Vec<u8>, Fault> {
-    let bad = |what: &str| Fault::Data(format!("{}: {what}", path.display()));
-    let metadata = fs::metadata(path).map_err(|error| unreadable(path, &error))?;
-    if !metadata.is_file() {
-        return Err(bad("not a file; name a package (.aarc)"));
-    }
-    if metadata.len() > PACKAGE_BYTES_MAX {
-        return Err(bad("larger than a package can be (4 GiB); name a package (.aarc)"));
-    }
-    fs::read(path).map_err(|error| unreadable(path, &error))
-}
-
-/// Number of bytes of a package up to the end of layer `layer`, counted from 0.
-pub fn prefix_bytes(contents: &Contents, layer: usize) -> usize {
-    let sections = contents.sections.iter().filter(|section| {
-        usize::from(section.layer) <= layer
-            && matches!(section.kind, SectionKind::Gaussians | SectionKind::TimeIndex)
-    });
-    sections.map(|section| section.end()).max().unwrap_or(contents.head_bytes)
-}
-
 /// Whether a file begins with the magic number of packages.
 pub fn is_package(path: &Path) -> bool {
     let mut magic = [0; 4];
@@ -235,22 +193,32 @@ pub fn is_package(path: &Path) -> bool {
         && magic == PACKAGE_MAGIC
 }
 
-/// Whether a path names a take: a package of segments, or a field folder.
+/// Number of segments of a package or a field folder, 1 of anything else. Decodes nothing.
 ///
 /// # Errors
-/// [`Fault::Data`] if it is a package with a damaged head.
-pub fn is_take(path: &Path) -> Result<bool, Fault> {
-    Ok(FieldFolder::is_one(path) || is_package(path) && !TakeFile::open(path)?.is_clip())
+/// [`Fault::Data`] if it is a package with a damaged head, or a field folder with a bad `field.json`.
+pub fn segments_in(path: &Path) -> Result<usize, Fault> {
+    Ok(match is_package(path) {
+        true => TakeFile::open(path)?.take().segments.len(),
+        false if FieldFolder::is_one(path) => FieldFolder::open(path)?.len(),
+        false => 1,
+    })
 }
 
-/// The fault of a take where one field is expected: what to do instead.
-pub(crate) fn not_one_field(path: &Path) -> Fault {
-    let name = path.display();
+/// Checks that a path names one field: one segment, if it names a package or a field folder.
+///
+/// # Errors
+/// [`Fault::Data`] that says what to name instead; those of [`segments_in`].
+pub(crate) fn check_one_field(path: &Path) -> Result<(), Fault> {
+    let (name, segments) = (path.display(), segments_in(path)?);
+    if segments == 1 {
+        return Ok(());
+    }
     let advice = match FieldFolder::is_one(path) {
         true => "name a field file in it",
         false => "make it one field with `export --ply`",
     };
-    Fault::Data(format!("{name}: a take of segments, where one field is expected; {advice}"))
+    Err(Fault::Data(format!("{name}: {segments} segments, where one field is expected; {advice}")))
 }
 
 #[cfg(test)]

@@ -33,9 +33,9 @@ const SH_FUNCTION: Columns = Columns { numbers: 3, bits: 8 };
 /// chunks of any size.
 const ZEROS_BYTES: usize = 5;
 
-/// Bytes that another layer costs a segment at least (FORMAT.md): in the table of the take, in the counts of the
-/// segment's head, and for one more chunk in its section table.
-const LAYER_BYTES: usize = 8 + 8 + 24;
+/// Bytes that another layer costs a segment at least (FORMAT.md): in the counts of its head, and for one more chunk in
+/// its section table.
+const LAYER_BYTES: usize = 8 + 24;
 
 /// An optional part that is absent from some Gaussians.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -62,7 +62,7 @@ pub(crate) struct TakeLeftOut {
 }
 
 impl TakeLeftOut {
-    /// What the table of a take tells: the parts that only takes have.
+    /// What the table of a take tells.
     pub(crate) fn of_table(take: &Take) -> TakeLeftOut {
         let mut sums = TakeLeftOut::default();
         let segments = &take.segments;
@@ -73,8 +73,9 @@ impl TakeLeftOut {
         };
         let has_one_layer = segments.iter().all(|segment| segment.layers.len() == 1);
         add(has_one_layer, "layers after the first", segments.len() * LAYER_BYTES);
-        // A level is a number that every entry of the table has.
-        add(segments.iter().all(|segment| segment.level == 0), "levels above the lowest", 0);
+        // A level is a number that every entry of the table has; one segment has none above it.
+        let has_one_level = segments.len() > 1 && segments.iter().all(|segment| segment.level == 0);
+        add(has_one_level, "levels above the lowest", 0);
         sums
     }
 

@@ -18,12 +18,16 @@ pub(crate) fn unreadable(path: &Path, error: &io::Error) -> Fault {
 
 /// The fault of a package that cannot be decoded.
 pub(crate) fn bad_package(path: &Path, error: &Error) -> Fault {
-    let advice = match error {
+    Fault::Data(format!("{}: {error}; {}", path.display(), advice(error)))
+}
+
+/// What to do about a package that cannot be decoded.
+pub(crate) fn advice(error: &Error) -> &'static str {
+    match error {
         Error::Format { .. } => "get the file again, or package its field again",
         Error::Version { .. } => "update this program, or package the field again",
         Error::Limits { .. } => "package its field with a smaller --budget",
-    };
-    Fault::Data(format!("{}: {error}; {advice}", path.display()))
+    }
 }
 
 /// A number of things: `1 frame`, `2 frames`.

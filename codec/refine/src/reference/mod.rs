@@ -110,11 +110,12 @@ impl<'a> RenderScene<'a> {
     }
 
     /// The union of the `segments` of a take: each is shown during its span, and all that are shown are sorted
-    /// together. The time of the scene is the time of the take.
+    /// together. The time of the scene is the time of the take; a segment that spans the take has that time, unrounded.
     pub fn of_take(segments: impl IntoIterator<Item = (SceneSpan, RenderScene<'a>)>) -> RenderScene<'a> {
         let mut union = RenderScene::default();
         for (span, scene) in segments {
-            let placed = |prefix: FieldPrefix<'a>| FieldPrefix { span: Some(span), ..prefix };
+            let span = Some(span).filter(|span| (span.start_s, span.duration_s) != (0.0, span.take_s));
+            let placed = |prefix: FieldPrefix<'a>| FieldPrefix { span, ..prefix };
             union.prefixes.extend(scene.prefixes.into_iter().map(placed));
             union.plates.extend(scene.plates.into_iter().map(placed));
         }

@@ -220,7 +220,7 @@ impl Evaluation<'_> {
             json["baselines"] = baselines.into();
         }
         if let (Some(out), Subject::Drawn(input)) = (&out, &subject)
-            && let Some(prefixes) = more_pictures(out, input, path, holdout, &capture_files)?
+            && let Some(prefixes) = more_pictures(out, input, holdout, &capture_files)?
         {
             table += &prefixes.table();
             json["ladder"] = serde_json::to_value(&prefixes)?;
@@ -247,7 +247,6 @@ fn by_split(means: &[SplitMeasures]) -> anyhow::Result<Map<String, Value>> {
 fn more_pictures(
     out: &Path,
     input: &Input,
-    path: &Path,
     holdout: Holdout,
     capture_files: &CaptureFiles,
 ) -> anyhow::Result<Option<PrefixEval>> {
@@ -259,8 +258,8 @@ fn more_pictures(
     if let Some(views) = free_views(input, capture_files, t) {
         write_picture(&out.join("free_views.png"), &views)?;
     }
-    let Input::Package(clip) = input else { return Ok(None) };
-    let prefixes = eval_prefixes(clip, path, capture_files, holdout)?;
+    let Input::Take(take) = input else { return Ok(None) };
+    let prefixes = eval_prefixes(take, capture_files, holdout)?;
     if let Some(prefixes) = &prefixes {
         write_picture(&out.join("ladder.png"), &prefixes.picture)?;
     }

@@ -53,7 +53,7 @@ struct Source {
     info: ClipInfo,
     has_plate: bool,
     record: FitRecord,
-    /// Gaussians that a take shows only before or after the span of their segment.
+    /// Gaussians that the field shows before or after the span of their segment, where the take does not.
     beyond: usize,
 }
 
@@ -70,17 +70,8 @@ impl Source {
             Some(seconds) => Input::load_at(&args.input, &[seconds])?,
             None => Input::load(&args.input)?,
         };
-        let (has_plate, record) = (input.has_plate(), input.fit_record());
-        let (field, info, beyond) = match input {
-            Input::Take(take) => {
-                let (field, beyond) = take.merged();
-                (field, take.info, beyond)
-            }
-            input => {
-                let (field, info) = input.into_field();
-                (field, info, 0)
-            }
-        };
+        let (has_plate, record, info) = (input.has_plate(), input.fit_record(), input.info().clone());
+        let (field, beyond) = input.into_field();
         Ok(Source { field, info, has_plate, record, beyond })
     }
 }

@@ -13,7 +13,7 @@ use crate::fit::{
     self, FitPlan, FitRuntime, FitStart, Fitted, FittedPlate, PlatePlan, Segments, SlidePlan, TrainingViews,
     WorkFolder, log,
 };
-use crate::input::{Input, is_take, not_one_field};
+use crate::input::{Input, check_one_field};
 use crate::messages::count;
 use crate::progress::counting;
 use crate::scene::{cameras_path, learned_cameras_of, plate_path};
@@ -456,9 +456,7 @@ fn correct(args: &Args, capture_files: &mut CaptureFiles) -> Result<(), Fault> {
 
 /// Opens the capture for a fit that starts from a field; one that moves is fitted to its own frames.
 fn open_for_start(args: &Args, from: &Path) -> anyhow::Result<CaptureFiles> {
-    if is_take(from)? {
-        bail!(not_one_field(from));
-    }
+    check_one_field(from)?;
     let input = Input::load(from)?;
     let source = FitSource::new(from, &input);
     let holdout = Holdout::from(args.holdout);

@@ -15,8 +15,6 @@ use crate::scene::{Scene, learned_cameras_of};
 #[derive(Clone, Debug)]
 pub(crate) struct FitSource<'a> {
     pub(super) path: &'a Path,
-    /// What it is, for notes: "this field", "a package".
-    kind: &'static str,
     pub(super) record: FitRecord,
     /// Number of captured frames of its clip, if known.
     frames: Option<usize>,
@@ -30,11 +28,6 @@ impl<'a> FitSource<'a> {
     pub(crate) fn new(path: &'a Path, input: &Input) -> FitSource<'a> {
         FitSource {
             path,
-            kind: match input {
-                Input::Scene(_) => "this field",
-                Input::Take(_) => "this take",
-                Input::Package(_) => "a package",
-            },
             record: input.fit_record(),
             frames: input.frames(),
             is_static: input.is_static(),
@@ -47,7 +40,6 @@ impl<'a> FitSource<'a> {
         let Scene { subject, .. } = scene;
         FitSource {
             path,
-            kind: "this field",
             record: scene.fit_record(),
             frames: scene.frames(),
             is_static: subject.field.temporal.is_none(),
@@ -58,14 +50,7 @@ impl<'a> FitSource<'a> {
     /// A folder of pictures.
     pub(crate) fn of_pictures(path: &'a Path) -> FitSource<'a> {
         let record = FitRecord::default();
-        FitSource {
-            path,
-            kind: "a folder of pictures",
-            record,
-            frames: None,
-            is_static: false,
-            has_plate: false,
-        }
+        FitSource { path, record, frames: None, is_static: false, has_plate: false }
     }
 
     /// Checks that the clip has as many frames as the capture: otherwise windows and trajectories would stand for
@@ -117,7 +102,7 @@ impl<'a> FitSource<'a> {
     /// The frames held out from fitting: those that `--holdout` has `named`, else those that are recorded, else none. The
     /// second value is a note for the user if nothing is recorded, or something else than named.
     pub(crate) fn held_frames(&self, named: Option<Holdout>) -> (Holdout, Option<String>) {
-        let (path, kind) = (self.path.display(), self.kind);
+        let path = self.path.display();
         match (named, self.record.holdout) {
             (Some(named), Some(recorded)) if named != recorded => {
                 (named, Some(format!("{path} was fitted with --holdout {}", recorded.name())))
@@ -125,8 +110,8 @@ impl<'a> FitSource<'a> {
             (Some(holdout), _) | (None, Some(holdout)) => (holdout, None),
             (None, None) => {
                 let note = format!(
-                    "{path}: {kind} records no holdout, so no frame counts as held out; --holdout names the frames \
-                     that the fit held out"
+                    "{path} records no holdout, so no frame counts as held out; --holdout names the frames that the \
+                     fit held out"
                 );
                 (Holdout::None, Some(note))
             }

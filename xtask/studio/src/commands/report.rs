@@ -1,5 +1,5 @@
-//! `aarc-studio report`: measures cost and error of playing, packaging and fitting a clip, cost and error of a take
-//! over time, rate and distortion of packages, the stability of the renderer, and the ablation of a capture's fit.
+//! `aarc-studio report`: measures cost and error of playing, packaging and fitting a field, cost and error of several
+//! segments over time, rate and distortion of packages, the stability of the renderer, and the ablation of a capture's fit.
 
 mod ablation;
 #[cfg(feature = "measure")]
@@ -9,7 +9,7 @@ mod stability;
 #[cfg(feature = "measure")]
 mod take;
 
-use crate::input::is_take;
+use crate::input::segments_in;
 use crate::progress::StagedProgress;
 use crate::report::rd::{self, RdSettings};
 use crate::report::{ReportPart, ReportSubject};
@@ -38,8 +38,8 @@ const PIXELS_MAX: u64 = 1 << 19;
 /// Measure a clip or a take, and write a page of error against run time and of what it does without.
 #[derive(clap::Args)]
 pub struct Args {
-    /// A package, a fitted field file or a folder holding one, or a field folder; after a take, the field folder or the
-    /// field that it was packaged from, to compare it with; several with --rd or --stability; with --fit the folder of a
+    /// A package, a fitted field file or a folder holding one, or a field folder; after a package of several segments, the
+    /// field folder or the field that it was packaged from, to compare it with; several with --rd or --stability; with --fit the folder of a
     /// capture
     #[arg(value_name = "CLIP|TAKE|FIELD|CAPTURE", required_unless_present = "stability")]
     fields: Vec<PathBuf>,
@@ -63,7 +63,7 @@ pub struct Args {
     /// 10000 Gaussians; of a larger one those of 80000, 40000, 20000, 10000 and 5000 that are below its number]
     #[arg(long, value_name = "N[,N..]", value_delimiter = ',', requires = "budgeted", value_parser = budget)]
     budgets: Vec<NonZeroUsize>,
-    /// Size of the pictures that are measured [default: 512x384; of a take 320x240; with --rd 320x240, and 640x480 for the rate of
+    /// Size of the pictures that are measured [default: 512x384; of several segments 320x240; with --rd 320x240, and 640x480 for the rate of
     /// the coder]; with --fit and --refine, size to shrink the photographs to [default: their own]
     #[arg(long, value_name = "WxH", value_parser = size, conflicts_with = "stability")]
     size: Option<[u32; 2]>,
@@ -75,7 +75,7 @@ pub struct Args {
     #[arg(long, value_name = "N", requires = "capture", conflicts_with_all = ["rd", "stability", "fit"],
           value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
     refine: Option<u64>,
-    /// Folder of the capture of these photographs; of a take, also without --refine: compare it with all frames of a few
+    /// Folder of the capture of these photographs; of several segments, also without --refine: compare them with all frames of a few
     /// cameras, at the cuts and between
     #[arg(long, value_name = "DIR", conflicts_with_all = ["rd", "stability", "fit"])]
     capture: Option<PathBuf>,
@@ -100,9 +100,13 @@ struct Measured {
 
 /// What a page is of.
 #[cfg_attr(not(feature = "measure"), expect(dead_code, reason = "nothing is measured"))]
-enum PageSubject<'a> {
-    Clip(&'a Path),
-    Take { path: &'a Path, reference: Option<&'a Path> },
+struct PageSubject<'a> {
+    path: &'a Path,
+    /// Number of its segments. A page of one shows what playing, packaging and fitting cost, a page of several the cost and
+    /// the error over time.
+    segments: usize,
+    /// What several segments are compared with.
+    reference: Option<&'a Path>,
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
@@ -152,30 +156,24 @@ impl Args {
             [path, others @ ..] => (path, others),
             [] => return Ok(None),
         };
-        let is_take = is_take(path)?;
-        match others {
-            [] if !is_take && self.capture.is_some() && self.refine.is_none() => {
-                let path = path.display();
-                return Err(Fault::Usage(format!(
-                    "--capture: {path} is no take; add --refine, or leave it out"
-                )));
-            }
-            [] if !is_take => return Ok(Some(PageSubject::Clip(path))),
-            [] | [_] if is_take => {}
-            _ => {
-                let what = "a page is of one clip or field, or of a take and its field: name one, or choose --rd or \
-                            --stability";
-                return Err(Fault::Usage(what.into()));
-            }
+        let (name, segments) = (path.display(), segments_in(path)?);
+        if others.len() > usize::from(segments > 1) {
+            let what = "a page is of one field, or of several segments and the field that they were packaged from: name \
+                        one, or choose --rd or --stability";
+            return Err(Fault::Usage(what.into()));
         }
-        let of_clips = [(self.refine.is_some(), "--refine"), (!self.fit_log.is_empty(), "--fit-log")];
-        match of_clips.into_iter().find(|(is_given, _)| *is_given) {
-            Some((_, option)) => {
-                let path = path.display();
-                Err(Fault::Usage(format!("{option}: {path} is a take, which has several fits; leave it out")))
-            }
-            None => Ok(Some(PageSubject::Take { path, reference: others.first().map(PathBuf::as_path) })),
+        let fits = [(self.refine.is_some(), "--refine"), (!self.fit_log.is_empty(), "--fit-log")];
+        let of_one = fits.into_iter().find(|(is_given, _)| *is_given).filter(|_| segments > 1);
+        if let Some((_, option)) = of_one {
+            let what =
+                format!("{option}: {name} has {segments} segments, which have several fits; leave it out");
+            return Err(Fault::Usage(what));
         }
+        if segments == 1 && self.capture.is_some() && self.refine.is_none() {
+            let what = format!("--capture: {name} is one field, without cuts; add --refine, or leave it out");
+            return Err(Fault::Usage(what));
+        }
+        Ok(Some(PageSubject { path, segments, reference: others.first().map(PathBuf::as_path) }))
     }
 
     fn check_size(&self) -> Result<(), Fault> {
@@ -194,8 +192,8 @@ impl Args {
         let mut failed = None;
         #[cfg(feature = "measure")]
         match page_of {
-            Some(PageSubject::Clip(path)) => parts.push(self.page_part(path)?),
-            Some(PageSubject::Take { path, reference }) => {
+            Some(PageSubject { path, segments: 1, .. }) => parts.push(self.page_part(path)?),
+            Some(PageSubject { path, reference, .. }) => {
                 let request = take::TakeRequest {
                     path,
                     reference,

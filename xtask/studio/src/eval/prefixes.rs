@@ -2,21 +2,19 @@
 //! "Degradation Along the Budget Ladder").
 
 use std::fmt::Write;
-use std::path::Path;
 
-use codec::{Clip, Limits};
+use codec::SegmentLayer;
 use refine::capture::{Holdout, PhotoId, Split};
 use refine::image::Image;
 use refine::metrics::ImageMetrics;
-use refine::reference::{self, Order, RenderScene};
+use refine::reference::{self, Order};
 use serde::Serialize;
 
 use super::means::{mean, mean_psnr};
 use super::sheet::{Crop, sheet};
 use super::splits;
 use crate::capture::CaptureFiles;
-use crate::input::{prefix_bytes, read_package};
-use crate::messages::bad_package;
+use crate::segments::DecodedTake;
 
 /// Maximum number of photographs that each prefix is compared with.
 const PHOTOS_MAX: usize = 16;
@@ -42,7 +40,7 @@ pub struct PrefixEval {
 /// Mean measures of a prefix against the photographs.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct PrefixEvalStep {
-    /// Number of Gaussians in the prefix.
+    /// Number of Gaussians in the prefix, without the plates.
     pub gaussians: usize,
     /// Bytes of the package up to the end of the prefix.
     pub bytes: usize,
@@ -54,23 +52,20 @@ pub struct PrefixEvalStep {
     pub ssim: f64,
 }
 
-/// Compares each prefix of the layers of `clip` with photographs of the first non-empty split of
-/// `SPLITS`; `path` is the package of the clip. `None` if the clip has one layer.
+/// Compares each prefix of the layers of `take` with photographs of the first non-empty split of `SPLITS`. `None` if its
+/// segments have one layer, or none.
 ///
 /// # Errors
 /// [`Fault::Data`](program::Fault::Data) where a file cannot be read or no photograph is left for fitting.
 pub fn eval_prefixes(
-    clip: &Clip,
-    path: &Path,
+    take: &DecodedTake,
     capture_files: &CaptureFiles,
     holdout: Holdout,
 ) -> anyhow::Result<Option<PrefixEval>> {
-    let layers = clip.layers.len();
+    let layers = take.layers.len();
     if layers < 2 {
         return Ok(None);
     }
-    let contents = codec::contents(&read_package(path)?, &Limits::default())
-        .map_err(|error| bad_package(path, &error))?;
     let splits = splits(capture_files, holdout)?;
     let photos_in = |target: Split| -> Vec<PhotoId> {
         splits.iter().filter(|(_, split)| *split == target).map(|(photo_id, _)| *photo_id).collect()
@@ -89,9 +84,7 @@ pub fn eval_prefixes(
     for (i, photo_id) in photo_ids.iter().enumerate() {
         let camera = &capture_files.capture.cameras[photo_id.camera].camera;
         let (photo, t) = (capture_files.photo(*photo_id)?, capture_files.capture.clip_time(*photo_id));
-        let draw = |layer: usize| {
-            reference::render(&RenderScene::from_layers(clip, layer + 1), camera, t, Order::Depth)
-        };
+        let draw = |layer: usize| reference::render(&take.to_reference(layer + 1), camera, t, Order::Depth);
         let pictures: Vec<Image> = (0..layers).map(draw).collect();
         for (measures, picture) in measures.iter_mut().zip(&pictures) {
             measures.push(ImageMetrics::measure(picture, &photo, None));
@@ -104,17 +97,17 @@ pub fn eval_prefixes(
                 .collect();
         }
     }
-    let step = |(layer, measures): (usize, &Vec<ImageMetrics>)| {
+    let step = |(&SegmentLayer { gaussians, bytes }, measures): (&SegmentLayer, &Vec<ImageMetrics>)| {
         let subject: Vec<f64> = measures.iter().filter_map(|m| m.psnr_fg).collect();
         PrefixEvalStep {
-            gaussians: clip.layers[layer].total(),
-            bytes: prefix_bytes(&contents, layer),
+            gaussians,
+            bytes,
             psnr_fg: (!subject.is_empty()).then(|| mean_psnr(&subject)),
             psnr_full: mean_psnr(&measures.iter().map(|m| m.psnr_full).collect::<Vec<_>>()),
             ssim: mean(&measures.iter().map(|m| m.ssim).collect::<Vec<_>>()),
         }
     };
-    let steps = measures.iter().enumerate().map(step).collect();
+    let steps = take.layers.iter().zip(&measures).map(step).collect();
     Ok(Some(PrefixEval { split: split.name(), images: count, steps, picture: sheet(&[row]) }))
 }
 

@@ -14,7 +14,6 @@ use super::pipeline::{Package, package_with};
 use super::settings::PackageSettings;
 use super::views::{judging_views, render_scene};
 use super::visible::{VisibleScene, visible_scene};
-use crate::input::prefix_bytes;
 use crate::progress::StagedProgress;
 use crate::scene::Scene;
 
@@ -57,8 +56,7 @@ pub fn prefix_quality(
     let contents = codec::contents(&package.bytes, &limits)?;
     let layers = &package.report.layers;
     let mut steps = Vec::new();
-    for (layer, &gaussians) in layers.iter().enumerate() {
-        let prefix_bytes = prefix_bytes(&contents, layer);
+    for (&gaussians, prefix_bytes) in layers.iter().zip(contents.layer_bytes()) {
         let prefix_psnr_db = psnr_of(&package.bytes[..prefix_bytes])?;
         let (own_bytes, own_psnr_db) = if gaussians == package.report.subject.gaussians_out {
             (prefix_bytes, prefix_psnr_db)

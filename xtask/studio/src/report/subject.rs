@@ -3,11 +3,10 @@
 use std::ffi::OsStr;
 use std::path::Path;
 
-use anyhow::bail;
 use codec::Field;
 use refine::reference;
 
-use crate::input::{Input, not_one_field};
+use crate::input::{Input, check_one_field};
 use crate::package::{render_scene, visible};
 use crate::scene::Scene;
 use program::Fault;
@@ -24,21 +23,21 @@ pub struct ReportSubject {
 }
 
 impl ReportSubject {
-    /// Reads a package, a fitted field file or a folder holding one.
+    /// Reads a package or field folder of one segment, a fitted field file or a folder holding one.
     ///
     /// # Errors
-    /// [`Fault::Data`] that names the file and the problem, also if no Gaussian is visible.
+    /// [`Fault::Data`] that names the file and the problem, also for several segments and if no Gaussian is visible.
     pub fn load(path: &Path) -> anyhow::Result<ReportSubject> {
+        check_one_field(path)?;
         let scene = match Input::load(path)? {
             Input::Scene(scene) => *scene,
-            Input::Take(_) => bail!(not_one_field(path)),
-            Input::Package(clip) => {
+            Input::Take(take) => {
                 let name = path.file_stem().unwrap_or(OsStr::new("clip")).to_string_lossy();
-                let scene = |field| Scene::made(&name, field, clip.info.clone());
-                let plate = clip.plate.clone().map(|plate| scene(plate).subject);
-                let assumed = if clip.info.viewpoints.is_empty() { vec!["viewpoints"] } else { Vec::new() };
-                let mut whole = scene(clip.merged());
-                (whole.plate, whole.assumed) = (plate, assumed);
+                let (plate, info) = (take.plate().cloned(), take.info.clone());
+                let scene = |field| Scene::made(&name, field, info.clone());
+                let mut whole = scene(take.into_field().0);
+                whole.plate = plate.map(|plate| scene(plate).subject);
+                whole.assumed = if info.viewpoints.is_empty() { vec!["viewpoints"] } else { Vec::new() };
                 whole
             }
         };

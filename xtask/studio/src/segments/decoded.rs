@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use codec::{Clip, ClipInfo, Field, Limits, Temporal, Viewpoint, retime, sh_coefficients};
+use codec::{Clip, ClipInfo, Field, Limits, SegmentLayer, Temporal, Viewpoint, retime, sh_coefficients};
 use program::{Fault, counted};
 use refine::reference::RenderScene;
 
@@ -21,6 +21,9 @@ pub struct DecodedTake {
     pub duration_s: f64,
     /// The viewpoints of `info`, or the opening at the start if there are none. Never empty.
     pub viewpoints: Vec<Viewpoint>,
+    /// Gaussians without the plates, and bytes of the package, of the first layers of all segments: one entry for each
+    /// number of decoded layers. Empty for a field folder.
+    pub layers: Vec<SegmentLayer>,
     segments: Vec<DecodedSegment>,
 }
 
@@ -39,10 +42,6 @@ pub(super) enum SegmentContent {
 }
 
 impl SegmentContent {
-    fn to_reference(&self) -> RenderScene<'_> {
-        self.layers_to_reference(usize::MAX)
-    }
-
     /// The first `layers` layers of a clip; all of a scene, which has none.
     pub(super) fn layers_to_reference(&self, layers: usize) -> RenderScene<'_> {
         match self {
@@ -69,11 +68,27 @@ impl SegmentContent {
         }
     }
 
+    /// Whether all but the background shows the same at all times.
+    fn is_static(&self) -> bool {
+        match self {
+            SegmentContent::Clip(clip) => clip.dynamic_field.is_empty(),
+            SegmentContent::Scene(scene) => scene.subject.field.temporal.is_none(),
+        }
+    }
+
     /// All Gaussians but the background's.
-    fn merged(&self) -> Field {
+    fn into_field(self) -> Field {
         match self {
             SegmentContent::Clip(clip) => clip.merged(),
-            SegmentContent::Scene(scene) => scene.subject.field.clone(),
+            SegmentContent::Scene(scene) => scene.subject.field,
+        }
+    }
+
+    /// Number of layers that were decoded; 0 for a scene, which has none.
+    fn layers(&self) -> usize {
+        match self {
+            SegmentContent::Clip(clip) => clip.layers.len(),
+            SegmentContent::Scene(_) => 0,
         }
     }
 
@@ -104,8 +119,7 @@ impl DecodedTake {
                 continue;
             }
             needed += 1;
-            let first_layer = segment.layers.first().map_or(0, |layer| layer.bytes);
-            if file.available(index) < first_layer {
+            if file.available(index) < file.first_layer_bytes(index) {
                 missing += 1;
                 continue;
             }
@@ -122,8 +136,14 @@ impl DecodedTake {
             }
             eprintln!("note: {what}");
         }
+        let decoded = segments.iter().map(|segment| segment.content.layers()).max().unwrap_or(0);
+        let plates: usize =
+            segments.iter().filter_map(|segment| segment.content.plate()).map(Field::len).sum();
+        let mut layers = file.layers();
+        layers.truncate(decoded);
+        layers.iter_mut().for_each(|layer| layer.gaussians -= plates);
         let (info, duration_s, viewpoints) = (take.info.clone(), take.duration_s, file.viewpoints());
-        Ok(DecodedTake { info, duration_s, viewpoints, segments })
+        Ok(DecodedTake { info, duration_s, viewpoints, layers, segments })
     }
 
     /// Reads the segments of a field folder that hold one of the `seconds`, or all without any.
@@ -153,7 +173,7 @@ impl DecodedTake {
             check_size(&path.display().to_string(), gaussians)?;
             segments.push(DecodedSegment { span, content });
         }
-        Ok(DecodedTake { info, duration_s, viewpoints, segments })
+        Ok(DecodedTake { info, duration_s, viewpoints, layers: Vec::new(), segments })
     }
 
     /// What all of the segments that were read record of their fit: held-out frames, and mattes.
@@ -168,13 +188,25 @@ impl DecodedTake {
         }
     }
 
-    /// The union of the segments for the reference renderer.
-    pub fn to_reference(&self) -> RenderScene<'_> {
-        RenderScene::of_take(
-            self.segments
-                .iter()
-                .map(|segment| (segment.span.in_scene(self.duration_s), segment.content.to_reference())),
-        )
+    /// The union of the segments for the reference renderer, the first `layers` layers of packages.
+    pub fn to_reference(&self, layers: usize) -> RenderScene<'_> {
+        RenderScene::of_take(self.segments.iter().map(|DecodedSegment { span, content }| {
+            (span.in_scene(self.duration_s), content.layers_to_reference(layers))
+        }))
+    }
+
+    /// Whether all but the backgrounds shows the same at all times.
+    pub fn is_static(&self) -> bool {
+        let spans_all = |span: &Span| span.start_s <= 0.0 && span.end_s() >= self.duration_s;
+        self.segments.iter().all(|segment| segment.content.is_static() && spans_all(&segment.span))
+    }
+
+    /// The background plate of the only segment; of several segments each may have one, and none stands for all.
+    pub fn plate(&self) -> Option<&Field> {
+        match &self.segments[..] {
+            [only] => only.content.plate(),
+            _ => None,
+        }
     }
 
     /// Number of Gaussians of the segments, backgrounds included.
@@ -190,34 +222,24 @@ impl DecodedTake {
     /// All Gaussians but the backgrounds' as one field, in clip time of the take, and how many of them are alive
     /// before or after the span of their segment, where the take does not show them. The near distance is the largest, as
     /// in a package.
-    pub fn merged(&self) -> (Field, usize) {
-        let mut merged = Field::default();
-        let mut beyond = 0;
-        let fields: Vec<Field> = self.segments.iter().map(|segment| segment.content.merged()).collect();
-        let temporal = |field: &Field| {
-            field
-                .temporal
-                .as_ref()
-                .map_or((0, false), |temporal| (temporal.motion_order, temporal.rotation_rates.is_some()))
+    pub fn into_field(self) -> (Field, usize) {
+        let (take_s, is_static) = (self.duration_s, self.is_static());
+        let segments = self.segments.into_iter().map(|segment| (segment.span, segment.content.into_field()));
+        let segments: Vec<(Span, Field)> = segments.collect();
+        let fields = || segments.iter().map(|(_, field)| field);
+        let temporals = || fields().filter_map(|field| field.temporal.as_ref());
+        let mut columns = Temporal {
+            motion_order: temporals().map(|temporal| temporal.motion_order).max().unwrap_or(0),
+            rotation_rates: temporals().any(|temporal| temporal.rotation_rates.is_some()).then(Vec::new),
+            ..Temporal::default()
         };
-        let sh_degree = fields.iter().map(|field| field.sh_degree).max().unwrap_or(0);
-        let motion_order = fields.iter().map(|field| temporal(field).0).max().unwrap_or(0);
-        let rotates = fields.iter().any(|field| temporal(field).1);
-        let spans_all = |span: &Span| span.start_s <= 0.0 && span.end_s() >= self.duration_s;
-        let is_static = self
-            .segments
-            .iter()
-            .zip(&fields)
-            .all(|(segment, field)| field.temporal.is_none() && spans_all(&segment.span));
-        let mut columns =
-            Temporal { motion_order, rotation_rates: rotates.then(Vec::new), ..Temporal::default() };
-        merged.sh_degree = sh_degree;
-        for (segment, field) in self.segments.iter().zip(fields) {
+        let sh_degree = fields().map(|field| field.sh_degree).max().unwrap_or(0);
+        let (mut merged, mut beyond) = (Field { sh_degree, ..Field::default() }, 0);
+        for (span, field) in segments {
             merged.filter = field.filter;
             merged.near = merged.near.max(field.near);
-            beyond +=
-                (0..field.len()).filter(|&i| is_beyond(&field, i, &segment.span, self.duration_s)).count();
-            append(&mut merged, &mut columns, field, &segment.span, self.duration_s);
+            beyond += (0..field.len()).filter(|&i| is_beyond(&field, i, &span, take_s)).count();
+            append(&mut merged, &mut columns, field, &span, take_s);
         }
         merged.temporal = (!is_static).then_some(columns);
         (merged, beyond)
@@ -238,7 +260,10 @@ fn append(merged: &mut Field, columns: &mut Temporal, mut field: Field, span: &S
         merged.sh.extend_from_slice(sh);
         merged.sh.extend(std::iter::repeat_n([0.0; 3], rows - stored));
     }
-    if let Some(temporal) = &mut field.temporal {
+    // The times of a segment that spans the take are not to be rounded.
+    if let Some(temporal) = &mut field.temporal
+        && (span.start_s, span.duration_s) != (0.0, take_s)
+    {
         // The take is a span of the segment's clip, longer than that.
         retime(temporal, span.duration_s, -span.start_s, take_s);
     }

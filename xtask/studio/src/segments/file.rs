@@ -1,4 +1,4 @@
-//! [`TakeFile`]: a package on disk, a take or an ordinary clip, with one segment at a time in memory.
+//! [`TakeFile`]: a package on disk, with one segment at a time in memory.
 
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
@@ -6,16 +6,18 @@ use std::num::NonZero;
 use std::path::{Path, PathBuf};
 use std::thread::available_parallelism;
 
-use codec::{Clip, Contents, Error, FormatError, Limits, Poster, Sound, Take, Viewpoint};
+use codec::{
+    AttributeSize, Clip, Contents, Error, FormatError, Limits, Poster, SegmentLayer, Sound, Take, Viewpoint,
+};
 use program::Fault;
 
 use super::folder::FieldFolder;
-use crate::messages::{bad_package, unreadable};
+use crate::messages::{advice, bad_package, unreadable};
 
 /// Length of the first read of a head. Most heads are shorter.
 const HEAD_BYTES: usize = 64 << 10;
 
-/// A package on disk. An ordinary clip is a take of one segment.
+/// A package on disk: a take of one segment or of several.
 #[derive(Debug)]
 pub struct TakeFile {
     path: PathBuf,
@@ -80,9 +82,26 @@ impl TakeFile {
         self.bytes
     }
 
-    /// Whether it is an ordinary clip, without a table of segments.
-    pub fn is_clip(&self) -> bool {
-        self.take.head_bytes == 0
+    /// Gaussians, plates included, and bytes of the file that the first layers of all segments take, one entry for each
+    /// number of layers. A segment of fewer layers counts as a whole.
+    pub fn layers(&self) -> Vec<SegmentLayer> {
+        let segments = &self.take.segments;
+        let most = segments.iter().map(|segment| segment.layers.len()).max().unwrap_or(0);
+        let sum = |k: usize| {
+            let mut sum = SegmentLayer { bytes: self.take.head_bytes, gaussians: 0 };
+            for layer in segments.iter().filter_map(|segment| segment.layers.get(k).or(segment.layers.last()))
+            {
+                sum.bytes += layer.bytes;
+                sum.gaussians += layer.gaussians;
+            }
+            sum
+        };
+        (0..most).map(sum).collect()
+    }
+
+    /// Bytes of the first layer of a segment, without which nothing of the segment plays.
+    pub fn first_layer_bytes(&self, index: usize) -> usize {
+        self.take.segments[index].layers.first().map_or(0, |layer| layer.bytes)
     }
 
     /// Number of bytes of a segment that the file holds: all, unless it was cut short.
@@ -119,12 +138,11 @@ impl TakeFile {
     /// # Errors
     /// [`Fault::Data`] that names the segment if it is missing or its head is damaged.
     pub fn contents(&self, index: usize) -> Result<Contents, Fault> {
-        let segment = &self.take.segments[index];
-        let first_layer = segment.layers.first().map_or(0, |layer| layer.bytes);
+        let first_layer = self.first_layer_bytes(index);
         self.check_present(index, first_layer)?;
         let bytes = self.read_prefix(index, first_layer)?;
         let contents = self.take.segment_contents(index, &bytes, &Limits::default());
-        contents.map_err(|error| self.damaged(index, &without_number(&error)))
+        contents.map_err(|error| self.bad_segment(index, &error))
     }
 
     /// The sound of a segment; `contents` is its head.
@@ -133,17 +151,16 @@ impl TakeFile {
     /// [`Fault::Data`] that names the segment if it is cut short or damaged.
     pub fn sound(&self, index: usize, contents: &Contents) -> Result<Option<Sound>, Fault> {
         let sound = contents.sound(&self.read(index)?, &Limits::default());
-        // The offset of an error counts from the start of the segment.
-        sound.map_err(|error| self.damaged(index, &format!("{error} of the segment")))
+        sound.map_err(|error| self.bad_section(index, error))
     }
 
-    /// The poster, which the first segment has; its time lies in the clip or take.
+    /// The poster, which the first segment has; its time lies in the take.
     ///
     /// # Errors
     /// [`Fault::Data`] that names the segment if it is cut short or damaged.
     pub fn poster(&self) -> Result<Option<Poster>, Fault> {
         let poster = self.contents(0)?.poster(&self.read(0)?);
-        let poster = poster.map_err(|error| self.damaged(0, &format!("{error} of the segment")))?;
+        let poster = poster.map_err(|error| self.bad_section(0, error))?;
         let start_s = self.take.segments[0].start_s;
         let placed = |poster: Poster| (poster.time_s + start_s).clamp(0.0, self.take.duration_s);
         Ok(poster.map(|poster| Poster { time_s: placed(poster), ..poster }))
@@ -156,9 +173,7 @@ impl TakeFile {
     pub(super) fn read_checked(&self, index: usize, contents: &Contents) -> Result<Vec<u8>, Fault> {
         self.check_present(index, self.take.segments[index].bytes())?;
         let bytes = self.read(index)?;
-        // The offset of an error counts from the start of the segment.
-        let damaged = |error: Error| self.damaged(index, &format!("{error} of the segment"));
-        contents.check_sections(&bytes).map_err(damaged)?;
+        contents.check_sections(&bytes).map_err(|error| self.bad_section(index, error))?;
         Ok(bytes)
     }
 
@@ -167,19 +182,20 @@ impl TakeFile {
     /// # Errors
     /// [`Fault::Data`] that names the segment: missing, cut short in its first layer, or damaged.
     pub fn decode(&self, index: usize) -> Result<Clip, Fault> {
-        if !self.is_clip() {
-            self.check_present(
-                index,
-                self.take.segments[index].layers.first().map_or(0, |layer| layer.bytes),
-            )?;
-        }
+        self.check_present(index, self.first_layer_bytes(index))?;
         let bytes = self.read(index)?;
         let threads = available_parallelism().unwrap_or(NonZero::<usize>::MIN);
         let clip = self.take.decode_segment(index, &bytes, &Limits::default(), threads);
-        clip.map_err(|error| match self.is_clip() {
-            true => bad_package(&self.path, &error),
-            false => self.damaged(index, &without_number(&error)),
-        })
+        clip.map_err(|error| self.bad_segment(index, &error))
+    }
+
+    /// Bytes of each attribute of a segment, as [`codec::measure`] has them.
+    ///
+    /// # Errors
+    /// Those of [`TakeFile::decode`].
+    pub fn attributes(&self, index: usize) -> Result<Vec<AttributeSize>, Fault> {
+        let sizes = codec::measure(&self.read(index)?, &Limits::default());
+        sizes.map_err(|error| self.bad_section(index, error))
     }
 
     /// The viewpoints, or the opening at the start if there are none, by the segments there that can be decoded. Never
@@ -199,29 +215,38 @@ impl TakeFile {
     /// [`Fault::Data`] that names the segment.
     pub(super) fn check_present(&self, index: usize, length: usize) -> Result<(), Fault> {
         match self.available(index) {
-            available if available < length => {
-                Err(self.damaged(index, &format!("cut short, {available} of {length} bytes are there")))
-            }
+            available if available < length => Err(self.fault(
+                index,
+                &format!("cut short, {available} of {length} bytes are there; get the file again"),
+            )),
             _ => Ok(()),
         }
     }
 
-    fn damaged(&self, index: usize, what: &str) -> Fault {
-        let segment = &self.take.segments[index];
-        Fault::Data(format!(
-            "{}: segment {index}, from {} s: {what}; get the file again",
-            self.path.display(),
-            segment.start_s
-        ))
+    /// The fault of a section of a segment. The offset in `error` counts from the start of the segment.
+    fn bad_section(&self, index: usize, error: Error) -> Fault {
+        let start = usize::try_from(self.take.segments[index].offset).unwrap_or(usize::MAX);
+        self.bad_segment(index, &error.rebased(start))
     }
-}
 
-/// The message of an error of a segment, which the fault names before it.
-fn without_number(error: &Error) -> String {
-    match error {
-        Error::Format { offset, error: FormatError::Segment { expected, found, .. } } => {
-            format!("not the one in the table: {expected} expected, {found} found, at byte {offset}")
-        }
-        error => error.to_string(),
+    /// The fault of a segment. The offset in `error` counts from the start of the file.
+    fn bad_segment(&self, index: usize, error: &Error) -> Fault {
+        let what = match error {
+            // The number of the segment is said before.
+            Error::Format { offset, error: FormatError::Segment { expected, found, .. } } => {
+                format!("not the one in the table: {expected} expected, {found} found, at byte {offset}")
+            }
+            error => error.to_string(),
+        };
+        self.fault(index, &format!("{what}; {}", advice(error)))
+    }
+
+    /// A fault that names the file, and the segment if there are several.
+    fn fault(&self, index: usize, what: &str) -> Fault {
+        let (path, segments) = (self.path.display(), &self.take.segments);
+        Fault::Data(match segments.len() {
+            1 => format!("{path}: {what}"),
+            _ => format!("{path}: segment {index}, from {} s: {what}", segments[index].start_s),
+        })
     }
 }

@@ -615,8 +615,7 @@ fn a_package_is_judged_layer_by_layer() {
     assert_eq!(aarc_studio(folder, &args).code, Some(0));
     let args = ["eval", "clip.aarc", "--capture", ".", "--json", "-o", "out"];
     let unrecorded = aarc_studio(folder, &args);
-    let note =
-        "note: clip.aarc: a package records no holdout, so no frame counts as held out; --holdout names";
+    let note = "note: clip.aarc records no holdout, so no frame counts as held out; --holdout names";
     assert_eq!(unrecorded.stderr.matches(note).count(), 1, "{}", unrecorded.stderr);
     let json = unrecorded.json();
     assert_eq!((&json["holdout"], &json["splits"]["interp_b"]), (&"none".into(), &Value::Null));

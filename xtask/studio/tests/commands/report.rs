@@ -198,7 +198,10 @@ fn a_take_is_compared_with_its_photographs() {
     let error = run("report take.aarc --capture stage --frames 0..3 -o out").error(2);
     assert!(error.contains("stage: it lasts 0.067 s, and the take 0.133 s"), "{error}");
     let error = run("report field.ply --capture stage -o out").error(2);
-    assert!(error.contains("--capture: field.ply is no take; add --refine, or leave it out"), "{error}");
+    assert!(
+        error.contains("--capture: field.ply is one field, without cuts; add --refine, or leave it out"),
+        "{error}"
+    );
 }
 
 #[test]
@@ -223,10 +226,10 @@ fn a_field_folder_and_a_field_that_was_split_have_reports() {
     // Another field, and options that are of clips.
     let refused = run("report split.aarc take").error(2);
     assert!(refused.contains("name the field that the take was packaged from"), "{refused}");
-    assert!(run("report split.aarc split.aarc").error(3).contains("a take is compared with its field"));
+    assert!(run("report split.aarc split.aarc").error(3).contains("segments, where one field is expected"));
     assert!(run("report take a.ply").error(2).contains("compared with itself"));
     assert!(run("report split.aarc --fit-log a.csv").error(2).contains("--fit-log"));
-    assert!(run("report split.aarc a.ply a.ply").error(2).contains("a take and its field"));
+    assert!(run("report split.aarc a.ply a.ply").error(2).contains("several segments and the field"));
     assert!(run("report split.aarc --rd").error(3).contains("`export --ply`"));
     assert!(run("report take --rd").error(3).contains("name a field file in it"));
     let mut bytes = fs::read(folder.path().join("split.aarc")).unwrap();
@@ -250,7 +253,7 @@ fn bad_requests_are_refused_before_any_work() {
     assert!(run(&["report", "bad.ply", "--rd", "-o", "bad.ply"]).error(2).contains("bad.ply"));
     assert!(run(&["report", "bad.ply", "-o", "no/folder"]).error(2).contains("no/folder"));
     assert!(run(&["report", "bad.ply"]).error(3).contains("bad.ply"));
-    assert!(run(&["report", "bad.ply", "other.ply"]).error(2).contains("one clip or field"));
+    assert!(run(&["report", "bad.ply", "other.ply"]).error(2).contains("a page is of one field"));
     assert!(run(&["report", "bad.ply", "--size", "9000x9000"]).error(2).contains("9000x9000"));
     assert!(run(&["report", "bad.ply", "--refine", "9"]).error(2).contains("--capture"));
     assert!(run(&["report", "bad.ply", "--cameras", "00"]).error(2).contains("--fit or --refine"));

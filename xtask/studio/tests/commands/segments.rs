@@ -434,7 +434,8 @@ fn inspect_lists_segments_and_the_course() {
     let gaussians: usize = take.segments.iter().map(codec::Segment::gaussians).sum();
     assert_eq!((&shown["gaussians"], &shown["bytes"]), (&json!(gaussians - 9), &json!(bytes.len())));
     assert_eq!((&shown["plate"]["gaussians"], &shown["motion_order"]), (&json!(9), &json!(2)));
-    assert_eq!(shown["layers"], json!([{"gaussians": gaussians, "bytes": bytes.len()}]));
+    let layers = json!([{"gaussians": gaussians - 9, "bytes": bytes.len(), "complete": true}]);
+    assert_eq!(shown["layers"], layers);
     assert!(shown["left_out"].as_array().unwrap().iter().any(|part| part["part"] == "motion of power 3"));
     let course = &shown["course"];
     assert_eq!(
@@ -453,7 +454,7 @@ fn inspect_lists_segments_and_the_course() {
     let held = |i: usize| take.segments[i].gaussians() as f64;
     assert_eq!(rows("gaussians"), [held(0), held(1).max(held(2)), held(2)]);
     let words = run(&folder, "inspect take.aarc").success().stdout;
-    assert!(words.contains("a take of 3 segments") && words.contains("over one second"), "{words}");
+    assert!(words.contains("coder fixed, 3 segments\n") && words.contains("over one second"), "{words}");
 }
 
 #[test]
@@ -554,12 +555,15 @@ fn trim_refuses_a_segment_of_which_a_section_is_damaged() {
     run(&folder, "package take -o take.aarc --coder fixed").success();
     let mut bytes = read(&folder, "take.aarc");
     let middle = take_of(&bytes).segments[1].clone();
-    bytes[middle.offset as usize + middle.bytes() - 20] ^= 0x10;
+    let start = middle.offset as usize;
+    let head = codec::contents(&bytes[start..start + middle.bytes()], &Limits::default()).unwrap();
+    let at = start + head.sections.last().unwrap().offset;
+    bytes[start + middle.bytes() - 20] ^= 0x10;
     fs::write(folder.path().join("bad.aarc"), &bytes).unwrap();
     let refused = run(&folder, "trim bad.aarc --from 0 --to 1.2 -o part.aarc").error(3);
     assert!(
         refused.contains("segment 1, from 1 s: damaged chunk of Gaussians: CRC-32 is")
-            && refused.contains("of the segment; get the file again"),
+            && refused.contains(&format!("at byte {at}; get the file again")),
         "{refused}"
     );
     assert!(!folder.path().join("part.aarc").exists());

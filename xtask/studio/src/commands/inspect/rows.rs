@@ -1,9 +1,13 @@
-//! Parts of the JSON that clips and takes share.
+//! Parts of the JSON.
 
-use codec::{Poster, SOUND_RATE_HZ, Sound, Viewpoint};
+use codec::{
+    AttributeSize, Clip, Field, Poster, Region, SOUND_RATE_HZ, Section, SectionKind, SegmentLayer, Sound,
+    Viewpoint,
+};
 use serde::Serialize;
 
 use crate::messages::decimal;
+use crate::segments::TakeFile;
 
 #[derive(Serialize)]
 pub(super) struct ViewpointRow {
@@ -20,7 +24,7 @@ pub(super) struct Plate {
     pub(super) filter: &'static str,
 }
 
-/// The sound of a clip, or of all segments of a take.
+/// The sound of all segments.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(super) struct Audio {
     codec: &'static str,
@@ -35,13 +39,18 @@ pub(super) struct Audio {
 }
 
 impl Audio {
-    /// Adds the sound of a further segment.
-    pub(super) fn add(&mut self, other: &Audio) {
-        self.duration_s += other.duration_s;
-        self.bytes += other.bytes;
-        self.channels = self.channels.max(other.channels);
+    /// Adds the sound of a segment to the sound of the segments before it.
+    pub(super) fn add(all: &mut Option<Audio>, sound: &Sound) {
+        let other = Audio::from(sound);
+        let Some(audio) = all else {
+            *all = Some(other);
+            return;
+        };
+        audio.duration_s += other.duration_s;
+        audio.bytes += other.bytes;
+        audio.channels = audio.channels.max(other.channels);
         // One that stands elsewhere later has no one position.
-        self.position = self.position.filter(|position| other.position == Some(*position));
+        audio.position = audio.position.filter(|position| other.position == Some(*position));
     }
 
     /// The line of the terminal.
@@ -96,40 +105,185 @@ impl From<Poster> for PosterRow {
     }
 }
 
-/// A section without which a package plays, and which is damaged.
+/// A part of a segment that is damaged.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(super) struct Damage {
-    section: &'static str,
-    problem: String,
+    pub(super) segment: usize,
+    /// `gaussians`, without which the segment does not play; `sound` or `poster`, without which it does.
+    pub(super) section: &'static str,
+    pub(super) problem: String,
 }
 
 impl Damage {
-    /// What `read` found, or nothing and its error, which is added to `damages` under the name of the section.
-    pub(super) fn note<T>(
-        damages: &mut Vec<Damage>,
-        section: &'static str,
-        read: Result<Option<T>, String>,
-    ) -> Option<T> {
-        read.unwrap_or_else(|problem| {
-            damages.push(Damage { section, problem });
-            None
-        })
-    }
-
     /// The line of the terminal for a section that has `value`, or none, or is damaged.
     pub(super) fn line(damages: &[Damage], section: &str, value: Option<String>) -> String {
         let damage = damages.iter().find(|damage| damage.section == section);
-        match (value, damage) {
-            (Some(value), _) => value,
-            (None, Some(damage)) => damage.problem.clone(),
-            (None, None) => "none".into(),
+        value.or(damage.map(|damage| damage.problem.clone())).unwrap_or("none".into())
+    }
+}
+
+/// Gaussians and bytes of a layer and the layers before it, of all segments.
+#[derive(Serialize)]
+pub(super) struct Layer {
+    /// Without the plates.
+    pub(super) gaussians: usize,
+    /// Bytes of the file up to its end.
+    pub(super) bytes: usize,
+    /// Whether the file holds the whole layer of every segment.
+    pub(super) complete: bool,
+}
+
+impl Layer {
+    /// The layers that the table announces, with the plates.
+    pub(super) fn list(file: &TakeFile) -> Vec<Layer> {
+        let is_there = |k: usize, index: usize| {
+            let layers = &file.take().segments[index].layers;
+            layers.get(k).or(layers.last()).is_some_and(|layer| layer.bytes <= file.available(index))
+        };
+        let layers = file.layers().into_iter().enumerate();
+        layers
+            .map(|(k, SegmentLayer { bytes, gaussians })| Layer {
+                gaussians,
+                bytes,
+                complete: (0..file.take().segments.len()).all(|index| is_there(k, index)),
+            })
+            .collect()
+    }
+}
+
+#[derive(Serialize)]
+pub(super) struct SegmentRow {
+    pub(super) start_s: f64,
+    pub(super) duration_s: f64,
+    pub(super) level: u8,
+    /// Gaussians and bytes that the table announces, the plate included.
+    pub(super) gaussians: usize,
+    pub(super) bytes: usize,
+    pub(super) layers: Vec<SegmentLayerRow>,
+    /// Whether all of it is in the file and decodes.
+    pub(super) complete: bool,
+    /// What is missing or damaged.
+    pub(super) problem: Option<String>,
+}
+
+/// Cost of a layer of a segment and the layers before it.
+#[derive(Serialize)]
+pub(super) struct SegmentLayerRow {
+    gaussians: usize,
+    bytes: usize,
+}
+
+impl SegmentRow {
+    /// A segment, of which nothing is known to be damaged.
+    pub(super) fn new(file: &TakeFile, index: usize) -> SegmentRow {
+        let segment = &file.take().segments[index];
+        let (bytes, missing) = (segment.bytes(), segment.bytes() - file.available(index));
+        let row = |&SegmentLayer { bytes, gaussians }: &SegmentLayer| SegmentLayerRow { gaussians, bytes };
+        SegmentRow {
+            start_s: segment.start_s,
+            duration_s: segment.duration_s,
+            level: segment.level,
+            gaussians: segment.gaussians(),
+            bytes,
+            layers: segment.layers.iter().map(row).collect(),
+            complete: missing == 0,
+            problem: (missing > 0).then(|| format!("{missing} of {bytes} bytes are missing")),
         }
     }
+}
 
-    /// The sentence about all damage; `None` if there is none.
-    pub(super) fn sentence(damages: &[Damage]) -> Option<String> {
-        let each = damages.iter().map(|damage| &damage.problem[..]).collect::<Vec<_>>().join("; ");
-        (!damages.is_empty()).then(|| format!("{each}; the rest plays; get the file again"))
+/// Coded size of an attribute of all Gaussians, and the sizes that simpler coders would reach for the same numbers.
+#[derive(Serialize)]
+pub(super) struct Attribute {
+    pub(super) attribute: &'static str,
+    /// Order-0 entropy: each number coded by its frequency alone. Preserves any order of the Gaussians.
+    pub(super) order_0_bytes: usize,
+    /// Order-0 entropy of the prediction residuals. The coder chooses the order of the Gaussians.
+    pub(super) predicted_bytes: usize,
+    /// Size as coded.
+    pub(super) coded_bytes: usize,
+}
+
+impl Attribute {
+    /// Adds the sizes of a segment to those of its attribute.
+    pub(super) fn add(sums: &mut Vec<Attribute>, size: &AttributeSize) {
+        let AttributeSize { attribute, .. } = *size;
+        let place = sums.iter().position(|sum| sum.attribute == attribute).unwrap_or_else(|| {
+            sums.push(Attribute { attribute, order_0_bytes: 0, predicted_bytes: 0, coded_bytes: 0 });
+            sums.len() - 1
+        });
+        let sum = &mut sums[place];
+        sum.order_0_bytes += size.order_0.round() as usize;
+        sum.predicted_bytes += size.predicted.round() as usize;
+        sum.coded_bytes += size.coded.round() as usize;
+    }
+}
+
+/// Gaussians at an instant.
+#[derive(Serialize)]
+pub(super) struct Alive {
+    pub(super) time_s: f64,
+    /// Gaussians that the time indices of the segments there list, and all motionless ones.
+    pub(super) candidates: usize,
+    /// Candidates with an opacity of at least 1/255.
+    pub(super) alive: usize,
+}
+
+impl Alive {
+    /// Adds a segment that is at its clip time `t`.
+    pub(super) fn add(&mut self, clip: &Clip, t: f64) {
+        let is_alive = |field: &Field, i: usize| field.opacity_at(i, t) >= codec::ALPHA_MIN;
+        self.candidates += clip.static_field.len();
+        self.alive += (0..clip.static_field.len()).filter(|&i| is_alive(&clip.static_field, i)).count();
+        for range in clip.time_index.candidates(t, clip.layers.len()) {
+            self.candidates += range.len();
+            self.alive += range.filter(|&i| is_alive(&clip.dynamic_field, i)).count();
+        }
+    }
+}
+
+/// The sections of a kind and region in all segments.
+#[derive(Serialize)]
+pub(super) struct SectionSum {
+    kind: String,
+    region: &'static str,
+    pub(super) number: usize,
+    pub(super) bytes: usize,
+    pub(super) raw_bytes: usize,
+}
+
+impl SectionSum {
+    /// Adds a section to the sum of its kind and region.
+    pub(super) fn add(sums: &mut Vec<SectionSum>, section: &Section) {
+        let kind = match section.kind {
+            SectionKind::Gaussians => "gaussians".into(),
+            SectionKind::TimeIndex => "time index".into(),
+            SectionKind::Poster => "poster".into(),
+            SectionKind::Sound => "sound".into(),
+            SectionKind::Unknown(kind) => format!("unknown {kind}"),
+        };
+        let region = match section.region {
+            Region::Static => "still",
+            Region::Dynamic => "moving",
+            Region::Plate => "plate",
+        };
+        let place =
+            sums.iter().position(|sum| sum.kind == kind && sum.region == region).unwrap_or_else(|| {
+                sums.push(SectionSum { kind, region, number: 0, bytes: 0, raw_bytes: 0 });
+                sums.len() - 1
+            });
+        let sum = &mut sums[place];
+        sum.number += 1;
+        sum.bytes += section.length;
+        sum.raw_bytes += section.raw_length;
+    }
+
+    /// The name of the line of the terminal.
+    pub(super) fn name(&self) -> String {
+        match self.kind.as_str() {
+            kind @ ("sound" | "poster") => kind.into(),
+            kind => format!("{} {kind}", self.region),
+        }
     }
 }
 

@@ -1,8 +1,8 @@
-//! Measures one clip or field for its page.
+//! Measures one field for its page.
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, bail};
+use anyhow::bail;
 use codec::Limits;
 use glam::UVec2;
 use measure::device::{Passes, device};
@@ -12,19 +12,20 @@ use refine::fit::Cpu;
 
 use crate::commands::capture::PartSelection;
 use crate::fit::TrainingViews;
-use crate::input::{is_package, read_package};
+use crate::input::is_package;
 use crate::machine::machine;
 use crate::package::{LAYERS, PackageSettings, package_with};
 use crate::progress::StagedProgress;
 use crate::report::fitting;
 use crate::report::{Findings, ReportSubject, packaging};
+use crate::segments::TakeFile;
 
 /// Default size of the measured pictures.
 const SIZE: [u32; 2] = [512, 384];
 
 /// What a page is made of.
 pub(super) struct Request<'a> {
-    /// A package or a field.
+    /// A field, or a package or field folder of one segment.
     pub(super) path: &'a Path,
     /// Size of the measured pictures, and of the photographs of a refinement.
     pub(super) size: Option<[u32; 2]>,
@@ -43,12 +44,13 @@ pub(super) fn measure(request: &Request) -> anyhow::Result<Findings> {
     let fits = fitting::load_all(path, logs)?;
     let photographs = refinement.map(|(folder, _)| photographs(request, folder, &subject)).transpose()?;
     let progress = StagedProgress::visible();
-    let bytes = if is_package(path) {
-        read_package(path)?
+    let clip = if is_package(path) {
+        TakeFile::open(path)?.decode(0)?
     } else {
-        package_with(&subject.scene, &PackageSettings::default(), None, &mut Cpu::default(), &progress)?.bytes
+        let (settings, mut backend) = (PackageSettings::default(), Cpu::default());
+        let package = package_with(&subject.scene, &settings, None, &mut backend, &progress)?;
+        codec::decode(&package.bytes, &Limits::default())?
     };
-    let clip = codec::decode(&bytes, &Limits::default()).with_context(|| path.display().to_string())?;
     let gpu = device(Passes::Shared)?;
     let mut is_begun = false;
     let mut on_step = |name: &str, steps: u64| {

@@ -1,10 +1,10 @@
-//! Measures one take for its page: what it costs over time, and its error over time and over layers.
+//! Measures segments for their page: what they cost over time, and their error over time and over layers.
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::bail;
-use codec::{Camera, Segment, Take};
+use codec::{Camera, Segment, SegmentLayer, Take};
 use measure::parameter::{ImageErrors, ParameterValue, Quartiles};
 use program::Fault;
 use refine::fit::Cpu;
@@ -15,7 +15,7 @@ use crate::capture::CaptureFiles;
 use crate::commands::capture::PartSelection;
 use crate::commands::fit_source::FitSource;
 use crate::eval::over_time;
-use crate::input::Input;
+use crate::input::{Input, check_one_field};
 use crate::left_out::{LeftOut, TakeLeftOut};
 use crate::machine::machine;
 use crate::messages::decimal;
@@ -97,11 +97,8 @@ impl Reference {
             let duration_s = walk.duration_s();
             (Reference::Folder(walk), duration_s)
         } else {
+            check_one_field(path)?;
             let input = Input::load(path)?;
-            if matches!(input, Input::Take(_)) {
-                let what = "a take, and a take is compared with its field; name the field or its folder";
-                bail!(Fault::Data(format!("{}: {what}", path.display())));
-            }
             let duration_s = f64::from(input.info().duration_s);
             (Reference::Whole(Box::new(input)), duration_s)
         };
@@ -133,7 +130,7 @@ fn measure_file(
     let capture_files = request.capture.map(|folder| capture_of(folder, request, take)).transpose()?;
     let viewpoint = file.viewpoints().swap_remove(0);
     let camera = viewpoint.camera(take.info.up, size[0], size[1]);
-    let layers = take.segments.iter().map(|segment| segment.layers.len()).max().unwrap_or(1);
+    let layers = file.layers().len();
     let (cuts, times) = (cuts(take), instants(take));
     let progress = StagedProgress::visible();
 
@@ -170,7 +167,7 @@ fn measure_file(
         cuts,
         gaps: gaps(take.duration_s, &spans),
         instants,
-        parameter: (layers > 1).then(|| layers_parameter(of_layers.points(take, &camera))),
+        parameter: (layers > 1).then(|| layers_parameter(of_layers.points(&file, &camera))),
         layers: of_layers.instants,
         photographs,
         left_out,
@@ -356,17 +353,11 @@ impl LayerErrors {
     }
 
     /// The values of the parameter: 1 layer to all.
-    fn points(&self, take: &Take, camera: &Camera) -> Vec<ParameterValue> {
+    fn points(&self, file: &TakeFile, camera: &Camera) -> Vec<ParameterValue> {
         let pictures = self.instants.len();
-        let layers = self.fragments.len();
+        let layers = file.layers();
         let point = |k: usize| {
-            let prefixes: Vec<_> = take
-                .segments
-                .iter()
-                .filter_map(|segment| segment.layers.get(k - 1).or(segment.layers.last()))
-                .collect();
-            let gaussians: usize = prefixes.iter().map(|layer| layer.gaussians).sum();
-            let bytes = take.head_bytes + prefixes.iter().map(|layer| layer.bytes).sum::<usize>();
+            let SegmentLayer { bytes, gaussians } = layers[k - 1];
             let error = psnr(self.squared_errors[k - 1], pictures * pixels(camera) as usize);
             let counts = [
                 ("package_bytes", bytes as f64),
@@ -374,17 +365,17 @@ impl LayerErrors {
                 ("covered_fragments", self.fragments[k - 1] as f64 / pictures as f64),
             ];
             ParameterValue {
-                value: if k == layers { format!("{k}, all") } else { k.to_string() },
-                default: k == layers,
+                value: if k == layers.len() { format!("{k}, all") } else { k.to_string() },
+                default: k == layers.len(),
                 on_front: false,
-                cost: Quartiles::exactly(bytes as f64 * 8e-6 / take.duration_s),
+                cost: Quartiles::exactly(bytes as f64 * 8e-6 / file.take().duration_s),
                 errors: ImageErrors { psnr_db: finite(error), ..ImageErrors::default() },
                 run_time_ms: None,
                 stages_ms: BTreeMap::new(),
                 counts: counts.map(|(name, count)| (name.to_owned(), count)).into(),
             }
         };
-        (1..=layers).map(point).collect()
+        (1..=layers.len()).map(point).collect()
     }
 }
 
