@@ -442,6 +442,11 @@ fn a_take_is_the_union_of_the_segments_that_hold_the_instant() {
     assert_eq!(coverage(&take, &camera(), 0.5, Radius::Exact).alive, 0);
     let held = render_held(&take, &camera(), 0.375, Order::Depth, (&camera(), 0.37));
     assert_eq!(held, seconds(1.5));
+    // A segment that spans the take is shown as its clip, also beyond the ends.
+    let start = dynamic_field(second.clone(), 0.0, 0.05, &[[1.0, 0.0, 0.0]]);
+    let alone = RenderScene::of_take([(span(0.0, 4.0), RenderScene::from(&start))]);
+    assert_eq!(draw(&alone, -0.02), draw(&RenderScene::from(&start), -0.02));
+    assert_ne!(draw(&alone, -0.02), draw(&alone, 0.0));
 }
 
 #[test]

@@ -260,10 +260,7 @@ fn append(merged: &mut Field, columns: &mut Temporal, mut field: Field, span: &S
         merged.sh.extend_from_slice(sh);
         merged.sh.extend(std::iter::repeat_n([0.0; 3], rows - stored));
     }
-    // The times of a segment that spans the take are not to be rounded.
-    if let Some(temporal) = &mut field.temporal
-        && (span.start_s, span.duration_s) != (0.0, take_s)
-    {
+    if let Some(temporal) = &mut field.temporal {
         // The take is a span of the segment's clip, longer than that.
         retime(temporal, span.duration_s, -span.start_s, take_s);
     }

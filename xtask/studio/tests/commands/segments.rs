@@ -313,6 +313,41 @@ fn a_clip_can_be_trimmed_to_its_last_instant() {
     );
 }
 
+/// What is of one segment is one field, wherever it comes from, and no number of it is rounded.
+#[test]
+fn a_take_of_one_segment_is_shown_and_read_as_any_other() {
+    let (folder, _) = joined();
+    run(&folder, "package take -o take.aarc").success();
+    run(&folder, "join a.ply -o one").success();
+    run(&folder, "package one -o one.aarc").success();
+    write(&folder.path().join("odd.ply"), &small(50), 1.7);
+    run(&folder, "package odd.ply -o odd.aarc").success();
+    let shown = |file: &str| run(&folder, &format!("inspect {file} --json")).json();
+    let keys = |file: &str| shown(file).as_object().unwrap().keys().cloned().collect::<Vec<_>>();
+    assert_eq!((keys("odd.aarc"), keys("one.aarc")), (keys("take.aarc"), keys("take.aarc")));
+    for file in ["odd.aarc", "one.aarc", "take.aarc"] {
+        let (json, bytes) = (shown(file), read(&folder, file));
+        let sum = |list: &str, key: &str| numbers(&json, list, key).iter().sum::<f64>();
+        // The table of segments is in no section.
+        let sections = json["head_bytes"].as_f64().unwrap() + sum("sections", "bytes");
+        assert_eq!(sections, bytes.len() as f64, "{file}");
+        assert!(sum("attributes", "coded_bytes") > 0.5 * sum("sections", "bytes"), "{file}");
+        let alive = numbers(&json, "alive", "alive");
+        assert!(
+            alive.iter().all(|alive| (1.0..=json["gaussians"].as_f64().unwrap()).contains(alive)),
+            "{file}"
+        );
+    }
+
+    run(&folder, "export odd.aarc --ply -o whole.ply").success();
+    let clip = codec::decode(&read(&folder, "odd.aarc"), &Limits::default()).unwrap();
+    assert!(read(&folder, "whole.ply") == field_file(&clip.merged(), &clip.info));
+    run(&folder, "report one --rd --budgets 20 --size 32x24 -o of-folder").success();
+    run(&folder, "report one.aarc --rd --budgets 20 --size 32x24 -o of-package").success();
+    let refused = run(&folder, "report take.aarc --rd").error(3);
+    assert!(refused.contains("take.aarc: 3 segments, where one field is expected"), "{refused}");
+}
+
 /// Fields may state different near distances; their take has the largest, and each package and export states its own.
 #[test]
 fn a_take_has_the_largest_near_distance_of_its_fields() {
