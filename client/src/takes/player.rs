@@ -447,6 +447,9 @@ impl TakePlayer {
             (resident.is_ready, resident.is_drawn) =
                 (slots.is_ready(resident.slot), slots.is_drawn(resident.slot));
             has_changed |= resident.is_ready || resident.is_drawn != was_drawn;
+            if resident.is_ready && self.counts.segments == 1 {
+                log::info!("{}: now {} layers", self.opened.name(), resident.layers);
+            }
         }
         if has_changed {
             self.change();
