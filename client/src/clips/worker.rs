@@ -129,6 +129,7 @@ impl<R: Send + 'static, E: Send + 'static> Worker<R, E> {
     ///
     /// # Errors
     /// What the work panicked with.
+    #[cfg(not(target_os = "android"))]
     pub(crate) fn wait(&self) -> Result<E, Panic> {
         loop {
             if let Some(event) = self.wait_for(Duration::MAX)? {
