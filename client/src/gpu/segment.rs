@@ -22,8 +22,8 @@ pub struct TakeLayout {
     pub origin: DVec3,
     /// Corners `[min, max]` of the box around the centres of all segments while alive, in units of the take.
     pub bounds: [[f32; 3]; 2],
-    /// Number of Gaussians that are resident at once: those of the only segment; or, at most 2^26 and in either count, those
-    /// drawn, those uploaded ahead of use, and what is lost to gaps between segments.
+    /// Number of Gaussians that there is room for. A single segment has its own counts. Several segments share the sum of
+    /// both counts, at most 2^26: for what is drawn, for what is uploaded ahead of use, and for gaps between segments.
     pub room: LayerEnd,
     /// Duration in the unit of the spans.
     pub duration_s: f64,

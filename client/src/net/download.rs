@@ -181,9 +181,10 @@ impl Download {
             return ControlFlow::Break(take.map(|take| LoadEvent::Take(Arc::new(take))));
         }
         if let Some(outcome) = state.outcome.take() {
-            let bytes = state.file.bytes().to_vec();
+            // A copy: the take goes on reading from the file.
+            let package = if state.file.is_complete() { state.file.bytes().to_vec() } else { Vec::new() };
             drop(state);
-            return self.on_outcome(outcome, bytes);
+            return self.on_outcome(outcome, package);
         }
         let progress = state.progress.clone();
         drop(state);
@@ -203,7 +204,7 @@ impl Download {
         !self.has_cached && self.opened != Some(state.beginnings) && state.file.playable_bytes() > 0
     }
 
-    /// Handles the end of the fetch of `package`.
+    /// Handles the end of the fetch of `package`, which is empty unless it is complete.
     fn on_outcome(&mut self, outcome: Outcome, package: Vec<u8>) -> Flow {
         match outcome {
             Outcome::Unchanged => ControlFlow::Continue(()),

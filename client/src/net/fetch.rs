@@ -20,7 +20,7 @@ use super::request_error::RequestError;
 use super::retry::RetryPolicy;
 use super::transfer::{Action, Transfer};
 use super::watch::Watch;
-use crate::clips::{Progress, advice};
+use crate::clips::{Progress, advice, part};
 
 /// Bytes per read: dozens of reads a second on a fast network.
 const BUFFER_BYTES: usize = 64 << 10;
@@ -247,8 +247,7 @@ impl ArrivingFile {
             let bytes = state.file.bytes();
             let is_there = bytes.len() as u64 >= range.end || state.file.is_complete();
             if is_there && state.beginnings == self.beginnings {
-                let [start, end] = [range.start, range.end].map(|at| bytes.len().min(at as usize));
-                return Ok(bytes[start..end.max(start)].to_vec());
+                return Ok(part(bytes, range));
             }
             if self.has_failed_in(&state) || self.is_closed.load(Ordering::Relaxed) {
                 return Err(Fault::Network("the rest does not arrive: open it again".into()));

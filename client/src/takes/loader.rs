@@ -12,7 +12,6 @@ use program::Fault;
 use super::opened::{Loaded, OpenTake};
 use super::plan::Want;
 use crate::clips::{Report, Worker};
-use crate::gpu::TakeLayout;
 
 /// What the thread reports.
 pub(super) enum SegmentEvent {
@@ -24,7 +23,7 @@ pub(super) enum SegmentEvent {
     Replaced(Want, Fault),
     /// The read of a segment was ended for the sake of others.
     Overtaken(Want),
-    /// A segment does not arrive; whoever fetches the file says why.
+    /// A segment does not arrive. The download says why.
     Ended(Want),
     /// Nothing is left to load.
     Idle,
@@ -64,7 +63,6 @@ impl SegmentLoader {
     /// [`Fault::Device`] if the system refuses another thread.
     pub(super) fn new(
         opened: Arc<OpenTake>,
-        layout: TakeLayout,
         wake: impl Fn() + Send + 'static,
     ) -> Result<SegmentLoader, Fault> {
         let wants = Arc::new(Mutex::new(Wants::default()));
@@ -79,7 +77,7 @@ impl SegmentLoader {
                     ours.resume();
                     want
                 };
-                let packed = ours.load(want, &layout);
+                let packed = ours.load(want);
                 let is_replaced = ours.is_replaced();
                 let event = match packed {
                     Ok(loaded) => {
@@ -179,7 +177,7 @@ impl SegmentLoader {
 }
 
 impl Drop for SegmentLoader {
-    /// Ends a read, and leaves the thread behind: whoever draws does not wait for a network or a decoder.
+    /// Ends the read under way, and leaves the thread behind: a frame waits neither for a network nor for a decoder.
     fn drop(&mut self) {
         lock(&self.wants).queue.clear();
         self.opened.close();

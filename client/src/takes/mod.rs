@@ -1,5 +1,5 @@
-//! Takes: whatever plays. Of a take of minutes, only the parts that playing needs are in memory; a clip is a take of one
-//! segment, and so is a field of another program.
+//! Takes: everything that plays is one. A clip is a take of one segment, and so is a field of another program. A long take
+//! is in memory only in the parts that playing needs.
 //!
 //! ```text
 //! file | URL | demo --source--> opened (head, table) --> loader (a thread) --packed segments--> player --> slots of the renderer

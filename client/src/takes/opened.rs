@@ -112,18 +112,7 @@ impl OpenTake {
         if layers.iter().all(|layers| *layers == 0) {
             return Err(fault("the file is cut short before its first layer ends: copy it again".into()));
         }
-        let layout = layout(&take, limits);
-        let mut opened = OpenTake {
-            take,
-            source,
-            layers,
-            limits: *limits,
-            layout,
-            decoded: Mutex::default(),
-            field: None,
-            sound: SoundTrack::default(),
-            subject: OnceLock::new(),
-        };
+        let mut opened = OpenTake::new(take, source, layers, limits);
         if let [layers] = opened.layers[..] {
             let is_at_hand = !opened.source.is_arriving() && !opened.source.has_ranges();
             let want = Want { segment: 0, from: 0, layers: if is_at_hand { layers } else { 1 } };
@@ -140,22 +129,27 @@ impl OpenTake {
     /// A decoded clip without a package, named `name` in messages.
     #[cfg(feature = "import")]
     pub(crate) fn from_clip(name: String, clip: Clip, limits: &Limits) -> OpenTake {
-        let take = Take::from(&clip);
-        let mut opened = OpenTake {
-            layers: vec![clip.layers.len()],
+        let source = TakeSource::Memory(name, (&[][..]).into());
+        let mut opened = OpenTake::new(Take::from(&clip), source, vec![clip.layers.len()], limits);
+        opened.set_only(&clip);
+        opened.field = Some(clip);
+        opened.find_opening();
+        opened
+    }
+
+    /// Nothing is decoded yet. `layers` is the number of layers of each segment that `source` holds.
+    fn new(take: Take, source: TakeSource, layers: Vec<usize>, limits: &Limits) -> OpenTake {
+        OpenTake {
             layout: layout(&take, limits),
             take,
-            source: TakeSource::Memory(name, (&[][..]).into()),
+            source,
+            layers,
             limits: *limits,
             decoded: Mutex::default(),
             field: None,
             sound: SoundTrack::default(),
             subject: OnceLock::new(),
-        };
-        opened.set_only(&clip);
-        opened.field = Some(clip);
-        opened.find_opening();
-        opened
+        }
     }
 
     /// Takes in what the only segment has, by its first layers: no room is left for anything else.
@@ -291,7 +285,7 @@ impl OpenTake {
         self.source.is_arriving()
     }
 
-    /// Whether nothing more of it arrives; whoever fetches it says why.
+    /// Whether nothing more of it arrives. The download says why.
     pub(super) fn has_failed(&self) -> bool {
         self.source.has_failed()
     }
@@ -330,7 +324,8 @@ impl OpenTake {
     ///
     /// # Errors
     /// [`Fault::Data`] with the place of the segment in the take; [`Fault::Network`] if it does not arrive.
-    pub(super) fn load(&self, want: Want, layout: &TakeLayout) -> Result<Loaded, Fault> {
+    pub(super) fn load(&self, want: Want) -> Result<Loaded, Fault> {
+        let layout = &self.layout;
         let span = span(&self.take.segments[want.segment]);
         let named = |fault: Fault| fault.about(&self.name());
         let segment = |clip: &Clip| {

@@ -18,7 +18,7 @@ use super::opened::{Loaded, OpenTake, PackedWant};
 use super::plan::{Direction, Plan, Playhead, Want, needs, span};
 #[cfg(any(feature = "window", feature = "xr"))]
 use crate::clips::Beginning;
-use crate::gpu::{FrameLayout, Gpu, PackedLayers, PackedSegment, Renderer, SlotId, Slots, TakeLayout};
+use crate::gpu::{FrameLayout, Gpu, PackedLayers, PackedSegment, Renderer, SlotId, Slots};
 use crate::player::Player;
 
 /// Most bytes that one frame uploads: 23 MB a second at 90 Hz, and a fraction of a millisecond of a frame's time.
@@ -102,7 +102,6 @@ impl TakeCounts {
 pub struct TakePlayer {
     opened: Arc<OpenTake>,
     loader: SegmentLoader,
-    layout: TakeLayout,
     /// Layers of each segment that can be loaded; 0 for a segment that is missing or damaged.
     layers: Vec<usize>,
     /// How many of them to load while the take plays.
@@ -141,9 +140,8 @@ impl TakePlayer {
         layout: FrameLayout,
         wake: impl Fn() + Send + 'static,
     ) -> Result<(Renderer, TakePlayer), Fault> {
-        let of_take = opened.layout();
-        let renderer = Renderer::new_take(gpu, of_take, layout)?;
-        let loader = SegmentLoader::new(opened.clone(), of_take, wake)?;
+        let renderer = Renderer::new_take(gpu, opened.layout(), layout)?;
+        let loader = SegmentLoader::new(opened.clone(), wake)?;
         let layers = opened.layers().to_vec();
         let most = layers.iter().copied().max().unwrap_or(1).max(1);
         let counts = TakeCounts { segments: layers.len(), ..TakeCounts::default() };
@@ -151,7 +149,6 @@ impl TakePlayer {
         let mut player = TakePlayer {
             opened,
             loader,
-            layout: of_take,
             layers,
             layer_choice: LayerChoice::new(most),
             layers_wanted: most,
@@ -465,7 +462,7 @@ impl TakePlayer {
 
     fn replan(&mut self) {
         let wanted: Vec<usize> = self.layers.iter().map(|layers| self.layers_wanted.min(*layers)).collect();
-        self.plan = Plan::new(&self.opened.take, &wanted, self.head, self.layout.room.total());
+        self.plan = Plan::new(&self.opened.take, &wanted, self.head, self.opened.layout().room.total());
         self.was_cleared = false;
         self.drop_sounds();
         self.request();

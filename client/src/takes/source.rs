@@ -13,6 +13,7 @@ use std::time::{Duration, Instant};
 use program::{Fault, read_error};
 
 use super::layers::Traffic;
+use crate::clips::part;
 
 #[cfg(feature = "net")]
 use crate::net::{ArrivingFile, RemoteFile};
@@ -139,10 +140,7 @@ impl TakeSource {
     /// [`Fault::Data`] if it cannot be read; [`Fault::Network`] if it does not arrive.
     pub(crate) fn read(&self, range: Range<u64>) -> Result<Vec<u8>, Fault> {
         match self {
-            TakeSource::Memory(_, bytes) => {
-                let [start, end] = [range.start, range.end].map(|at| bytes.len().min(at as usize));
-                Ok(bytes[start..end.max(start)].to_vec())
-            }
+            TakeSource::Memory(_, bytes) => Ok(part(bytes, range)),
             TakeSource::File(local) => {
                 let LocalFile { path, file, .. } = &**local;
                 let mut file = file.lock().unwrap_or_else(PoisonError::into_inner);
@@ -220,7 +218,7 @@ impl TakeSource {
         }
     }
 
-    /// Whether nothing more of it arrives; whoever fetches it says why.
+    /// Whether nothing more of it arrives. The download says why.
     pub(crate) fn has_failed(&self) -> bool {
         match self {
             #[cfg(feature = "net")]

@@ -25,8 +25,8 @@ pub(in crate::gpu) struct Buffers {
 }
 
 impl Buffers {
-    /// Room for Gaussians with `features`: `room.total()` rows, `room.dynamic_count` of which move. Where several segments
-    /// are drawn at once, every row has room for motion: so a range of rows is all that a segment needs.
+    /// Buffers of `room.total()` rows with `features`; the last `room.dynamic_count` rows have room for motion. Where
+    /// several segments are drawn at once, every row has: a segment then needs a range of rows and nothing else.
     ///
     /// # Errors
     /// [`Fault::Device`] if they do not fit the storage buffers of the device, with both sizes, or there is not enough

@@ -66,7 +66,7 @@ fn gaussians(opened: &OpenTake, segment: usize, layers: usize) -> Result<usize, 
 
 /// Number of Gaussians of the layers of a segment behind the first `from`.
 fn further(opened: &OpenTake, segment: usize, from: usize, layers: usize) -> Result<usize, Fault> {
-    let Loaded { packed, .. } = opened.load(Want { segment, from, layers }, &opened.layout())?;
+    let Loaded { packed, .. } = opened.load(Want { segment, from, layers })?;
     Ok(match packed {
         PackedWant::Segment(packed) if from == 0 => packed.gaussians(),
         PackedWant::Layers(packed) if from > 0 => packed.gaussians(),
@@ -138,8 +138,7 @@ fn a_clip_is_the_only_segment() {
     // What was decoded to open it is loaded once, whole.
     let want = Want { segment: 0, from: 0, layers: 1 };
     for (layers, count) in [(2, 60), (1, 20)] {
-        let Loaded { want, packed: PackedWant::Segment(packed), .. } = opened.load(want, &layout).unwrap()
-        else {
+        let Loaded { want, packed: PackedWant::Segment(packed), .. } = opened.load(want).unwrap() else {
             panic!("it is a segment")
         };
         assert_eq!((want.layers, packed.gaussians()), (layers, count));
