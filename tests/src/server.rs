@@ -24,15 +24,11 @@ impl Request {
         self.headers.get(name).map(String::as_str)
     }
 
-    /// A header `Range: bytes=FIRST-LAST`, as the range that it stands for.
-    pub fn part(&self) -> Option<Range<usize>> {
+    /// The part of a file of `length` bytes that a header `Range: bytes=FIRST-` or `bytes=FIRST-LAST` names.
+    pub fn part(&self, length: usize) -> Option<Range<usize>> {
         let (first, last) = self.header("range")?.strip_prefix("bytes=")?.split_once('-')?;
-        Some(first.parse().ok()?..last.parse::<usize>().ok()? + 1)
-    }
-
-    /// `FIRST` of a header `Range: bytes=FIRST-`.
-    pub fn first_byte(&self) -> Option<usize> {
-        self.header("range")?.strip_prefix("bytes=")?.strip_suffix('-')?.parse().ok()
+        let first = first.parse().ok().filter(|&first| first < length)?;
+        Some(first..last.parse().map_or(length, |last: usize| last.saturating_add(1).min(length)))
     }
 }
 
@@ -58,53 +54,36 @@ impl Answer<'_> {
         self.raw(format!("HTTP/1.1 {status} x\r\nConnection: close\r\n{headers}\r\n").as_bytes());
     }
 
-    /// Sends `file` from the requested byte up to `end`, with the headers of a correct server. `etag`
+    /// Sends the requested part of `file`, or all of it if none is requested, or one of another version than `etag`, which
     /// includes its quotes.
-    pub fn file(&mut self, request: &Request, file: &[u8], etag: &str, end: usize) {
-        let first = self.file_head(request, file, etag);
-        self.bytes(file, first..end.max(first));
+    pub fn file(&mut self, request: &Request, file: &[u8], etag: &str) {
+        self.cut(request, file, etag, file.len());
     }
 
-    /// Sends the requested part of `file`, or all of it if none is requested, or one of another version than `etag`.
-    pub fn part(&mut self, request: &Request, file: &[u8], etag: &str) {
-        match self.part_head(request, file, etag) {
-            Some(part) => self.bytes(file, part),
-            None => self.file(&Request::default(), file, etag, file.len()),
-        }
+    /// As [`Answer::file`], cut off at `end`.
+    pub fn cut(&mut self, request: &Request, file: &[u8], etag: &str, end: usize) {
+        let part = self.file_head(request, file, etag);
+        self.bytes(file, part.start..part.end.min(end).max(part.start));
     }
 
-    /// As [`Answer::part`], at `bytes_per_s`.
+    /// As [`Answer::file`], at `bytes_per_s`.
     pub fn paced_part(&mut self, request: &Request, file: &[u8], etag: &str, bytes_per_s: f64) {
-        let part = match self.part_head(request, file, etag) {
-            Some(part) => part,
-            None => self.file_head(&Request::default(), file, etag)..file.len(),
-        };
+        let part = self.file_head(request, file, etag);
         lock(self.sent).push(part.clone());
         self.paced(&file[part], bytes_per_s);
     }
 
-    /// Sends the headers of the requested part of `file` and returns the part; `None` if none is requested, or one of
-    /// another version.
-    pub fn part_head(&mut self, request: &Request, file: &[u8], etag: &str) -> Option<Range<usize>> {
+    /// Sends the headers of [`Answer::file`], and returns which bytes follow.
+    pub fn file_head(&mut self, request: &Request, file: &[u8], etag: &str) -> Range<usize> {
         let same = request.header("if-range").is_none_or(|version| version == etag);
-        let part = request.part().filter(|part| same && part.start < file.len())?;
-        let part = part.start..part.end.min(file.len());
-        let range = format!("bytes {}-{}/{}", part.start, part.end - 1, file.len());
+        let asked = request.part(file.len()).filter(|_| same);
+        let part = asked.clone().unwrap_or(0..file.len());
         let length = part.len().to_string();
-        self.head(206, &[("Content-Length", &length), ("Content-Range", &range), ("ETag", etag)]);
-        Some(part)
-    }
-
-    /// Sends the headers of [`Answer::file`] and returns the requested first byte.
-    pub fn file_head(&mut self, request: &Request, file: &[u8], etag: &str) -> usize {
-        let same = request.header("if-range").is_none_or(|version| version == etag);
-        let first = request.first_byte().filter(|&first| same && first < file.len());
-        let length = (file.len() - first.unwrap_or(0)).to_string();
         let mut headers = vec![("Content-Length", length.as_str()), ("ETag", etag)];
-        let range = first.map(|first| format!("bytes {first}-{}/{}", file.len() - 1, file.len()));
-        headers.extend(range.as_deref().map(|range| ("Content-Range", range)));
-        self.head(if first.is_some() { 206 } else { 200 }, &headers);
-        first.unwrap_or(0)
+        let range = format!("bytes {}-{}/{}", part.start, part.end.saturating_sub(1), file.len());
+        headers.extend(asked.is_some().then_some(("Content-Range", range.as_str())));
+        self.head(if asked.is_some() { 206 } else { 200 }, &headers);
+        part
     }
 
     /// Sends a range of `file` and logs it.

@@ -186,7 +186,7 @@ impl<T: ClipTarget> Loading<'_, T> {
         if take.layer_count() < min_layers {
             return Err(too_few_layers(min_layers, &title(entry.name.as_deref()), &take));
         }
-        let is_blocking = self.is_blocking.load(Ordering::Relaxed);
+        let is_blocking = self.is_blocking.load(Ordering::Relaxed) && !self.options.is_complete;
         let is_overtaken = self.report.is_overtaken;
         let beginning = Beginning { position_s: self.position_s, is_blocking, is_overtaken };
         let clip = self.target.prepare(entry, take, beginning)?;

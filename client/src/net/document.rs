@@ -1,15 +1,16 @@
-//! [`document`]: downloads a small file such as a playlist, and caches it as clips are cached.
+//! [`document`]: downloads a small file such as a playlist, and caches it.
 
 use std::ops::ControlFlow;
+use std::sync::Arc;
 
-use codec::Limits;
 use program::Fault;
 
 use super::cache::CachedFile;
 use super::download::{Options, REPORT_INTERVAL, cached_version_note};
-use super::fetch::{Fetch, FetchOptions, NOT_UNDERSTOOD, Outcome};
-use super::partial_file::PartialFile;
-use crate::clips::{Progress, redacted};
+use super::exchange::{Answer, Exchange, Trouble};
+use super::task::Task;
+use super::transfer::Transfer;
+use crate::clips::Progress;
 
 /// A file from the server or the cache.
 #[derive(Debug)]
@@ -37,40 +38,84 @@ pub(crate) fn document(
     let cache = options.cache.as_ref();
     let cached = cache.and_then(|cache| cache.get(url)).filter(|file| file.bytes.len() <= max_bytes);
     let retry = if cached.is_some() { options.retry.for_revalidation() } else { options.retry };
-    let etag = cached.as_ref().map(|file| file.etag.clone()).filter(|etag| !etag.is_empty());
-    let limits = Limits { max_bytes, ..options.limits };
-    let fetch_options = FetchOptions { url: url.into(), retry, max_bytes, cached: etag };
-    let fetch = Fetch::start(fetch_options, PartialFile::document(limits))?;
-    let (outcome, bytes, base) = loop {
-        let mut state = fetch.wait(REPORT_INTERVAL, |state| state.outcome.is_some());
-        if let Some(outcome) = state.outcome.take() {
-            let base = redacted(state.url.as_deref().unwrap_or(url));
-            break (outcome, state.file.take(), base);
-        }
-        let progress = state.progress.clone();
-        drop(state);
-        if on_progress(&progress).is_break() {
-            return Ok(None);
+    let known = cached.as_ref().map(|file| file.etag.clone()).filter(|etag| !etag.is_empty());
+    let exchange = Arc::new(Exchange::new(url, retry)?);
+    let ours = exchange.clone();
+    let mut task = Task::begin(exchange.clone(), move || {
+        let transfer = Transfer::new(retry, 0, None, None).within(max_bytes as u64);
+        fetch(&ours, transfer, known.as_deref()).map_err(|fault| fault.about(&ours.name()))
+    })?;
+    let fetched = loop {
+        match task.wait(REPORT_INTERVAL) {
+            Some(fetched) => break fetched,
+            None if on_progress(&exchange.progress()).is_break() => return Ok(None),
+            None => {}
         }
     };
-    match (outcome, cached) {
-        (Outcome::Complete { etag }, _) => {
-            let file = CachedFile { etag: etag.unwrap_or_default(), base, bytes };
+    match (fetched, cached) {
+        (Ok(Some(file)), _) => {
             if is_valid(&file.bytes) {
                 options.store(url, &file);
             }
             Ok(Some(Document { bytes: file.bytes, url: file.base, note: None }))
         }
-        (Outcome::Unchanged, Some(file)) => Ok(Some(Document { bytes: file.bytes, url: base, note: None })),
-        (Outcome::Failed { fault, is_transient: true }, Some(file)) => {
-            let note = Some(cached_version_note(url, &fault));
+        (Ok(None), Some(file)) => Ok(Some(Document { bytes: file.bytes, url: exchange.base(), note: None })),
+        (Err(fault), Some(file)) if !exchange.was_refused() => {
+            let note = Some(cached_version_note(&fault));
             Ok(Some(Document { bytes: file.bytes, url: file.base, note }))
         }
-        (Outcome::Failed { fault, .. }, _) => Err(fault.about(&redacted(url))),
-        (Outcome::Unchanged, None) | (Outcome::Take, _) => {
-            Err(Fault::Network(format!("{}: {NOT_UNDERSTOOD}", redacted(url))))
-        }
+        (Err(fault), _) => Err(fault),
+        (Ok(None), None) => unreachable!("no version was known"),
     }
+}
+
+/// Fetches a file whole; `None` if the version `known` is current.
+fn fetch(
+    exchange: &Exchange,
+    mut transfer: Transfer,
+    known: Option<&str>,
+) -> Result<Option<CachedFile>, Fault> {
+    exchange.begin(0, None);
+    loop {
+        match receive(exchange, &mut transfer, known) {
+            Ok(Some(bytes)) if is_web_page(&bytes) => return Err(Fault::Data(WEB_PAGE.into())),
+            Ok(bytes) => {
+                let etag = transfer.etag().unwrap_or_default().into();
+                return Ok(bytes.map(|bytes| CachedFile { etag, base: exchange.base(), bytes }));
+            }
+            Err(trouble) => exchange.wait(trouble)?,
+        }
+        transfer.start_over();
+    }
+}
+
+/// Fetches a file by one request.
+fn receive(
+    exchange: &Exchange,
+    transfer: &mut Transfer,
+    known: Option<&str>,
+) -> Result<Option<Vec<u8>>, Trouble> {
+    let mut stream = match exchange.open(transfer, None, known)? {
+        Answer::Rest(stream) | Answer::Whole(stream) => stream,
+        Answer::Unchanged => return Ok(None),
+    };
+    let mut bytes = Vec::new();
+    // Its limit ends one that is longer.
+    exchange.receive(transfer, &mut stream, usize::MAX, &mut bytes)?;
+    if transfer.total().is_some_and(|total| (bytes.len() as u64) < total) {
+        return Err(exchange.on_end(transfer));
+    }
+    Ok(Some(bytes))
+}
+
+/// What to say of a web page, as networks send in place of anything else until the user logs in.
+pub(crate) const WEB_PAGE: &str =
+    "the server sends a web page: open the URL in a browser, the network may ask for a log-in";
+
+/// Whether a file begins as HTML does, which neither packages nor playlists do.
+pub(crate) fn is_web_page(bytes: &[u8]) -> bool {
+    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    bytes.trim_ascii_start().starts_with(b"<")
 }
 
 #[cfg(test)]

@@ -1,112 +1,158 @@
-//! [`RemoteFile`]: a file on a server that is read in parts, by range requests.
+//! [`RemoteFile`]: a package on a server that is read in parts.
 //!
-//! All parts are of one version: `If-Range` has a changed file sent whole, which is an error here; the player then opens
-//! the file again. A server that sends
-//! the whole file instead of a part knows no ranges: the file then goes to disk as it arrives, and parts are read from
-//! there. Parts are cached each for itself, so that a part played before needs no network.
+//! The first response is the file from its start. What follows its head is read on from there, or requested part by part.
+//! A server that knows no ranges sends the file whole, which then goes to disk as it arrives.
+//!
+//! All parts are of one version. The head of a package holds the checksums of all parts, so its own digest names the
+//! version, and a part that was decoded is right. Both are cached: a file whose parts were read before needs no network.
 
 use std::collections::VecDeque;
-use std::fs::File;
-use std::io::{self, Read, Seek, SeekFrom, Write};
-use std::ops::Range;
-use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, Instant};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use program::Fault;
+use sha2::{Digest, Sha256};
 
 use super::cache::{Cache, CachedFile};
-use super::head::Head;
-use super::request::{Response, ResponseBody, Server};
-use super::request_error::RequestError;
+use super::exchange::{Answer, Exchange, Stream, Trouble};
 use super::retry::RetryPolicy;
-use super::transfer::{Action, Transfer};
-use super::watch::Watch;
-use crate::clips::redacted;
+use super::transfer::Transfer;
+use super::whole_file::WholeFile;
 use crate::takes::Traffic;
-
-/// Bytes per read.
-const BUFFER_BYTES: usize = 64 << 10;
 
 /// Number of parts whose bytes stay in memory for a longer part with the same start: the first layers of what is drawn.
 const RECENT_PARTS: usize = 4;
 
-/// A file on a server.
+/// A package on a server.
+#[derive(Debug)]
 pub(crate) struct RemoteFile {
-    url: String,
-    server: Server,
-    watch: Arc<Watch>,
+    exchange: Arc<Exchange>,
     retry: RetryPolicy,
     cache: Option<Cache>,
-    /// Where a file goes that the server sends whole.
-    folder: Option<PathBuf>,
-    state: Mutex<State>,
-    /// Whether the server sends the file whole.
+    /// Whether only the cache is read.
+    is_offline: AtomicBool,
+    /// Whether the server sends the file whole only.
     is_whole: AtomicBool,
-    /// What came from the server.
-    traffic: Mutex<Traffic>,
-    /// Whether the server has another version.
-    is_replaced: AtomicBool,
-    /// For waits between requests, which a cancellation ends.
-    pause: (Mutex<()>, Condvar),
+    state: Mutex<State>,
 }
 
-#[derive(Default)]
+#[derive(Debug, Default)]
 struct State {
     etag: Option<String>,
     total: Option<u64>,
-    /// Start and bytes of the latest parts.
-    recent: VecDeque<(u64, Vec<u8>)>,
-    /// Bytes of file that arrived, if the server knows no ranges.
+    /// The head of the package, once it is known.
+    head: Vec<u8>,
+    recent: VecDeque<Part>,
+    /// The response under way.
+    stream: Option<Stream>,
     whole: Option<WholeFile>,
 }
 
-/// A file that arrives from its start.
-struct WholeFile {
-    disk: File,
-    written: u64,
-    /// `None` after the connection was lost.
-    body: Option<ResponseBody>,
-    transfer: Transfer,
+/// The first bytes of a part of the file.
+#[derive(Debug)]
+struct Part {
+    start: u64,
+    bytes: Vec<u8>,
+    /// The cache has the bytes up to here, and nothing beyond.
+    cached_to: u64,
 }
 
-/// Why a part cannot be read, or what to do before the next request.
-enum Trouble {
-    Retry(Duration),
-    Failed(Fault),
+impl Part {
+    fn end(&self) -> u64 {
+        self.start + self.bytes.len() as u64
+    }
+}
+
+impl State {
+    /// Takes what is known of the part that begins at `start`.
+    fn take_part(&mut self, start: u64) -> Part {
+        self.find_part(start).unwrap_or_else(|| Part {
+            start,
+            bytes: if start == 0 { self.head.clone() } else { Vec::new() },
+            cached_to: start,
+        })
+    }
+
+    fn find_part(&mut self, start: u64) -> Option<Part> {
+        let at = self.recent.iter().position(|part| part.start == start)?;
+        self.recent.remove(at)
+    }
+
+    fn put_part(&mut self, part: Part) {
+        self.recent.push_back(part);
+        if self.recent.len() > RECENT_PARTS {
+            self.recent.pop_front();
+        }
+    }
+
+    /// Takes in what an answer told of the file.
+    fn learn(&mut self, transfer: &Transfer) {
+        self.etag = transfer.etag().map(String::from);
+        self.total = transfer.total();
+    }
 }
 
 impl RemoteFile {
-    /// The file at `url`; nothing is fetched yet.
+    /// The file at `url`; nothing is requested yet.
     ///
     /// # Errors
     /// [`Fault::Network`] if the certificates to trust cannot be read.
     pub(super) fn new(url: &str, retry: RetryPolicy, cache: Option<Cache>) -> Result<RemoteFile, Fault> {
-        let watch = Arc::new(Watch::new(&retry));
-        let server = Server::new(url, retry, &watch).map_err(|error| Fault::Network(error.text()))?;
-        let folder = cache.as_ref().map(|cache| cache.folder().to_owned());
-        let (state, pause) = (Mutex::default(), (Mutex::default(), Condvar::new()));
-        let [is_whole, is_replaced] = [(); 2].map(|()| AtomicBool::new(false));
-        let traffic = Mutex::default();
-        Ok(RemoteFile {
-            url: url.into(),
-            server,
-            watch,
-            retry,
-            cache,
-            folder,
-            state,
-            is_whole,
-            traffic,
-            is_replaced,
-            pause,
-        })
+        let exchange = Arc::new(Exchange::new(url, retry)?);
+        let [is_offline, is_whole] = [(); 2].map(|()| AtomicBool::new(false));
+        Ok(RemoteFile { exchange, retry, cache, is_offline, is_whole, state: Mutex::default() })
+    }
+
+    /// The file at `url` whose head is in `cache`. Only the cache is read, until [`RemoteFile::go_online`].
+    pub(super) fn from_cache(url: &str, retry: RetryPolicy, cache: &Cache) -> Option<RemoteFile> {
+        let CachedFile { etag, bytes, .. } = cache.get(url)?;
+        let file = RemoteFile::new(url, retry, Some(cache.clone())).ok()?;
+        file.is_offline.store(true, Ordering::Relaxed);
+        let mut state = file.lock();
+        (state.head, state.etag) = (bytes, Some(etag).filter(|etag| !etag.is_empty()));
+        drop(state);
+        Some(file)
+    }
+
+    /// Requests the file, unless the version `known` is current; returns whether it is another one.
+    ///
+    /// # Errors
+    /// [`Fault::Network`] if there is no answer, or no file.
+    pub(super) fn connect(&self, known: Option<&str>) -> Result<bool, Fault> {
+        let mut state = self.lock();
+        let mut transfer = Transfer::new(self.retry, 0, None, None);
+        self.exchange.begin(0, None);
+        loop {
+            match self.exchange.open(&mut transfer, None, known) {
+                Ok(Answer::Unchanged) => return Ok(false),
+                Ok(Answer::Rest(stream) | Answer::Whole(stream)) => {
+                    state.learn(&transfer);
+                    state.stream = Some(stream);
+                    return Ok(true);
+                }
+                Err(trouble) => self.exchange.wait(trouble)?,
+            }
+        }
+    }
+
+    /// Reads from the server what the cache lacks.
+    pub(super) fn go_online(&self) {
+        self.is_offline.store(false, Ordering::Relaxed);
+    }
+
+    /// The requests for the file.
+    pub(super) fn exchange(&self) -> &Arc<Exchange> {
+        &self.exchange
+    }
+
+    /// The version that the server named, if it did.
+    pub(super) fn etag(&self) -> Option<String> {
+        self.lock().etag.clone()
     }
 
     /// The URL without secrets, for messages.
     pub(crate) fn name(&self) -> String {
-        redacted(&self.url)
+        self.exchange.name()
     }
 
     /// Length in bytes, once a part was read, if the server says.
@@ -116,7 +162,7 @@ impl RemoteFile {
 
     /// What came from the server so far, and not from the cache.
     pub(crate) fn traffic(&self) -> Traffic {
-        *self.traffic.lock().unwrap_or_else(PoisonError::into_inner)
+        self.exchange.traffic()
     }
 
     /// Whether the server sends parts, as far as is known.
@@ -126,305 +172,207 @@ impl RemoteFile {
 
     /// Whether a read found that the server has another version.
     pub(crate) fn is_replaced(&self) -> bool {
-        self.is_replaced.load(Ordering::Relaxed)
+        self.exchange.is_replaced()
     }
 
     /// Ends the read of a part, and those that follow, with an error until [`RemoteFile::resume`]. A file that the server
     /// sends whole goes on: all that follows needs it.
     pub(crate) fn cancel(&self) {
-        if !self.is_whole.load(Ordering::Relaxed) {
+        if self.has_ranges() {
             self.close();
         }
     }
 
     /// Ends the read under way, and those that follow, with an error.
     pub(crate) fn close(&self) {
-        self.watch.cancel();
-        drop(self.pause.0.lock());
-        self.pause.1.notify_all();
+        self.exchange.close();
     }
 
     /// Allows reads again.
     pub(crate) fn resume(&self) {
-        self.watch.resume();
+        self.exchange.resume();
     }
 
-    /// Reads `range`; less at the end of the file. Blocks until it has arrived.
+    /// Takes in the head of the package, which names the version of the file. What follows is read on from the response
+    /// under way, or requested part by part.
+    pub(crate) fn set_head(&self, head: &[u8], is_read_on: bool) {
+        let mut state = self.lock();
+        state.head = head.to_vec();
+        if !is_read_on {
+            state.stream = None;
+        }
+    }
+
+    /// Reads the bytes from `start` to the last of `ends`; fewer at the end of the file. Pieces that end at each of `ends`
+    /// are in the cache, or not. Blocks until all have arrived.
     ///
     /// # Errors
-    /// [`Fault::Network`] if it does not arrive, the file has changed, or it was cancelled; [`Fault::Usage`] if the disk
-    /// is full.
-    pub(crate) fn read(&self, range: Range<u64>) -> Result<Vec<u8>, Fault> {
+    /// [`Fault::Network`] if they do not arrive, the file has changed, or it was closed; [`Fault::Usage`] if the disk is
+    /// full.
+    pub(crate) fn read(&self, start: u64, ends: &[u64]) -> Result<Vec<u8>, Fault> {
         let mut state = self.lock();
-        let range = range.start..state.total.map_or(range.end, |total| range.end.min(total)).max(range.start);
-        if state.whole.is_none() {
-            if let Some(bytes) = self.cached(&state, &range) {
-                return Ok(bytes);
-            }
-            if let Some(bytes) = self.read_part(&mut state, &range)? {
-                self.store(&state, &range, &bytes);
-                return Ok(bytes);
-            }
-        }
-        self.read_whole(&mut state, &range)
-    }
-
-    /// Reads a part by range requests; `None` if the server knows none, and sends the file whole.
-    fn read_part(&self, state: &mut State, range: &Range<u64>) -> Result<Option<Vec<u8>>, Fault> {
-        let at = state.recent.iter().position(|(start, _)| *start == range.start);
-        let mut bytes = at.and_then(|at| state.recent.remove(at)).map_or_else(Vec::new, |(_, bytes)| bytes);
-        bytes.truncate((range.end - range.start) as usize);
-        let has_ranges = self.extend_part(state, range, &mut bytes);
-        // What has come of a read that was ended is not asked for again.
-        state.recent.push_back((range.start, bytes.clone()));
-        if state.recent.len() > RECENT_PARTS {
-            state.recent.pop_front();
-        }
-        has_ranges.map(|has_ranges| has_ranges.then_some(bytes))
-    }
-
-    /// Extends `bytes`, the start of `range`, to all of it; `false` if the server knows no ranges.
-    fn extend_part(&self, state: &mut State, range: &Range<u64>, bytes: &mut Vec<u8>) -> Result<bool, Fault> {
-        let start = range.start + bytes.len() as u64;
-        let mut transfer = Transfer::part(self.retry, start, state.etag.clone(), state.total);
-        while range.start + (bytes.len() as u64) < range.end {
-            let request = transfer.next_request().up_to(range.end);
-            let asked = Instant::now();
-            let step = self.server.get(&request).map_err(|error| self.on_error(&mut transfer, error));
-            let answered = Instant::now();
-            let step =
-                step.and_then(|Response { head, body, .. }| match transfer.on_response(&request, &head) {
-                    Action::Read { .. } if head.status == 206 => {
-                        state.etag = transfer.etag().map(String::from);
-                        state.total = transfer.total();
-                        let end = state.total.map_or(range.end, |total| range.end.min(total));
-                        self.receive(&mut transfer, body, (end - range.start) as usize, bytes).map(|()| None)
-                    }
-                    Action::Read { .. } => Ok(Some((head, body))),
-                    action => Err(self.on_action(action)),
-                });
-            let mut traffic = self.traffic.lock().unwrap_or_else(PoisonError::into_inner);
-            traffic.delay += answered - asked;
-            traffic.elapsed += answered.elapsed();
-            drop(traffic);
-            match step {
-                Ok(None) => {
-                    let end = state.total.unwrap_or(range.end);
-                    if range.start + bytes.len() as u64 >= end {
-                        break;
-                    }
-                }
-                Ok(Some((head, body))) => {
-                    self.begin_whole(state, head, body)?;
-                    return Ok(false);
-                }
-                Err(Trouble::Retry(wait)) => self.wait(wait)?,
-                Err(Trouble::Failed(fault)) => return Err(fault),
-            }
-        }
-        Ok(true)
-    }
-
-    /// Appends to `bytes` what `body` holds, up to `length` bytes.
-    fn receive(
-        &self,
-        transfer: &mut Transfer,
-        mut body: ResponseBody,
-        length: usize,
-        bytes: &mut Vec<u8>,
-    ) -> Result<(), Trouble> {
-        let mut buffer = vec![0; BUFFER_BYTES];
-        while bytes.len() < length {
-            let count = match self.server.read(&mut body, &mut buffer) {
-                Ok(0) => return Err(self.on_action(transfer.on_end(None))),
-                Ok(count) => count.min(length - bytes.len()),
-                Err(error) => return Err(self.on_error(transfer, error)),
-            };
-            bytes.extend_from_slice(&buffer[..count]);
-            self.count(transfer, count as u64)?;
-        }
-        Ok(())
-    }
-
-    /// Begins to write a file to disk that the server sends whole, as `body`.
-    fn begin_whole(&self, state: &mut State, head: Head, body: ResponseBody) -> Result<(), Fault> {
-        let disk = match &self.folder {
-            Some(folder) => std::fs::create_dir_all(folder).and_then(|()| tempfile::tempfile_in(folder)),
-            None => tempfile::tempfile(),
+        let end = ends.last().copied().unwrap_or(start);
+        let mut part = state.take_part(start);
+        self.extend_from_cache(&state, &mut part, ends);
+        let read = match part.end() >= end {
+            true => Ok(()),
+            false => self.extend_from_server(&mut state, &mut part, end),
         };
-        let disk = disk.map_err(|error| self.disk_fault(&error))?;
-        let mut transfer = Transfer::new(self.retry, u64::MAX, None);
-        let request = transfer.next_request();
-        transfer.on_response(&request, &head);
-        (state.etag, state.total) = (head.etag, head.length);
-        self.is_whole.store(true, Ordering::Relaxed);
-        state.whole = Some(WholeFile { disk, written: 0, body: Some(body), transfer });
-        Ok(())
+        let length = part.bytes.len().min((end - start) as usize);
+        let bytes = read.map(|()| part.bytes[..length].to_vec());
+        // What has come of a read that was ended is not asked for again.
+        state.put_part(part);
+        bytes
     }
 
-    /// Reads a part of a file that the server sends whole, as soon as it has arrived.
-    fn read_whole(&self, state: &mut State, range: &Range<u64>) -> Result<Vec<u8>, Fault> {
-        let whole = state.whole.as_mut().expect("the server sends the file whole");
-        let end = state.total.map_or(range.end, |total| range.end.min(total));
-        let mut buffer = vec![0; BUFFER_BYTES];
-        while whole.written < end {
-            match self.receive_whole(whole, &mut buffer) {
-                Ok(()) => {}
-                Err(Trouble::Retry(wait)) => self.wait(wait)?,
-                Err(Trouble::Failed(fault)) => return Err(fault),
+    fn extend_from_cache(&self, state: &State, part: &mut Part, ends: &[u64]) {
+        let Some(cache) = &self.cache else { return };
+        let mut start = part.start;
+        for &end in ends {
+            let has_start = (start..end).contains(&part.end());
+            if has_start
+                && let Some(key) = self.cache_key(state, start, end)
+                && let Some(file) = cache.get(&key)
+                && file.bytes.len() as u64 == end - start
+            {
+                part.bytes.truncate((start - part.start) as usize);
+                part.bytes.extend(file.bytes);
+                part.cached_to = end;
             }
-        }
-        let mut bytes = Vec::new();
-        let read = whole.disk.seek(SeekFrom::Start(range.start)).and_then(|_| {
-            (&mut whole.disk)
-                .take(range.end.min(whole.written).saturating_sub(range.start))
-                .read_to_end(&mut bytes)
-        });
-        read.map_err(|error| self.disk_fault(&error))?;
-        Ok(bytes)
-    }
-
-    /// Writes the next bytes of a file that the server sends whole to disk.
-    fn receive_whole(&self, whole: &mut WholeFile, buffer: &mut [u8]) -> Result<(), Trouble> {
-        let WholeFile { disk, written, body, transfer } = whole;
-        if body.is_none() {
-            let request = transfer.next_request();
-            let Response { head, body: next, .. } =
-                self.server.get(&request).map_err(|error| self.on_error(transfer, error))?;
-            match transfer.on_response(&request, &head) {
-                Action::Read { skip } => {
-                    let mut next = next;
-                    self.skip(transfer, &mut next, skip, buffer)?;
-                    *body = Some(next);
-                }
-                action => return Err(self.on_action(action)),
-            }
-        }
-        let Some(open) = body else { return Ok(()) };
-        match self.server.read(open, buffer) {
-            Ok(0) => {
-                *body = None;
-                Err(self.on_action(transfer.on_end(None)))
-            }
-            Ok(count) => {
-                let end = disk.seek(SeekFrom::Start(*written)).and_then(|_| disk.write_all(&buffer[..count]));
-                end.map_err(|error| Trouble::Failed(self.disk_fault(&error)))?;
-                *written += count as u64;
-                self.count(transfer, count as u64)
-            }
-            Err(error) => {
-                *body = None;
-                Err(self.on_error(transfer, error))
-            }
+            start = end;
         }
     }
 
-    /// Counts bytes of the file that have arrived.
-    fn count(&self, transfer: &mut Transfer, bytes: u64) -> Result<(), Trouble> {
-        self.traffic.lock().unwrap_or_else(PoisonError::into_inner).bytes += bytes;
-        self.watch.count(Instant::now(), bytes);
-        transfer.count(bytes).map_err(|action| self.on_action(action))
-    }
-
-    /// Reads `count` bytes that were received before.
-    fn skip(
-        &self,
-        transfer: &mut Transfer,
-        body: &mut ResponseBody,
-        mut count: u64,
-        buffer: &mut [u8],
-    ) -> Result<(), Trouble> {
-        while count > 0 {
-            let most = buffer.len().min(usize::try_from(count).unwrap_or(usize::MAX));
-            match self.server.read(body, &mut buffer[..most]) {
-                Ok(0) => return Err(self.on_action(transfer.on_end(None))),
-                Ok(read) => count -= read as u64,
-                Err(error) => return Err(self.on_error(transfer, error)),
-            }
+    fn extend_from_server(&self, state: &mut State, part: &mut Part, end: u64) -> Result<(), Fault> {
+        if self.is_offline.load(Ordering::Relaxed) {
+            return Err(Fault::Network("it is not in the cache as a whole".into()));
         }
-        Ok(())
-    }
-
-    fn on_error(&self, transfer: &mut Transfer, error: RequestError) -> Trouble {
-        if self.watch.is_cancelled() {
-            return Trouble::Failed(self.cancelled());
-        }
-        match error {
-            RequestError::Transient(why) | RequestError::UnknownHost(why) => {
-                self.on_action(transfer.on_break(&why))
-            }
-            error => Trouble::Failed(Fault::Network(error.text())),
-        }
-    }
-
-    fn on_action(&self, action: Action) -> Trouble {
-        Trouble::Failed(Fault::Network(match action {
-            Action::Retry(wait, why) => {
-                log::info!("{}: {why}", self.name());
-                return Trouble::Retry(wait);
-            }
-            Action::GiveUp(why) | Action::Refused(why) | Action::TooLarge(why) => why,
-            Action::StartOver => {
-                self.is_replaced.store(true, Ordering::Relaxed);
-                "the file changed on the server: open it again".into()
-            }
-            Action::Read { .. } | Action::Unchanged => {
-                "the server's answer was not understood: try again later".into()
-            }
-        }))
-    }
-
-    /// Waits before the next request.
-    fn wait(&self, wait: Duration) -> Result<(), Fault> {
-        let until = Instant::now() + wait;
-        let mut guard = self.pause.0.lock().unwrap_or_else(PoisonError::into_inner);
-        loop {
-            let left = until.saturating_duration_since(Instant::now());
-            if self.watch.is_cancelled() {
-                return Err(self.cancelled());
-            }
-            if left.is_zero() {
+        let total = (!state.head.is_empty()).then(|| end - part.start);
+        self.exchange.begin(part.bytes.len() as u64, total);
+        let mut transfer = Transfer::new(self.retry, part.end(), state.etag.clone(), state.total);
+        while state.whole.is_none() {
+            let end = state.total.map_or(end, |total| total.min(end));
+            if part.end() >= end {
                 return Ok(());
             }
-            guard = self.pause.1.wait_timeout(guard, left).unwrap_or_else(PoisonError::into_inner).0;
+            if let Err(trouble) = self.receive(state, &mut transfer, part, end) {
+                state.stream = None;
+                self.exchange.wait(trouble)?;
+            }
+        }
+        let Some(whole) = &mut state.whole else { return Ok(()) };
+        if state.head.is_empty() {
+            // They may be of another version.
+            part.bytes.clear();
+        }
+        let bytes = whole.read(&self.exchange, &state.head, part.end(), end)?;
+        part.bytes.extend(bytes);
+        Ok(())
+    }
+
+    /// Receives bytes of `part` up to `end`, or begins to receive the file whole.
+    fn receive(
+        &self,
+        state: &mut State,
+        transfer: &mut Transfer,
+        part: &mut Part,
+        end: u64,
+    ) -> Result<(), Trouble> {
+        let at = part.end();
+        let mut stream = match state.stream.take().filter(|stream| stream.at == at) {
+            Some(stream) => stream,
+            None => match self.exchange.open(transfer, (at > 0).then_some(end), None)? {
+                Answer::Rest(stream) => {
+                    state.learn(transfer);
+                    stream
+                }
+                Answer::Whole(stream) => {
+                    state.learn(transfer);
+                    let folder = self.cache.as_ref().map(Cache::folder);
+                    let from_start = std::mem::replace(transfer, Transfer::new(self.retry, 0, None, None));
+                    let whole = WholeFile::new(folder, stream, from_start).map_err(Trouble::Failed)?;
+                    self.is_whole.store(true, Ordering::Relaxed);
+                    state.whole = Some(whole);
+                    return Ok(());
+                }
+                Answer::Unchanged => return Err(self.exchange.on_end(transfer)),
+            },
+        };
+        let length = (end - part.start) as usize;
+        self.exchange.receive(transfer, &mut stream, length, &mut part.bytes)?;
+        // A response from the start may be of another version than the head.
+        let known = part.bytes.len().min(state.head.len());
+        if part.start == 0 && part.bytes[..known] != state.head[..known] {
+            part.bytes.clear();
+            return Err(Trouble::Replaced);
+        }
+        if part.bytes.len() < length {
+            return Err(self.exchange.on_end(transfer));
+        }
+        state.stream = Some(stream).filter(|stream| !stream.is_over());
+        Ok(())
+    }
+
+    /// After a part that cannot be decoded: looks whether the file begins in the same way as it did.
+    pub(crate) fn look_for_replacement(&self) {
+        let head = self.lock().head.clone();
+        let mut transfer = Transfer::new(self.retry, 0, None, None);
+        let answer = self.exchange.open(&mut transfer, Some(head.len() as u64), None);
+        let Ok(Answer::Rest(mut stream) | Answer::Whole(mut stream)) = answer else { return };
+        let mut bytes = Vec::new();
+        let read = self.exchange.receive(&mut transfer, &mut stream, head.len(), &mut bytes);
+        if read.is_ok() && bytes != head {
+            let _ = self.exchange.wait(Trouble::Replaced);
         }
     }
 
-    fn cancelled(&self) -> Fault {
-        Fault::Network("cancelled".into())
+    /// Caches the head, so that the file opens without the server.
+    pub(crate) fn keep_head(&self) {
+        let state = self.lock();
+        if !self.is_offline.load(Ordering::Relaxed) {
+            self.store(&state, self.exchange.url(), &state.head);
+        }
     }
 
-    fn disk_fault(&self, error: &io::Error) -> Fault {
-        Fault::Usage(format!("the part that plays cannot be written to disk: {error}: free some space"))
+    /// Caches the pieces of the part that begins at `start` which end at `ends`, if they were read before. They are known
+    /// to be right. `is_last` is whether no longer part will be read.
+    pub(crate) fn keep(&self, start: u64, ends: &[u64], is_last: bool) {
+        let mut state = self.lock();
+        let Some(mut part) = state.find_part(start) else { return };
+        let mut from = start;
+        for &end in ends {
+            if end > part.cached_to && end <= part.end() {
+                if let Some(key) = self.cache_key(&state, from, end) {
+                    let [low, high] = [from, end].map(|at| (at - start) as usize);
+                    self.store(&state, &key, &part.bytes[low..high]);
+                }
+                part.cached_to = end;
+            }
+            from = end;
+        }
+        if !is_last {
+            state.put_part(part);
+        }
     }
 
-    /// Name of a part in the cache. Only a strong ETag names a version.
-    fn cache_key(&self, state: &State, range: &Range<u64>) -> Option<String> {
-        let etag = state.etag.as_ref().filter(|etag| !etag.starts_with("W/"))?;
-        (range.start > 0).then(|| format!("{}#{}-{} {etag}", self.url, range.start, range.end))
+    /// Name of a piece of the file in the cache; `None` while its version is not known.
+    fn cache_key(&self, state: &State, start: u64, end: u64) -> Option<String> {
+        let version =
+            || Sha256::digest(&state.head).iter().map(|byte| format!("{byte:02x}")).collect::<String>();
+        (!state.head.is_empty()).then(|| format!("{}#{start}-{end} {}", self.exchange.url(), version()))
     }
 
-    fn cached(&self, state: &State, range: &Range<u64>) -> Option<Vec<u8>> {
-        let (cache, key) = (self.cache.as_ref()?, self.cache_key(state, range)?);
-        cache.get(&key).map(|file| file.bytes)
-    }
-
-    fn store(&self, state: &State, range: &Range<u64>, bytes: &[u8]) {
-        let (Some(cache), Some(key)) = (&self.cache, self.cache_key(state, range)) else { return };
+    /// Caches bytes, if there is a cache. Logs failure: the file plays without.
+    fn store(&self, state: &State, key: &str, bytes: &[u8]) {
+        let Some(cache) = &self.cache else { return };
         let etag = state.etag.clone().unwrap_or_default();
-        let file = CachedFile { etag, base: self.name(), bytes: bytes.to_vec() };
-        if let Err(error) = cache.put(&key, &file) {
+        let file = CachedFile { etag, base: self.exchange.base(), bytes: bytes.to_vec() };
+        if let Err(error) = cache.put(key, &file) {
             log::warn!("{}: cannot be cached: {error}", self.name());
         }
     }
 
     fn lock(&self) -> MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
-
-impl std::fmt::Debug for RemoteFile {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_tuple("RemoteFile").field(&self.name()).finish()
     }
 }

@@ -122,6 +122,7 @@ impl Server {
 }
 
 /// The body of a response.
+#[derive(Debug)]
 pub(super) struct ResponseBody(Body);
 
 /// The URL that a redirect from `url` leads to.

@@ -23,8 +23,6 @@ pub(super) enum SegmentEvent {
     Replaced(Want, Fault),
     /// The read of a segment was ended for the sake of others.
     Overtaken(Want),
-    /// A segment does not arrive. The download says why.
-    Ended(Want),
     /// Nothing is left to load.
     Idle,
 }
@@ -84,7 +82,6 @@ impl SegmentLoader {
                         lock(&shared).on_loaded(loaded.want);
                         SegmentEvent::Packed(loaded)
                     }
-                    Err(_) if ours.has_failed() => SegmentEvent::Ended(want),
                     Err(Fault::Network(_)) if lock(&shared).is_cancelled => SegmentEvent::Overtaken(want),
                     Err(fault) if is_replaced => SegmentEvent::Replaced(want, fault),
                     Err(fault) => SegmentEvent::Failed(want, fault),
@@ -152,8 +149,7 @@ impl SegmentLoader {
             SegmentEvent::Packed(Loaded { want, .. })
             | SegmentEvent::Failed(want, _)
             | SegmentEvent::Replaced(want, _)
-            | SegmentEvent::Overtaken(want)
-            | SegmentEvent::Ended(want) => {
+            | SegmentEvent::Overtaken(want) => {
                 lock(&self.wants).under_way.retain(|other| other != want);
                 Some(event)
             }

@@ -20,8 +20,8 @@ use crate::audio::SoundTrack;
 use crate::clips::advice;
 use crate::gpu::{PackedLayers, PackedSegment, PlateLayout, TakeLayout};
 
-/// Bytes that are read to find a head: heads of clips, and of takes of some 500 segments.
-const HEAD_BYTES: u64 = 32 << 10;
+/// Bytes that are read first: they say how long the head is.
+const HEAD_BYTES: usize = 16;
 
 /// Parts of the memory that a decoder may use: what is resident, one segment that waits for room, one that waits for
 /// the player, and one that is decoded.
@@ -84,11 +84,14 @@ impl OpenTake {
     /// # Errors
     /// As there; [`Fault::Network`] if its head or these layers do not arrive.
     pub(crate) fn from_source(source: TakeSource, limits: &Limits) -> Result<OpenTake, Fault> {
-        let take = read_head(&source, limits)?;
+        let (take, head) = read_head(&source, limits)?;
+        let is_only = take.segments.len() == 1;
+        source.set_head(&head, is_only);
         let fault = |reason: String| Fault::Data(format!("{}: {reason}", source.name()));
         let package_bytes = take.package_bytes();
         let length = source.length()?.unwrap_or(package_bytes);
-        if length > package_bytes {
+        // A server may announce more than it sends.
+        if length > package_bytes && !source.is_remote() {
             let rest = length - package_bytes;
             return Err(fault(format!("{rest} extra bytes after the last segment: copy it again")));
         }
@@ -114,8 +117,8 @@ impl OpenTake {
         }
         let mut opened = OpenTake::new(take, source, layers, limits);
         if let [layers] = opened.layers[..] {
-            let is_at_hand = !opened.source.is_arriving() && !opened.source.has_ranges();
-            let want = Want { segment: 0, from: 0, layers: if is_at_hand { layers } else { 1 } };
+            let want =
+                Want { segment: 0, from: 0, layers: if opened.source.is_remote() { 1 } else { layers } };
             let bytes = opened.read(want)?;
             opened.add_sound(0, &bytes);
             let clip = opened.decode_segment(want, &bytes)?;
@@ -123,6 +126,7 @@ impl OpenTake {
             opened.decoded = Mutex::new(Some(clip));
         }
         opened.find_opening();
+        opened.source.on_opened(length >= package_bytes);
         Ok(opened)
     }
 
@@ -274,24 +278,13 @@ impl OpenTake {
         self.layout
     }
 
-    /// Whether its layers come one after the other from a network.
-    #[cfg(any(feature = "window", feature = "xr"))]
-    pub(super) fn is_streamed(&self) -> bool {
-        self.source.is_arriving() || self.source.has_ranges()
-    }
-
-    /// Whether it arrives from its start.
-    pub(super) fn is_arriving(&self) -> bool {
-        self.source.is_arriving()
-    }
-
-    /// Whether nothing more of it arrives. The download says why.
-    pub(super) fn has_failed(&self) -> bool {
-        self.source.has_failed()
+    /// Whether it comes from a server.
+    pub(super) fn is_remote(&self) -> bool {
+        self.source.is_remote()
     }
 
     /// Whether the file is another version by now. Asks the disk, but no server.
-    pub(super) fn is_replaced(&self) -> bool {
+    pub fn is_replaced(&self) -> bool {
         self.source.is_replaced()
     }
 
@@ -366,25 +359,45 @@ impl OpenTake {
 
     /// Reads the segment up to the wanted layers, with the layers before, which a cache has.
     fn read(&self, want: Want) -> Result<Vec<u8>, Fault> {
-        let segment = &self.take.segments[want.segment];
-        let length = segment.layers[want.layers - 1].bytes;
-        let bytes = self.source.read(segment.offset..segment.offset.saturating_add(length as u64))?;
-        if bytes.len() < length {
+        let start = self.take.segments[want.segment].offset;
+        let ends = self.layer_ends_of(want);
+        let bytes = self.source.read_parts(start, &ends)?;
+        if ends.last().is_some_and(|end| (bytes.len() as u64) < end - start) {
             // Its first layers alone would decode without an error.
             return Err(self.segment_fault(want, "the file was cut short while it played: open it again"));
         }
         Ok(bytes)
     }
 
+    /// Offsets in the file of the ends of the wanted layers of a segment, and of the layers before.
+    fn layer_ends_of(&self, want: Want) -> Vec<u64> {
+        let segment = &self.take.segments[want.segment];
+        let end = |layer: &codec::SegmentLayer| segment.offset.saturating_add(layer.bytes as u64);
+        segment.layers[..want.layers].iter().map(end).collect()
+    }
+
     fn decode_segment(&self, want: Want, bytes: &[u8]) -> Result<Clip, Fault> {
         let decoded = self.take.decode_segment(want.segment, bytes, &self.segment_limits(), threads());
-        decoded.map_err(|error| self.undecodable(want, &error))
+        self.on_decoded(want, decoded)
     }
 
     fn decode_layers(&self, want: Want, bytes: &[u8]) -> Result<Layers, Fault> {
         let Want { segment, from, .. } = want;
         let decoded =
             self.take.decode_segment_layers(segment, bytes, from, &self.segment_limits(), threads());
+        self.on_decoded(want, decoded)
+    }
+
+    /// Tells the source whether the bytes of the wanted layers are right.
+    fn on_decoded<T>(&self, want: Want, decoded: Result<T, Error>) -> Result<T, Fault> {
+        let segment = &self.take.segments[want.segment];
+        match &decoded {
+            Ok(_) => {
+                let is_last = want.layers == segment.layers.len();
+                self.source.on_decoded(segment.offset, &self.layer_ends_of(want), is_last);
+            }
+            Err(_) => self.source.on_undecodable(),
+        }
         decoded.map_err(|error| self.undecodable(want, &error))
     }
 
@@ -420,27 +433,37 @@ fn threads() -> NonZero<usize> {
     NonZero::new(all - 1).unwrap_or(NonZero::<usize>::MIN)
 }
 
-/// Reads the head of a package.
-fn read_head(source: &TakeSource, limits: &Limits) -> Result<Take, Fault> {
-    let mut head = source.read_start(HEAD_BYTES)?;
-    let found = match package(&head, limits) {
-        Err(Error::Format { error: FormatError::Truncated { needed, .. }, .. })
-            if needed > head.len() && needed <= limits.max_bytes =>
-        {
-            head = source.read(0..needed as u64)?;
-            package(&head, limits)
-        }
-        found => found,
-    };
-    found.map_err(|error| {
-        let reason = match error {
-            Error::Format { error: FormatError::Magic, .. } => {
-                format!("{}: {}", FormatError::Magic, source.format_remedy())
+/// Reads the head of a package; also returns its bytes.
+fn read_head(source: &TakeSource, limits: &Limits) -> Result<(Take, Vec<u8>), Fault> {
+    let mut head = source.read(0..HEAD_BYTES as u64)?;
+    let found = loop {
+        match package(&head, limits) {
+            Err(Error::Format { error: FormatError::Truncated { needed, .. }, .. })
+                if needed > limits.max_bytes =>
+            {
+                let limit = limits.max_bytes;
+                break Err(Error::Limits { offset: 0, quantity: "bytes", needed, limit });
             }
+            Err(Error::Format { error: FormatError::Truncated { needed, .. }, .. })
+                if needed > head.len() =>
+            {
+                let longer = source.read(0..needed as u64)?;
+                if longer.len() == head.len() {
+                    break package(&head, limits);
+                }
+                head = longer;
+            }
+            found => break found,
+        }
+    };
+    let take = found.map_err(|error| {
+        let reason = match error {
+            Error::Format { error: FormatError::Magic, .. } => source.format_reason(&head),
             _ => format!("{error}: {}", advice(&error, source.remedy())),
         };
         Fault::Data(format!("{}: {reason}", source.name()))
-    })
+    })?;
+    Ok((take, head))
 }
 
 /// Into how many parts the memory of the decoder is divided. The only segment has all of it.

@@ -183,7 +183,7 @@ impl TakePlayer {
         wake: impl Fn() + Send + 'static,
     ) -> Result<(Renderer, TakePlayer), Fault> {
         // What is read from a disk comes at once, and what plays later has time.
-        let extent = match beginning.is_blocking && opened.is_streamed() {
+        let extent = match beginning.is_blocking && opened.is_remote() {
             true => Extent::FirstLayers,
             false => Extent::All,
         };
@@ -316,8 +316,8 @@ impl TakePlayer {
         match event {
             SegmentEvent::Packed(Loaded { want, packed, traffic }) => {
                 self.counts.loaded += 1;
-                // Of a file that is read whole, fewer layers come no sooner.
-                if self.opened.has_ranges() {
+                // Of a file that is read whole, fewer layers come no sooner. The only segment is loaded once.
+                if self.opened.has_ranges() && self.counts.segments > 1 {
                     self.layer_choice
                         .on_segment(traffic, |layers| needs(&self.opened.take, layers, &self.head));
                 }
@@ -347,7 +347,6 @@ impl TakePlayer {
             SegmentEvent::Failed(want, fault) => {
                 self.give_up(want, want.from.max(want.layers.min(2) - 1), &fault.to_string())
             }
-            SegmentEvent::Ended(want) => self.keep(want.segment, want.from),
             SegmentEvent::Overtaken(_) | SegmentEvent::Idle => {}
         }
     }
@@ -358,11 +357,6 @@ impl TakePlayer {
         if self.layers[segment] == self.opened.layers()[segment] {
             self.notes.push(format!("{why}; the rest plays"));
         }
-        self.keep(segment, layers);
-    }
-
-    /// Plays on with only the first `layers` layers of a segment.
-    fn keep(&mut self, segment: usize, layers: usize) {
         self.layers[segment] = layers;
         self.buffered = Buffered::new(&self.opened.take, &self.layers);
         self.change();
@@ -478,7 +472,7 @@ impl TakePlayer {
         // Further layers of a segment that waits for room have no place yet.
         let waiting = self.waiting.as_ref().map(|(want, _)| want.segment);
         missing.retain(|want| Some(want.segment) != waiting);
-        if self.opened.is_arriving() {
+        if self.opened.is_remote() && self.counts.segments == 1 {
             // Each layer is drawn as soon as it is there.
             missing.iter_mut().for_each(|want| want.layers = want.from + 1);
         }

@@ -10,13 +10,14 @@ use std::sync::Arc;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
+use codec::FormatError;
 use program::{Fault, read_error};
 
 use super::layers::Traffic;
 use crate::clips::part;
 
 #[cfg(feature = "net")]
-use crate::net::{ArrivingFile, RemoteFile};
+use crate::net::{RemoteFile, WEB_PAGE, is_web_page};
 
 /// How long a file that takes the place of another must stay as it is to be opened: it may be a copy under way.
 const SETTLED: Duration = Duration::from_secs(1);
@@ -31,9 +32,6 @@ pub(crate) enum TakeSource {
     /// A file on a server.
     #[cfg(feature = "net")]
     Remote(Arc<RemoteFile>),
-    /// A file that arrives from its start, whole.
-    #[cfg(feature = "net")]
-    Arriving(Arc<ArrivingFile>),
 }
 
 /// A file of this machine. It stays open: after a file that takes its place by renaming, it can still be read.
@@ -98,12 +96,10 @@ impl TakeSource {
             TakeSource::File(file) => file.path.display().to_string(),
             #[cfg(feature = "net")]
             TakeSource::Remote(file) => file.name(),
-            #[cfg(feature = "net")]
-            TakeSource::Arriving(file) => file.name(),
         }
     }
 
-    /// Length in bytes; `None` if a server does not say, or nothing was read of it yet.
+    /// Length in bytes; `None` if a server does not say, or was not asked.
     ///
     /// # Errors
     /// [`Fault::Data`] if it cannot be read.
@@ -117,20 +113,6 @@ impl TakeSource {
             }
             #[cfg(feature = "net")]
             TakeSource::Remote(file) => Ok(file.total()),
-            #[cfg(feature = "net")]
-            TakeSource::Arriving(_) => Ok(None),
-        }
-    }
-
-    /// Reads the start of the file, at least `least` bytes unless it is shorter, which may hold the head of a package.
-    ///
-    /// # Errors
-    /// As [`TakeSource::read`].
-    pub(crate) fn read_start(&self, least: u64) -> Result<Vec<u8>, Fault> {
-        match self {
-            #[cfg(feature = "net")]
-            TakeSource::Arriving(file) => Ok(file.there()),
-            _ => self.read(0..least),
         }
     }
 
@@ -151,21 +133,83 @@ impl TakeSource {
                 Ok(bytes)
             }
             #[cfg(feature = "net")]
-            TakeSource::Remote(file) => file.read(range).map_err(|fault| fault.about(&file.name())),
-            #[cfg(feature = "net")]
-            TakeSource::Arriving(file) => file.read(range).map_err(|fault| fault.about(&file.name())),
+            TakeSource::Remote(_) => self.read_parts(range.start, &[range.end]),
         }
     }
 
-    /// What to do about a file that is no package.
-    pub(crate) fn format_remedy(&self) -> &'static str {
-        const FIELDS: [&str; 6] = ["ply", "splatv", "spz", "splat", "sog", "glb"];
-        let TakeSource::File(file) = self else { return self.remedy() };
-        let extension = file.path.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
-        match FIELDS.iter().any(|field| extension.eq_ignore_ascii_case(field)) {
-            true => "make one of this field with aarc-studio package",
-            false => "name a file that aarc-studio package made",
+    /// Reads the parts that follow each other from `start` on, each up to one of `ends`; less at the end of the file.
+    ///
+    /// # Errors
+    /// As [`TakeSource::read`].
+    pub(crate) fn read_parts(&self, start: u64, ends: &[u64]) -> Result<Vec<u8>, Fault> {
+        match self {
+            #[cfg(feature = "net")]
+            TakeSource::Remote(file) => file.read(start, ends).map_err(|fault| fault.about(&file.name())),
+            _ => self.read(start..ends.last().copied().unwrap_or(start)),
         }
+    }
+
+    /// Takes in the head of the package. `is_read_on` is whether what follows it is read next.
+    pub(crate) fn set_head(&self, head: &[u8], is_read_on: bool) {
+        match self {
+            #[cfg(feature = "net")]
+            TakeSource::Remote(file) => file.set_head(head, is_read_on),
+            _ => {
+                let _ = (head, is_read_on);
+            }
+        }
+    }
+
+    /// Takes in that the package was opened, whole or cut short.
+    pub(crate) fn on_opened(&self, is_whole: bool) {
+        match self {
+            #[cfg(feature = "net")]
+            TakeSource::Remote(file) if is_whole => file.keep_head(),
+            _ => {
+                let _ = is_whole;
+            }
+        }
+    }
+
+    /// Takes in that parts were decoded, and so are right. `is_last` is whether none will follow them.
+    pub(crate) fn on_decoded(&self, start: u64, ends: &[u64], is_last: bool) {
+        match self {
+            #[cfg(feature = "net")]
+            TakeSource::Remote(file) => file.keep(start, ends, is_last),
+            _ => {
+                let _ = (start, ends, is_last);
+            }
+        }
+    }
+
+    /// Takes in that a part cannot be decoded: it may be of another version.
+    pub(crate) fn on_undecodable(&self) {
+        match self {
+            #[cfg(feature = "net")]
+            TakeSource::Remote(file) => file.look_for_replacement(),
+            _ => {}
+        }
+    }
+
+    /// What to say of a file that begins with `head`, and is no package.
+    pub(crate) fn format_reason(&self, head: &[u8]) -> String {
+        const FIELDS: [&str; 6] = ["ply", "splatv", "spz", "splat", "sog", "glb"];
+        let remedy = match self {
+            #[cfg(feature = "net")]
+            TakeSource::Remote(_) if is_web_page(head) => return WEB_PAGE.into(),
+            TakeSource::File(file) => {
+                let extension = file.path.extension().and_then(|extension| extension.to_str());
+                let is_field =
+                    |extension: &str| FIELDS.iter().any(|field| extension.eq_ignore_ascii_case(field));
+                match extension.is_some_and(is_field) {
+                    true => "make one of this field with aarc-studio package",
+                    false => "name a file that aarc-studio package made",
+                }
+            }
+            _ => self.remedy(),
+        };
+        let _ = head;
+        format!("{}: {remedy}", FormatError::Magic)
     }
 
     /// What came from a server so far.
@@ -200,6 +244,15 @@ impl TakeSource {
         }
     }
 
+    /// Whether it comes from a server.
+    pub(crate) fn is_remote(&self) -> bool {
+        match self {
+            #[cfg(feature = "net")]
+            TakeSource::Remote(_) => true,
+            _ => false,
+        }
+    }
+
     /// Whether it comes from a server, part by part.
     pub(crate) fn has_ranges(&self) -> bool {
         match self {
@@ -209,30 +262,12 @@ impl TakeSource {
         }
     }
 
-    /// Whether it arrives from its start, so that its layers come one after the other.
-    pub(crate) fn is_arriving(&self) -> bool {
-        match self {
-            #[cfg(feature = "net")]
-            TakeSource::Arriving(_) => true,
-            _ => false,
-        }
-    }
-
-    /// Whether nothing more of it arrives. The download says why.
-    pub(crate) fn has_failed(&self) -> bool {
-        match self {
-            #[cfg(feature = "net")]
-            TakeSource::Arriving(file) => file.has_failed(),
-            _ => false,
-        }
-    }
-
     /// What to do about a damaged file.
     pub(crate) fn remedy(&self) -> &'static str {
         match self {
             TakeSource::Memory(..) | TakeSource::File(_) => "copy it again",
             #[cfg(feature = "net")]
-            TakeSource::Remote(_) | TakeSource::Arriving(_) => "upload it again",
+            TakeSource::Remote(_) => "upload it again",
         }
     }
 
@@ -250,8 +285,6 @@ impl TakeSource {
         match self {
             #[cfg(feature = "net")]
             TakeSource::Remote(file) => file.close(),
-            #[cfg(feature = "net")]
-            TakeSource::Arriving(file) => file.close(),
             _ => {}
         }
     }

@@ -6,6 +6,7 @@ pub mod import;
 pub mod net;
 pub mod scene;
 pub mod seeds;
+mod takes;
 
 mod files;
 mod kinds;

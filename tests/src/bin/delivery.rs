@@ -171,21 +171,21 @@ fn server(file: Arc<[u8]>, condition: Condition, is_paced: bool) -> Server {
         false => answer.paced(bytes, MBIT * 1e6 / 8.0),
     };
     Server::start(move |_, request: &Request, answer| {
-        let first = answer.file_head(request, &file, "\"one\"");
+        let part = answer.file_head(request, &file, "\"one\"");
         let length = file.len();
         match condition {
-            Condition::Clean | Condition::Loss => {
-                send(answer, &file[first..]);
-            }
-            Condition::Stall => {
-                send(answer, &file[first..length / 2]);
+            Condition::Stall if part.contains(&(length / 2)) => {
+                send(answer, &file[part.start..length / 2]);
                 sleep(STALL);
-                send(answer, &file[length / 2..]);
+                send(answer, &file[length / 2..part.end]);
+            }
+            Condition::Clean | Condition::Loss | Condition::Stall => {
+                send(answer, &file[part]);
             }
             Condition::Cuts => {
                 // Up to the next tenth that is not there yet.
-                let end = (1..=10).map(|tenth| tenth * length / 10).find(|&end| end > first);
-                send(answer, &file[first..end.unwrap_or(length)]);
+                let end = (1..=10).map(|tenth| tenth * length / 10).find(|&end| end > part.start);
+                send(answer, &file[part.start..end.unwrap_or(length).min(part.end)]);
             }
         }
     })

@@ -174,7 +174,7 @@ fn server(workshop: &Workshop) -> Result<Server, String> {
     let answer = move |_: usize, request: &Request, answer: &mut Answer<'_>| {
         let path = request.path.as_str();
         if let Some((_, file)) = files.iter().find(|(name, _)| *name == path) {
-            return answer.file(request, file, "\"1\"", file.len());
+            return answer.file(request, file, "\"1\"");
         }
         let empty = ("Content-Length", "0");
         match path {

@@ -106,8 +106,7 @@ const HEADLESS: &str = "--headless --time 0.3 --size 96x64";
 fn full_cache(folder: &Folder) -> Result<Completion, String> {
     let file: Arc<[u8]> = package().into();
     let served = file.clone();
-    let server =
-        Server::start(move |_, request, answer| answer.file(request, &served, "\"1\"", served.len()));
+    let server = Server::start(move |_, request, answer| answer.file(request, &served, "\"1\""));
     let url = server.url("clip.aarc");
     let outcome = on_small_disk(folder, client(), &format!("{url} {HEADLESS} --out fetched.png")).success();
     if !outcome.stdout.is_empty() {

@@ -60,7 +60,7 @@ fn server_of(file: &Arc<[u8]>) -> Server {
         if request.header("if-none-match") == Some(ETAG) {
             answer.head(304, &[("ETag", ETAG)]);
         } else {
-            answer.file(request, &file, ETAG, file.len());
+            answer.file(request, &file, ETAG);
         }
     })
 }
@@ -76,7 +76,7 @@ fn poster() -> Result<(), String> {
         let folder = Folder::default();
         folder.write("plain.aarc", &plain);
         folder.write("clip.aarc", &file);
-        let server = Server::start(move |_, request, answer| answer.part(request, &file, ETAG));
+        let server = Server::start(move |_, request, answer| answer.file(request, &file, ETAG));
         let image = |clip: &str, image: &str| {
             let line = format!("{clip} --headless --poster --size 96x64 --out {image}");
             run(folder.command(client(), &line).env("XDG_CACHE_HOME", folder.path("cache"))).success();
@@ -148,7 +148,7 @@ fn secure_server(file: &Arc<[u8]>, path: &Path) -> Server {
                 let location = format!("http://{}/clip.aarc", request.header("host").unwrap_or_default());
                 answer.head(302, &[("Location", &location), ("Content-Length", "0")]);
             }
-            _ => answer.file(request, &file, ETAG, file.len()),
+            _ => answer.file(request, &file, ETAG),
         },
     )
 }
@@ -203,7 +203,7 @@ fn secrets(_: &Gpu) -> Result<(), String> {
     let sent = file.clone();
     let server = Server::start(move |number, request, answer| {
         match request.path.split('?').next().unwrap_or_default() {
-            "/clip.aarc" => answer.file(request, &sent, ETAG, sent.len()),
+            "/clip.aarc" => answer.file(request, &sent, ETAG),
             "/moved.aarc" => {
                 answer.head(302, &[("Location", "/clip.aarc?SECRET4"), ("Content-Length", "0")]);
             }
@@ -212,7 +212,7 @@ fn secrets(_: &Gpu) -> Result<(), String> {
             }
             "/list.json" => {
                 let list = br#"{"version": 1, "clips": ["none.aarc", "clip.aarc"]}"#;
-                answer.file(request, list, ETAG, list.len());
+                answer.file(request, list, ETAG);
             }
             "/busy.aarc" if number % 2 == 0 => answer.head(503, &[("Content-Length", "0")]),
             "/page.aarc" => {

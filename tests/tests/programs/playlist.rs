@@ -123,7 +123,7 @@ fn urls(_: &Gpu) -> Result<(), String> {
         if request.header("if-none-match") == Some(ETAG) {
             answer.head(304, &[("ETag", ETAG)]);
         } else {
-            answer.file(request, file, ETAG, file.len());
+            answer.file(request, file, ETAG);
         }
     });
     let url = server.url("show/list.json?key=1");

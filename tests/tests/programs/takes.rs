@@ -234,7 +234,7 @@ fn from_url(_: &Gpu) -> Result<(), String> {
     let (bytes, offsets) = take_package(10.0, 8.0, &(0..10).map(segment).collect::<Vec<_>>());
     folder.write("take.aarc", &bytes);
     let (expected, _) = image(&folder, "take.aarc", 7.5)?;
-    let server = server_of(bytes, |_, request, answer, file| answer.part(request, file, ETAG));
+    let server = server_of(bytes, |_, request, answer, file| answer.file(request, file, ETAG));
     let url = server.url("take.aarc");
     fetched(&folder, &url, 7.5).success();
     if difference(&read(&folder, "image.png")?, &expected).max_diff > 0.0 {
@@ -263,7 +263,7 @@ fn without_ranges(_: &Gpu) -> Result<(), String> {
     folder.write("take.aarc", &bytes);
     for etag in [Some(ETAG), None] {
         let server = server_of(bytes.clone(), move |_, _, answer, file| match etag {
-            Some(etag) => answer.file(&Request::default(), file, etag, file.len()),
+            Some(etag) => answer.file(&Request::default(), file, etag),
             None => {
                 answer.head(200, &[("Content-Length", &file.len().to_string())]);
                 answer.raw(file);
@@ -288,10 +288,11 @@ fn failing_servers(_: &Gpu) -> Result<(), String> {
     let folder = Folder::default();
     let (bytes, _) = take();
     // Another version after the head was sent.
-    let other = bytes.clone();
+    let mut other = bytes.clone();
+    other[40] ^= 1;
     let changes = server_of(bytes.clone(), move |number, request, answer, file| match number {
-        0 | 1 => answer.part(request, file, ETAG),
-        _ => answer.part(request, &other, "\"two\""),
+        0 => answer.file(request, file, ETAG),
+        _ => answer.file(request, &other, "\"two\""),
     });
     fetched(&folder, &changes.url("take.aarc"), 3.0).refuses(
         NETWORK,
@@ -300,7 +301,7 @@ fn failing_servers(_: &Gpu) -> Result<(), String> {
     )?;
     // Gone after the head was sent.
     let goes = server_of(bytes, |number, request, answer, file| match number {
-        0 | 1 => answer.part(request, file, ETAG),
+        0 => answer.file(request, file, ETAG),
         _ => answer.head(404, &[("Content-Length", "0")]),
     });
     fetched(&folder, &goes.url("take.aarc"), 3.0).refuses(NETWORK, "there is no such file", "check the URL")
@@ -312,18 +313,18 @@ fn breaking_off(_: &Gpu) -> Result<(), String> {
     let (bytes, offsets) = take();
     folder.write("take.aarc", &bytes);
     let starts = offsets.clone();
-    let server = server_of(bytes, move |_, request, answer, file| match request.part() {
+    let server = server_of(bytes, move |_, request, answer, file| match request.part(file.len()) {
         Some(part) if starts.contains(&part.start) => {
-            answer.part_head(request, file, ETAG);
-            answer.bytes(file, part.start..part.start + part.len() / 2);
+            answer.cut(request, file, ETAG, part.start + part.len() / 2);
         }
-        _ => answer.part(request, file, ETAG),
+        _ => answer.file(request, file, ETAG),
     });
     let (expected, _) = image(&folder, "take.aarc", 3.0)?;
     fetched(&folder, &server.url("take.aarc"), 3.0).success();
     let halves = server.sent().iter().filter(|part| offsets.contains(&part.start)).count();
-    let rests =
-        server.requests().iter().filter_map(Request::part).filter(|part| part.start > offsets[2]).count();
+    let requests = server.requests();
+    let parts = requests.iter().filter_map(|request| request.part(usize::MAX));
+    let rests = parts.filter(|part| part.start > offsets[2]).count();
     match difference(&read(&folder, "image.png")?, &expected).max_diff == 0.0 && halves > 0 && rests > 0 {
         true => Ok(()),
         false => Err(format!("{:?}", server.sent())),
@@ -356,7 +357,7 @@ fn truncated_on_server(_: &Gpu) -> Result<(), String> {
     let (bytes, offsets) = take();
     folder.write("whole.aarc", &bytes);
     let server = server_of(bytes[..offsets[2] + 40].to_vec(), |_, request, answer, file| {
-        answer.part(request, file, ETAG);
+        answer.file(request, file, ETAG);
     });
     let said = fetched(&folder, &server.url("take.aarc"), 0.5).success().stderr;
     let (whole, _) = image(&folder, "whole.aarc", 0.5)?;
@@ -424,7 +425,7 @@ fn replaced(display: &Display) -> Result<(), String> {
         let (served, versions) = (version.clone(), [red.clone(), green.clone()]);
         let server = Server::start(move |_, request, answer| {
             let version = served.load(Ordering::Relaxed);
-            answer.part(request, &versions[version], &format!("\"{version}\""));
+            answer.file(request, &versions[version], &format!("\"{version}\""));
         });
         let mut command = display.command(client());
         match way {

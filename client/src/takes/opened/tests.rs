@@ -212,7 +212,7 @@ fn bad_takes_are_refused_with_one_sentence() {
 fn a_long_file_with_bytes_after_its_end_is_refused() {
     let clips: Vec<Vec<u8>> = (0..200).map(|i| clip(i as f32, 900, &[])).collect();
     let mut bytes = take(&clips);
-    assert!(bytes.len() as u64 > 2 * HEAD_BYTES, "its end is not read with its head");
+    assert!(bytes.len() > 2 * HEAD_BYTES, "its end is not read with its head");
     assert_eq!(open(&written(&bytes)).layers(), [1; 200]);
     bytes.extend_from_slice(b"more");
     let text = OpenTake::open(&written(&bytes).path, &Limits::default()).unwrap_err().to_string();

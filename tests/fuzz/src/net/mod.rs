@@ -1,18 +1,21 @@
-//! Dialogues between the player's downloader and a server that any bytes script. The downloader is the
+//! Dialogues between the player's transfers and a server that any bytes script. The transfers are the
 //! player's own code; a [`request::Server`], honest or not, replaces HTTP.
 
-#[path = "../../../../client/src/net/fetch.rs"]
+#[path = "../../../../client/src/net/cache.rs"]
 #[allow(dead_code, unreachable_pub, reason = "the player uses the rest")]
-mod fetch;
+mod cache;
+#[path = "../../../../client/src/net/exchange.rs"]
+#[allow(dead_code, unreachable_pub, reason = "the player uses the rest")]
+mod exchange;
 #[path = "../../../../client/src/net/head.rs"]
 #[allow(dead_code, unreachable_pub, reason = "the player uses the rest")]
 mod head;
 #[path = "../../../../client/src/net/meter.rs"]
 #[allow(dead_code, unreachable_pub, reason = "the player uses the rest")]
 mod meter;
-#[path = "../../../../client/src/net/partial_file.rs"]
+#[path = "../../../../client/src/net/remote_file.rs"]
 #[allow(dead_code, unreachable_pub, reason = "the player uses the rest")]
-mod partial_file;
+mod remote_file;
 pub(crate) mod request;
 #[path = "../../../../client/src/net/request_error.rs"]
 #[allow(dead_code, unreachable_pub, reason = "the player uses the rest")]
@@ -23,17 +26,19 @@ mod retry;
 #[path = "../../../../client/src/net/transfer.rs"]
 #[allow(dead_code, unreachable_pub, reason = "the player uses the rest")]
 mod transfer;
-
 #[path = "../../../../client/src/net/watch.rs"]
 #[allow(dead_code, unreachable_pub, reason = "the player uses the rest")]
 mod watch;
+#[path = "../../../../client/src/net/whole_file.rs"]
+#[allow(dead_code, unreachable_pub, reason = "the player uses the rest")]
+mod whole_file;
 
 use std::time::Duration;
 
-use codec::Limits;
+use codec::{Limits, contents, decode};
+use program::Fault;
 
-use fetch::{Fetch, FetchOptions, Outcome};
-use partial_file::PartialFile;
+use remote_file::RemoteFile;
 use request::{Script, versions};
 use retry::RetryPolicy;
 
@@ -48,38 +53,50 @@ const RETRY: RetryPolicy = RetryPolicy {
     first_wait: Duration::ZERO,
 };
 
-/// Longest time of a dialogue, which usually takes microseconds.
-const TIMEOUT: Duration = Duration::from_secs(20);
-
-/// Bytes that the downloader reads at a time, beyond the limits.
-const READ_BYTES: usize = 64 << 10;
-
 /// Runs the dialogue that `bytes` script.
 ///
 /// # Panics
-/// If the downloader hangs, keeps more bytes than its limits, or returns a clip that an honest server
-/// does not have.
+/// If the player reads more bytes than it asks for, a clip that an honest server does not have, or parts of two versions
+/// that the server tells apart.
 pub fn check_dialogue(bytes: &[u8]) {
     let script = Script::parse(bytes);
-    let (honest, known) = (script.is_honest(), script.known());
-    let longest = versions().iter().map(Vec::len).max().unwrap_or(0);
-    let limits = Limits { max_bytes: longest + 1000, ..Limits::default() };
+    let (is_honest, tells_versions, known) = (script.is_honest(), script.tells_versions(), script.known());
     script.stage();
-    let options =
-        FetchOptions { url: String::new(), retry: RETRY, max_bytes: limits.max_bytes, cached: known.clone() };
-    let fetch = Fetch::start(options, PartialFile::package(limits)).expect("a thread can be started");
-    let mut state = fetch.wait(TIMEOUT, |state| state.outcome.is_some());
-    let received = state.file.take();
-    assert!(received.len() <= limits.max_bytes + READ_BYTES, "{} bytes received", received.len());
-    match state.outcome.take().expect("every dialogue ends") {
-        Outcome::Complete { .. } => {
-            assert!(!honest || versions().contains(&received), "{} bytes of no version", received.len());
+    let file = RemoteFile::new("http://host/clip.aarc", RETRY, None).expect("nothing is asked yet");
+    match read(&file, known.as_deref()) {
+        Ok(None) => assert!(known.is_some(), "unchanged without a known version"),
+        Ok(Some(clip)) => {
+            let is_one = versions().contains(&clip);
+            let is_clip = || decode(&clip, &Limits::default()).is_ok();
+            assert!(!is_honest || is_one || !tells_versions && !is_clip(), "{} bytes of no version", clip.len());
         }
-        Outcome::Take => assert!(!honest, "no version is a take"),
-        Outcome::Unchanged => assert!(known.is_some(), "unchanged without a known version"),
-        Outcome::Failed { fault, .. } => {
+        Err(fault) => {
             let text = fault.to_string();
             assert!(!text.is_empty() && !text.contains('\n'), "one line: {text}");
         }
     }
+}
+
+/// Reads a clip as the player does: its head, and one layer after the other. `None` if the version `known` is current.
+fn read(file: &RemoteFile, known: Option<&str>) -> Result<Option<Vec<u8>>, Fault> {
+    if !file.connect(known)? {
+        return Ok(None);
+    }
+    let first = &versions()[0];
+    let contents = contents(first, &Limits::default()).expect("a package");
+    let head_bytes = contents.head_bytes as u64;
+    let mut clip = file.read(0, &[head_bytes])?;
+    file.set_head(&clip, true);
+    // Of versions with other layers, these are parts like any others.
+    let ends: Vec<u64> = contents.layer_bytes().into_iter().map(|end| end as u64).collect();
+    for layers in 1..=ends.len() {
+        let before = clip;
+        clip = file.read(0, &ends[..layers])?;
+        assert!(clip.len() as u64 <= ends[layers - 1], "{} bytes of {}", clip.len(), ends[layers - 1]);
+        assert!(clip.starts_with(&before), "what was read changes");
+        if clip.len() as u64 == ends[layers - 1] {
+            file.keep(0, &ends[..layers], false);
+        }
+    }
+    Ok(Some(clip))
 }

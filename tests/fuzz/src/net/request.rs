@@ -21,8 +21,8 @@ const WAITS: [&str; 5] = ["0", "-1", "99", "18446744073709551616", "Wed, 21 Oct 
 /// Statuses that the downloader knows, and others.
 const STATUSES: [u16; 12] = [200, 206, 304, 416, 503, 404, 200, 206, 100, 301, 204, 999];
 
-/// Largest number of requests for one clip.
-const REQUESTS_MAX: usize = 101;
+/// Largest number of requests for one clip: as many for each of its parts, and for the whole.
+const REQUESTS_MAX: usize = 5 * 101;
 
 /// Script of the next server.
 static STAGED: Mutex<Script> = Mutex::new(Script { bytes: Vec::new(), at: 0 });
@@ -74,6 +74,11 @@ impl Script {
         }
     }
 
+    /// Whether the server names versions so that parts of two are told apart.
+    pub(super) fn tells_versions(&self) -> bool {
+        self.tags() == Tags::Strong
+    }
+
     /// The version that the downloader already has.
     pub(super) fn known(&self) -> Option<String> {
         (self.flags() & 0x10 != 0).then(|| tag(self.tags(), 0)).flatten()
@@ -105,7 +110,7 @@ fn tag(tags: Tags, version: usize) -> Option<String> {
     }
 }
 
-/// The versions of the file, with equal lengths and heads and different sections.
+/// The versions of the file, of equal lengths. Their heads differ in one byte, and their sections in all.
 pub(crate) fn versions() -> &'static [Vec<u8>; 2] {
     static VERSIONS: OnceLock<[Vec<u8>; 2]> = OnceLock::new();
     VERSIONS.get_or_init(|| {
@@ -114,6 +119,7 @@ pub(crate) fn versions() -> &'static [Vec<u8>; 2] {
         let first = encode(&source, &options).expect("a valid field");
         let head = codec::contents(&first, &codec::Limits::default()).expect("a package").head_bytes;
         let mut second = first.clone();
+        second[head - 1] ^= 1;
         second[head..].iter_mut().for_each(|byte| *byte ^= 0xff);
         [first, second]
     })
@@ -196,7 +202,7 @@ fn honest(script: &Script, request: &FileRequest, version: usize, sends_length: 
     let first = usize::try_from(request.offset).unwrap_or(usize::MAX);
     // Weak tags never match for ranges.
     let same = script.tags() == Tags::Strong && request.if_range == tag;
-    if first == 0 || !script.serves_ranges() || request.if_range.is_some() && !same {
+    if request.range().is_none() || !script.serves_ranges() || request.if_range.is_some() && !same {
         if sends_length {
             headers.push(("content-length", file.len().to_string()));
         }
@@ -205,9 +211,10 @@ fn honest(script: &Script, request: &FileRequest, version: usize, sends_length: 
     if first >= file.len() {
         return (416, vec![("content-range", format!("bytes */{}", file.len()))], Vec::new());
     }
-    headers.push(("content-range", format!("bytes {first}-{}/{}", file.len() - 1, file.len())));
-    headers.push(("content-length", (file.len() - first).to_string()));
-    (206, headers, file[first..].to_vec())
+    let end = request.end.map_or(file.len(), |end| file.len().min(usize::try_from(end).unwrap_or(usize::MAX)));
+    headers.push(("content-range", format!("bytes {first}-{}/{}", end - 1, file.len())));
+    headers.push(("content-length", (end - first).to_string()));
+    (206, headers, file[first..end].to_vec())
 }
 
 /// An arbitrary answer.
@@ -242,6 +249,7 @@ fn dishonest(script: &mut Script, version: usize) -> ScriptedAnswer {
 }
 
 /// The bytes of an answer.
+#[derive(Debug)]
 pub(super) struct ResponseBody {
     body: Vec<u8>,
     at: usize,
