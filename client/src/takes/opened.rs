@@ -113,7 +113,8 @@ impl OpenTake {
         }
         let layers = layers_within(&take, length);
         if layers.iter().all(|layers| *layers == 0) {
-            return Err(fault("the file is cut short before its first layer ends: copy it again".into()));
+            let remedy = source.remedy();
+            return Err(fault(format!("the file is cut short before its first layer ends: {remedy}")));
         }
         let mut opened = OpenTake::new(take, source, layers, limits);
         if let [layers] = opened.layers[..] {

@@ -257,13 +257,14 @@ fn secrets(_: &Gpu) -> Result<(), String> {
         }
         count += 1;
     }
-    // The clip under two URLs and within the playlist, and the playlist.
-    if count == 4 { Ok(()) } else { Err(format!("{count} files are cached")) }
+    // The head and three layers of the clip under two URLs and within the playlist, and the playlist.
+    if count == 3 * 4 + 1 { Ok(()) } else { Err(format!("{count} files are cached")) }
 }
 
 fn window(display: &Display) -> Result<(), String> {
     let (folder, file) = (Folder::default(), package());
-    let first = contents(&file, &Limits::default()).map_err(|error| error.to_string())?.layer_bytes()[0];
+    let ends = contents(&file, &Limits::default()).map_err(|error| error.to_string())?.layer_bytes();
+    let first = ends[0];
     let (permit, permits) = channel::<()>();
     let (sent, gate) = (file.clone(), Mutex::new(permits));
     let server = Server::start(move |_, request, answer| {
@@ -287,7 +288,10 @@ fn window(display: &Display) -> Result<(), String> {
         return Err("the rest was sent before".to_owned());
     }
     permit.send(()).map_err(|error| error.to_string())?;
-    let is_cached = || folder.path("cache/aarc/clips").read_dir().is_ok_and(|entries| entries.count() == 1);
+    // The head, and all layers.
+    let parts = 1 + ends.len();
+    let is_cached =
+        || folder.path("cache/aarc/clips").read_dir().is_ok_and(|entries| entries.count() == parts);
     display.wait_until(player.window, |_: &Screenshot| is_cached()).ok_or("the rest never came")?;
     player.close()
 }
