@@ -50,8 +50,8 @@ pub(super) fn cached_version_note(fault: &Fault) -> String {
 /// What a download does next: report an event and pause, or go on.
 type Flow = ControlFlow<Result<LoadEvent, Fault>>;
 
-fn report(take: OpenTake) -> Flow {
-    ControlFlow::Break(Ok(LoadEvent::Take(Arc::new(take))))
+fn report(take: Arc<OpenTake>) -> Flow {
+    ControlFlow::Break(Ok(LoadEvent::Take(take)))
 }
 
 /// A package that is being opened. Iterating waits for the next event, 250 ms at most. It ends after the version of the
@@ -73,9 +73,9 @@ pub struct Download {
 enum Stage {
     Begin,
     /// The server is asked; `None` if the cached version is current.
-    Opening(Task<Option<OpenTake>>),
+    Opening(Task<Option<Arc<OpenTake>>>),
     /// A remark on the take was reported; the take is next.
-    Opened(OpenTake),
+    Opened(Arc<OpenTake>),
     End,
 }
 
@@ -95,13 +95,13 @@ impl Download {
     }
 
     /// The cached version, and its name on the server.
-    fn cached(&self) -> Option<(OpenTake, Option<String>)> {
+    fn cached(&self) -> Option<(Arc<OpenTake>, Option<String>)> {
         let Options { cache, retry, limits } = &self.options;
         let file = Arc::new(RemoteFile::from_cache(&self.url, *retry, cache.as_ref()?)?);
         let take = OpenTake::from_source(TakeSource::Remote(file.clone()), limits);
         let take = take.inspect_err(|fault| log::info!("the cached file does not play: {fault}")).ok()?;
         file.go_online();
-        Some((take, file.etag()))
+        Some((Arc::new(take), file.etag()))
     }
 
     /// Begins to open the version of the server.
@@ -116,7 +116,7 @@ impl Download {
                 if !file.connect(known.as_deref()).map_err(|fault| fault.about(&file.name()))? {
                     return Ok(None);
                 }
-                OpenTake::from_source(TakeSource::Remote(file), &limits).map(Some)
+                OpenTake::from_source(TakeSource::Remote(file), &limits).map(|take| Some(Arc::new(take)))
             })
         });
         match task {
@@ -127,7 +127,7 @@ impl Download {
     }
 
     /// Waits for the version of the server.
-    fn wait(&mut self, mut task: Task<Option<OpenTake>>) -> Flow {
+    fn wait(&mut self, mut task: Task<Option<Arc<OpenTake>>>) -> Flow {
         match task.wait(REPORT_INTERVAL) {
             None => {
                 let progress = task.exchange().progress();
