@@ -9,7 +9,7 @@ use std::num::NonZero;
 
 use codec::{
     ALPHA_MIN, Clip, ClipInfo, Coder, EncodeError, EncodeOptions, Field, LayerEnd, Limits, PixelFilter,
-    Rounded, Source, Temporal, contents, decode, encode, encode_rounded,
+    Rounded, Source, Temporal, TimeIndex, contents, decode, encode, encode_rounded,
 };
 use common::{
     Parts, Shape, field, info, options, package,
@@ -596,4 +596,40 @@ fn flags_of_filters_are_refused_where_they_mean_nothing() {
         let message = refused(flags).unwrap_err();
         assert!(message.contains("byte 63") && message.contains("flags"), "{flags}: {message}");
     }
+}
+
+/// Merging the two regions of a clip gives one field in which static rows are static.
+#[test]
+fn merged_clip_has_both_regions() {
+    let moving = Shape { rows: 7, sh_degree: 2, motion_order: 2, rotation_rates: true, some_static: false };
+    let (static_field, dynamic_field) = (static_field(5, 0, 1), field(moving, 2));
+    let clip = |static_field: &Field, dynamic_field: &Field| {
+        let end = LayerEnd { static_count: static_field.len(), dynamic_count: dynamic_field.len() };
+        Clip {
+            info: info(),
+            bounds: [[-9.0; 3], [9.0; 3]],
+            static_field: static_field.clone(),
+            dynamic_field: dynamic_field.clone(),
+            layers: vec![end],
+            layers_announced: vec![end],
+            time_index: TimeIndex::default(),
+            plate: None,
+        }
+    };
+    let merged = clip(&static_field, &dynamic_field).merged();
+    merged.check().expect("a valid field");
+    for (row, (source, i)) in
+        (0..5).map(|i| (&static_field, i)).chain((0..7).map(|i| (&dynamic_field, i))).enumerate()
+    {
+        for t in [0.0, 0.4, 1.0] {
+            assert_eq!(merged.position_at(row, t), source.position_at(i, t));
+            assert_eq!(merged.rotation_at(row, t), source.rotation_at(i, t));
+            assert_eq!(merged.opacity_at(row, t), source.opacity_at(i, t));
+        }
+        let sh = source.sh_of(i);
+        assert_eq!(&merged.sh_of(row)[..sh.len()], sh);
+        assert!(merged.sh_of(row)[sh.len()..].iter().all(|c| *c == [0.0; 3]));
+    }
+    let empty = Field { temporal: Some(Temporal::default()), ..Field::default() };
+    assert_eq!(clip(&static_field, &empty).merged(), static_field);
 }

@@ -203,7 +203,7 @@ fn on_android_the_player_compiles_what_it_runs() {
     for package in ["android-activity", "android_logger", "cpal", "egui", "ureq"] {
         assert!(depends_on(&tree, package), "the player for Android depends on {package}");
     }
-    for package in ["winit", "egui-winit", "env_logger", "import"] {
+    for package in ["winit", "egui-winit", "env_logger", "formats"] {
         assert!(!depends_on(&tree, package), "the player for Android depends on {package}");
     }
 }
@@ -211,7 +211,7 @@ fn on_android_the_player_compiles_what_it_runs() {
 fn a_bare_player_has_no_window_no_sound_and_no_network() {
     let with = tree(&["--edges", "normal"]);
     let without = tree(&["--edges", "normal", "--no-default-features"]);
-    for package in ["import", "cpal", "rusty-opus", "rubato", "winit", "egui", "ureq"] {
+    for package in ["formats", "cpal", "rusty-opus", "rubato", "winit", "egui", "ureq"] {
         assert!(depends_on(&with, package), "the default player depends on {package}");
         assert!(!depends_on(&without, package), "the bare player depends on {package}");
     }

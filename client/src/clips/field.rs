@@ -3,13 +3,13 @@
 use std::path::Path;
 
 use codec::{Clip, Field, Limits};
-use import::{ImportLimits, ImportedScene, SceneFiles, is_field_file, is_field_name, list_folder};
+use formats::{ImportLimits, ImportedScene, SceneFiles, is_field_file, is_field_name, list_folder};
 use program::{Fault, counted};
 
 /// First bytes of a package.
 const PACKAGE_MAGIC: &[u8] = b"AARC";
 
-/// Whether importers read what is at a path: a folder with a field or several, or a file with the extension of a field
+/// Whether a field is at a path: a folder with a field or several, or a file with the extension of a field
 /// that is no package.
 pub(super) fn is_field(path: &Path) -> bool {
     if path.is_dir() {
@@ -33,7 +33,7 @@ fn starts_as_package(path: &Path) -> bool {
 /// # Errors
 /// [`Fault::Data`] with the path and the reason.
 pub(super) fn load_field(path: &Path, limits: &Limits) -> Result<(Clip, Option<String>), Fault> {
-    let fault = |error: import::ImportError| Fault::Data(error.to_string());
+    let fault = |error: formats::ImportError| Fault::Data(error.to_string());
     let files = SceneFiles::at(path).map_err(fault)?;
     let scene = files.read(ImportLimits::default()).map_err(fault)?;
     let ImportedScene { subject, plate, info, assumed: _ } = scene;
@@ -44,11 +44,8 @@ pub(super) fn load_field(path: &Path, limits: &Limits) -> Result<(Clip, Option<S
             "{path}: {has}, and at most {most} are played: package it with aarc-studio package --budget"
         )));
     }
-    let mut notes = subject.notes;
-    if !subject.repairs.is_empty() {
-        notes.insert(0, subject.repairs.to_string());
-    }
-    let note = (!notes.is_empty()).then(|| format!("{}: {}", path.display(), notes.join("; ")));
+    let sentences = subject.account.sentences();
+    let note = (!sentences.is_empty()).then(|| format!("{}: {}", path.display(), sentences.join("; ")));
     let bounds = subject.field.bounds();
     let [static_field, dynamic_field] = regions(subject.field);
     let plate = plate.map(|plate| plate.field);

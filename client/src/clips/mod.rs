@@ -18,7 +18,7 @@ mod advice;
 mod controller;
 pub(crate) mod demo;
 mod event;
-#[cfg(feature = "import")]
+#[cfg(feature = "formats")]
 mod field;
 mod file;
 mod folder;

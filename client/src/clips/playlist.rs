@@ -46,7 +46,7 @@ struct Manifest {
 /// Whether a path or URL names a playlist rather than a clip: it ends in `.json`. A path of the name `meta.json` names
 /// a field (SOG), if this program reads fields.
 pub fn is_playlist(name: &str) -> bool {
-    let is_field = cfg!(feature = "import")
+    let is_field = cfg!(feature = "formats")
         && !is_url(name)
         && Path::new(name).file_name().is_some_and(|name| name == "meta.json");
     let redacted = redacted(name);
@@ -191,7 +191,7 @@ mod tests {
         for name in ["a.aarc", "json", "https://h/a.aarc?list.json", ".json"] {
             assert!(!is_playlist(name), "{name}");
         }
-        assert_eq!(is_playlist("field/meta.json"), cfg!(not(feature = "import")));
+        assert_eq!(is_playlist("field/meta.json"), cfg!(not(feature = "formats")));
     }
 
     #[test]

@@ -7,7 +7,7 @@ use program::Fault;
 
 use super::demo;
 use super::event::LoadEvent;
-#[cfg(feature = "import")]
+#[cfg(feature = "formats")]
 use super::field;
 use super::source_options::SourceOptions;
 use super::url::{UNKNOWN_SCHEME, is_url, redacted, scheme};
@@ -96,7 +96,7 @@ pub fn open(name: Option<&str>, options: &SourceOptions) -> Result<Arrival, Faul
         }
         Some(name) => {
             let path = Path::new(name);
-            #[cfg(feature = "import")]
+            #[cfg(feature = "formats")]
             if field::is_field(path) {
                 let (clip, note) = field::load_field(path, limits)?;
                 return Ok(opened(note, OpenTake::from_clip(name.into(), clip, limits)));

@@ -132,7 +132,7 @@ impl OpenTake {
     }
 
     /// A decoded clip without a package, named `name` in messages.
-    #[cfg(feature = "import")]
+    #[cfg(feature = "formats")]
     pub(crate) fn from_clip(name: String, clip: Clip, limits: &Limits) -> OpenTake {
         let source = TakeSource::Memory(name, (&[][..]).into());
         let mut opened = OpenTake::new(Take::from(&clip), source, vec![clip.layers.len()], limits);

@@ -12,12 +12,6 @@ const SHORTEST: Duration = Duration::from_millis(150);
 /// Extensions of clips and playlists.
 const CLIPS: [&str; 2] = ["aarc", "json"];
 
-/// Extensions of fields.
-#[cfg(feature = "import")]
-const FIELDS: &[&str] = &import::EXTENSIONS;
-#[cfg(not(feature = "import"))]
-const FIELDS: &[&str] = &[];
-
 /// How a dialog ended.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum Picked {
@@ -28,12 +22,20 @@ pub(super) enum Picked {
     NoDialog,
 }
 
+/// Extensions of what this program plays.
+fn extensions() -> Vec<&'static str> {
+    let extensions = CLIPS.into_iter();
+    #[cfg(feature = "formats")]
+    let extensions = extensions.chain(formats::extensions());
+    extensions.collect()
+}
+
 /// Opens the dialog in `folder`. It runs beside the window, and `done` is called from another thread when it ends.
 pub(super) fn open(window: &Window, folder: Option<&Path>, done: impl FnOnce(Picked) + Send + 'static) {
     let mut dialog = rfd::AsyncFileDialog::new()
         .set_title("Open a clip")
         .set_parent(window)
-        .add_filter("Clips, playlists and fields", &[&CLIPS, FIELDS].concat())
+        .add_filter("Clips, playlists and fields", &extensions())
         .add_filter("All files", &["*"]);
     if let Some(folder) = folder.and_then(|folder| absolute(folder).ok()) {
         // zenity takes the folder from the name.

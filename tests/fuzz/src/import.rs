@@ -2,7 +2,8 @@
 
 use std::sync::OnceLock;
 
-use studio::import::{Imported, import};
+use formats::Imported;
+use studio::fields::import;
 use studio::scene::Scene;
 
 use crate::files::{InputFiles, check_refusal};
@@ -72,8 +73,8 @@ fn check(imported: anyhow::Result<Imported>) {
         Ok(imported) => {
             imported.field.check().expect("an accepted field is valid");
             assert!(!imported.field.is_empty());
-            assert!(!imported.repairs.to_string().contains('\n'));
-            assert!(imported.notes.iter().all(|note| !note.contains('\n')), "{:?}", imported.notes);
+            let account = imported.account;
+            assert!(account.sentences().iter().all(|sentence| !sentence.contains('\n')), "{account:?}");
             let hints = imported.hints;
             let numbers = [hints.metres_per_unit, hints.duration_s, hints.fps];
             assert!(numbers.into_iter().flatten().all(|x| x.is_finite() && x > 0.0), "{numbers:?}");

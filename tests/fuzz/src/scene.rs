@@ -3,7 +3,7 @@
 use std::sync::OnceLock;
 
 use codec::{Camera, EncodeOptions, Source, encode};
-use studio::export::field_file;
+use formats::write_field_file;
 use studio::scene::Scene;
 
 use crate::files::{InputFiles, check_refusal};
@@ -27,8 +27,8 @@ pub fn check_scene(bytes: &[u8]) {
         }
         return;
     }
-    let files =
-        FILES.get_or_init(|| InputFiles::new([("field.ply", field_file(&seeds::field(1), &seeds::info()))]));
+    let files = FILES
+        .get_or_init(|| InputFiles::new([("field.ply", write_field_file(&seeds::field(1), &seeds::info()))]));
     files.put("scene.json", bytes);
     match Scene::load(&files.path("")) {
         Ok(scene) => {

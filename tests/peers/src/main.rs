@@ -18,7 +18,6 @@ use std::time::{Duration, Instant};
 use clap::{Parser, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
 use program::Fault;
-use studio::export;
 use studio::machine::machine;
 
 use compared_field::ComparedField;
@@ -111,8 +110,8 @@ fn run(args: &MeasureArgs) -> anyhow::Result<()> {
     let dynamic = Workload::swinging(viewpoint, info, args.size, FRAMES, |part| part);
     let frozen = Workload::swinging(viewpoint, info, args.size, FRAMES, |_| INSTANT);
     let played = clip.merged();
-    let splatv = export::splatv(&played, info);
-    let ply = export::static_ply(&export::frozen(&played, INSTANT), None);
+    let splatv = formats::write_splatv(&played, info);
+    let ply = formats::write_static_ply(&formats::frozen(&played, INSTANT), None);
     let coded = created(&args.out.join("coding"))?;
     let [dynamic_folder, frozen_folder] = [("moving", &dynamic), ("frozen", &frozen)].map(|(name, work)| {
         let folder = created(&args.out.join(name))?;

@@ -4,11 +4,11 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-use ::studio::export::field_file;
 use aarc_tests::outcome::Outcome;
 use aarc_tests::programs::{run, studio};
 use aarc_tests::scene::{Motion, Recipe, info};
 use aarc_tests::slurm::{Cluster, MISSING, quoted};
+use formats::write_field_file;
 use libtest_mimic::{Completion, Failed, Trial};
 use serde_json::Value;
 
@@ -45,7 +45,7 @@ fn job_array(cluster: &Cluster) -> Result<(), String> {
             turning: false,
             seed,
         };
-        field_file(&recipe.field(), &info())
+        write_field_file(&recipe.field(), &info())
     };
     for (seed, take) in TAKES.into_iter().enumerate() {
         write(

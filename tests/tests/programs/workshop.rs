@@ -8,9 +8,9 @@ use aarc_tests::outcome::{Outcome, contents};
 use aarc_tests::programs::{Folder, run};
 use aarc_tests::scene::{Motion, Recipe, info, packaged};
 use codec::Field;
+use formats::write_field_file;
 use image::RgbImage;
 use serde_json::Value;
-use studio::export::field_file;
 
 /// A temporary folder in which programs run, with a clip and a field in it.
 pub(crate) struct Workshop {
@@ -26,7 +26,7 @@ impl Workshop {
     pub(crate) fn new() -> Workshop {
         let workshop = Workshop { folder: Folder::default(), before: BTreeMap::new() };
         workshop.write("clip.aarc", &packaged(&RECIPE.field(), None, &[100, 200]));
-        workshop.write("field.ply", &field_file(&RECIPE.field(), &info()));
+        workshop.write("field.ply", &write_field_file(&RECIPE.field(), &info()));
         workshop
     }
 
@@ -95,7 +95,7 @@ pub(crate) fn bad_files() -> Workshop {
     version[4] = 99;
     workshop.write("version.aarc", &version);
     workshop.write("longer.aarc", &[&clip[..], b"more"].concat());
-    workshop.write("nothing.ply", &field_file(&Field::default(), &info()));
+    workshop.write("nothing.ply", &write_field_file(&Field::default(), &info()));
     workshop.write(
         "points.ply",
         b"ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\nend_header\n0 0 0\n",

@@ -10,7 +10,7 @@ use crate::commands;
 /// The version of the program, and the versions of the files that it reads and writes.
 pub static VERSION: LazyLock<String> = LazyLock::new(|| {
     let (major, minor) = (codec::VERSION_MAJOR, codec::VERSION_MINOR);
-    let field = crate::import::FIELD_FILE_VERSION;
+    let field = formats::FIELD_FILE_VERSION;
     format!(
         "{}\nwrites packages (.aarc) of version {major}.{minor}, reads {major}.x\nwrites and reads field \
          files (.ply) of version {field}",

@@ -7,7 +7,7 @@ use std::path::Path;
 use codec::{ClipInfo, Field, Viewpoint};
 use refine::reference;
 
-use crate::import::FitRecord;
+use crate::fields::FitRecord;
 use crate::messages::decimal;
 use crate::scene::{Scene, frames_of};
 use crate::segments::{DecodedTake, FieldFolder, TakeFile};
@@ -54,11 +54,11 @@ impl Input {
         }
         let scene = Scene::load(path)?;
         for (part, imported) in [("", Some(&scene.subject)), (" (plate)", scene.plate.as_ref())] {
-            if let Some(imported) = imported.filter(|imported| !imported.repairs.is_empty()) {
-                eprintln!("note: {}{part}: {}", path.display(), imported.repairs);
+            if let Some(imported) = imported.filter(|imported| !imported.account.repairs.is_empty()) {
+                eprintln!("note: {}{part}: {}", path.display(), imported.account.repairs);
             }
         }
-        for note in &scene.subject.notes {
+        for note in scene.subject.account.notes() {
             eprintln!("note: {}: {note}", path.display());
         }
         Ok(Input::Scene(Box::new(scene)))

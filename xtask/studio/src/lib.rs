@@ -1,4 +1,4 @@
-//! The host tool as a library: importers and exporters, fitting, packaging, reports, procedural data,
+//! The host tool as a library: fitting, packaging, reports, procedural data,
 //! and the commands of `aarc-studio`.
 
 #[cfg(feature = "onnx")]
@@ -7,10 +7,9 @@ pub mod capture;
 pub mod cli;
 mod commands;
 pub mod eval;
-pub mod export;
 mod ffmpeg;
+pub mod fields;
 pub mod fit;
-pub mod import;
 pub mod ingest;
 pub mod input;
 mod left_out;

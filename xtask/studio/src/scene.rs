@@ -1,23 +1,21 @@
-//! Scenes: what a package is made from. The crate `import` describes their files.
+//! Scenes: what a package is made from. The package `formats` describes their files.
 
 use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
-use ::import::{
-    FieldPath, ImportedScene, NoField, Overrides, POINT_CLOUDS, SceneFiles, import_plate, is_field_file,
-    is_field_name, list_folder,
-};
 use codec::{ClipInfo, Field, Surroundings};
+use formats::{
+    FieldPath, ImportLimits, Imported, ImportedScene, NoField, Overrides, POINT_CLOUDS, Repairs, SOG_INDEX,
+    SceneFiles, import_plate, is_field_file, is_field_name, list_folder, titles,
+};
 use program::Fault;
 
-use crate::import::{
-    FORMATS, FitRecord, Hints, ImportLimits, Imported, Repairs, check_record, fault, import,
-};
+use crate::fields::{FitRecord, check_record, fault, import};
 use crate::messages::unreadable;
 
-pub use ::import::{DEFAULT_DURATION_S, DEFAULT_FPS, DEFAULT_METRES_PER_UNIT, DEFAULT_UP, plate_path};
+pub use formats::{DEFAULT_DURATION_S, DEFAULT_FPS, DEFAULT_METRES_PER_UNIT, DEFAULT_UP, plate_path};
 
 /// File name of the cameras of a field folder. The file name of a single field's cameras is the field's name with this
 /// end.
@@ -133,8 +131,7 @@ impl Scene {
 
     /// A scene of a field in memory.
     pub fn made(name: &str, field: Field, info: ClipInfo) -> Scene {
-        let (hints, repairs) = (Hints::default(), Repairs::default());
-        let subject = Imported { field, hints, repairs, format: "made up", notes: Vec::new() };
+        let subject = Imported::new("made up", field, Repairs::default());
         Scene::new(name.to_owned(), ImportedScene { subject, plate: None, info, assumed: Vec::new() })
     }
 
@@ -208,10 +205,11 @@ fn field_in(folder: &Path, names: &[String]) -> Result<FieldPath, Fault> {
     FieldPath::in_folder(folder, names).map_err(|why| {
         Fault::Data(match why {
             NoField::None if names.iter().any(|name| is_capture_name(name)) => format!(
-                "no field in {shown}, only a capture; run `fit {shown}` first, or put a fitted field there ({FORMATS})"
+                "no field in {shown}, only a capture; run `fit {shown}` first, or put a fitted field there ({})",
+                titles()
             ),
             NoField::None => {
-                format!("no field in {shown}; put one there, a file of one of these formats: {FORMATS}")
+                format!("no field in {shown}; put one there, a file of one of these formats: {}", titles())
             }
             NoField::Several(fields) => {
                 format!("{shown} holds several fields; name one of them: {}", fields.join(", "))
@@ -254,7 +252,7 @@ pub fn name_of(path: &Path) -> String {
 
 /// The stem of a file; for a `meta.json` the name of its folder.
 fn name_of_file(path: &Path) -> String {
-    match path.file_name() == Some(OsStr::new("meta.json")) {
+    match path.file_name() == Some(OsStr::new(SOG_INDEX)) {
         true => name_of_folder(&path.with_file_name("")),
         false => path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned()),
     }

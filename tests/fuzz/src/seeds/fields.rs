@@ -5,8 +5,8 @@ use std::io::{Cursor, Read, Write};
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
 use codec::Field;
+use formats::{write_field_file, write_glb, write_splatv, write_spz, write_static_ply};
 use image::{ImageFormat, Rgba, RgbaImage};
-use studio::export::{field_file, glb, splatv, spz, static_ply};
 
 use super::{Seed, field, info, seed};
 use crate::kinds::import::{FILE, FRAME, GLTF, KSPLAT, SOG_IMAGE, SOG_META, SPLAT};
@@ -15,15 +15,15 @@ use crate::kinds::import::{FILE, FRAME, GLTF, KSPLAT, SOG_IMAGE, SOG_META, SPLAT
 pub fn fields() -> Vec<Seed> {
     let fixed = Field { temporal: None, ..field(0) };
     let colored = Field { sh_degree: 1, sh: vec![[0.1, 0.2, 0.3]; 16], ..fixed.clone() };
-    let packed = spz(&colored, [0.0, 1.0, 0.0]);
+    let packed = write_spz(&colored, [0.0, 1.0, 0.0]);
     let mut plain = Vec::new();
     flate2::read::GzDecoder::new(&packed[..]).read_to_end(&mut plain).expect("our own file");
-    let mut dynamic = splatv(&field(3), &info());
+    let mut dynamic = write_splatv(&field(3), &info());
     // The unused rest of the texture's line.
     dynamic.truncate(dynamic.len() - (1024 - 4) * 64);
     let mut seeds = vec![
-        seed("field-file.ply", FILE, &field_file(&field(2), &info())),
-        seed("static.ply", FILE, &static_ply(&colored, None)),
+        seed("field-file.ply", FILE, &write_field_file(&field(2), &info())),
+        seed("static.ply", FILE, &write_static_ply(&colored, None)),
         seed("ascii.ply", FILE, &ascii_ply(INRIA, "1 2 3 0.1 0.2 0.3 0 -1 -2 -3 0 2 0 0")),
         seed("spacetime.ply", FILE, &spacetime_ply()),
         seed("compressed.ply", FILE, &compressed_ply()),
@@ -38,11 +38,11 @@ pub fn fields() -> Vec<Seed> {
         ),
         seed("bundle.sog", FILE, &bundle()),
         seed("freetime.ply", FILE, &freetime_ply()),
-        seed("binary.glb", FILE, &glb(&colored, &info()).expect("a small file")),
-        seed("text.gltf", GLTF, &gltf(&glb(&fixed, &info()).expect("a small file"))),
+        seed("binary.glb", FILE, &write_glb(&colored, &info()).expect("a small file")),
+        seed("text.gltf", GLTF, &gltf(&write_glb(&fixed, &info()).expect("a small file"))),
         seed("plain.ksplat", KSPLAT, &ksplat()),
         seed("frame.ply", FRAME, &one_gaussian()),
-        seed("frames.ply", FRAME, &static_ply(&fixed, None)),
+        seed("frames.ply", FRAME, &write_static_ply(&fixed, None)),
     ];
     for (i, (name, bytes)) in sog_files().iter().enumerate() {
         seeds.push(match i.checked_sub(1) {

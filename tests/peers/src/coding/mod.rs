@@ -10,7 +10,6 @@ mod spz;
 use std::path::Path;
 
 use indicatif::ProgressBar;
-use studio::export;
 
 use crate::compared_field::ComparedField;
 
@@ -33,7 +32,7 @@ pub(crate) fn compare(
         }
         rows.push(judge.compare(splatv::file(field, info, folder)?, rounds)?);
     }
-    let frozen = export::frozen(field, t);
+    let frozen = formats::frozen(field, t);
     let judge = Judge::new(&frozen, info, progress);
     rows.push(judge.compare(spz::file(&frozen, folder)?, rounds)?);
     rows.push(judge.compare(sog::file(&frozen, folder)?, rounds)?);

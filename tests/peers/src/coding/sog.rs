@@ -4,9 +4,8 @@ use std::path::Path;
 use std::process::Command;
 
 use codec::Field;
+use formats::import;
 use program::Fault;
-use studio::export;
-use studio::import::import;
 
 use super::peer_file::PeerFile;
 use crate::player::web_folder;
@@ -17,7 +16,7 @@ const CLI: &str = "../node_modules/@playcanvas/splat-transform/bin/cli.mjs";
 /// Codes a static field.
 pub(super) fn file(field: &Field, folder: &Path) -> anyhow::Result<PeerFile> {
     let (ply, path) = (folder.join("coded.ply"), folder.join("coded.sog"));
-    std::fs::write(&ply, export::static_ply(field, None))?;
+    std::fs::write(&ply, formats::write_static_ply(field, None))?;
     let mut command = Command::new("node");
     command.arg(web_folder().join(CLI)).args(["--quiet", "--overwrite", "--gpu", "cpu"]).arg(&ply).arg(&path);
     let output = command.output().map_err(|error| Fault::Device(format!("node: {error}")))?;

@@ -3,15 +3,14 @@
 use std::path::Path;
 
 use codec::{ClipInfo, Field};
-use studio::export;
-use studio::import::import;
+use formats::import;
 
 use super::peer_file::PeerFile;
 
 /// Codes a field as the file that gsplat.js plays.
 pub(super) fn file(field: &Field, info: &ClipInfo, folder: &Path) -> anyhow::Result<PeerFile> {
     let path = folder.join("coded.splatv");
-    let bytes = export::splatv(field, info);
+    let bytes = formats::write_splatv(field, info);
     std::fs::write(&path, &bytes)?;
     Ok(PeerFile {
         name: ".splatv",

@@ -6,8 +6,7 @@ use std::path::Path;
 use anyhow::Context;
 use codec::Field;
 use flate2::read::GzDecoder;
-use studio::export;
-use studio::import::import;
+use formats::import;
 
 use super::peer_file::PeerFile;
 
@@ -18,7 +17,7 @@ const ZSTD_LEVEL: i32 = 19;
 pub(super) fn file(field: &Field, folder: &Path) -> anyhow::Result<PeerFile> {
     let path = folder.join("coded.spz");
     // With y up the axes do not change.
-    let gzipped = export::spz(field, [0.0, 1.0, 0.0]);
+    let gzipped = formats::write_spz(field, [0.0, 1.0, 0.0]);
     std::fs::write(&path, &gzipped)?;
     let mut plain = Vec::new();
     GzDecoder::new(&*gzipped).read_to_end(&mut plain)?;

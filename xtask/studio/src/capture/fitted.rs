@@ -8,7 +8,7 @@ use program::Fault;
 use refine::capture::Holdout;
 
 use super::capture_files::CaptureFiles;
-use crate::import::FitRecord;
+use crate::fields::FitRecord;
 use crate::messages::decimal;
 
 /// Tolerance of recorded seconds: relative, and for times near 0 absolute.

@@ -2,15 +2,16 @@
 
 use std::path::PathBuf;
 
-use crate::export;
-use crate::import::FitRecord;
-use crate::input::{Input, clip_time};
-use crate::messages::decimal;
 use anyhow::bail;
 use clap::ArgGroup;
 use codec::{ClipInfo, Field};
+use formats::{SequenceFrames, Target, frozen};
 use program::output::OutputFolder;
 use program::{Fault, output};
+
+use crate::fields::FitRecord;
+use crate::input::{Input, clip_time};
+use crate::messages::decimal;
 
 /// Write a clip or field in another format.
 #[derive(clap::Args)]
@@ -44,9 +45,6 @@ pub struct Args {
     out: PathBuf,
 }
 
-/// Most frames of a sequence.
-const FRAMES_MAX: f64 = 100_000.0;
-
 /// A field to be written, and the metadata of its clip.
 struct Source {
     field: Field,
@@ -74,6 +72,22 @@ impl Source {
         let (field, beyond) = input.into_field();
         Ok(Source { field, info, has_plate, record, beyond })
     }
+
+    /// Says which parts of the clip the output does not hold, and what it shows too much of.
+    fn print_loss(&self, args: &Args, mut lost: Vec<&str>) {
+        let (out, beyond) = (args.out.display(), self.beyond);
+        if self.has_plate {
+            lost.insert(0, "the background plate");
+        }
+        if !lost.is_empty() {
+            eprintln!("note: {out} does not hold {}", lost.join(", "));
+        }
+        if beyond > 0 && args.at.is_none() {
+            eprintln!(
+                "note: {out} shows {beyond} Gaussians before or after the span of their segment, where the take does not"
+            );
+        }
+    }
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
@@ -81,15 +95,16 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         return write_sequence(args);
     }
     output::check(&args.out)?;
-    let Source { field, info, has_plate, record, beyond } = Source::load(args)?;
-    let t = args.at.map(|seconds| clip_time("--at", seconds, &info)).transpose()?;
-    if (args.spz || args.glb) && t.is_none() && field.temporal.is_some() {
+    let source = Source::load(args)?;
+    let t = args.at.map(|seconds| clip_time("--at", seconds, &source.info)).transpose()?;
+    let target = args.target();
+    if !target.holds_motion() && t.is_none() && source.field.temporal.is_some() {
         let format = if args.spz { "SPZ" } else { "GLB" };
         bail!(Fault::Usage(format!("{format} holds no motion: give a time with --at SECONDS")));
     }
     let field = match t {
-        Some(t) => export::frozen(&field, t),
-        None => field,
+        Some(t) => &frozen(&source.field, t),
+        None => &source.field,
     };
     if field.is_empty() {
         let (input, at) = (args.input.display(), args.at.unwrap_or_default());
@@ -97,31 +112,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
             "{input}: no Gaussian is visible at {at} s: choose another time with --at"
         )));
     }
-    let bytes = if args.splatv {
-        export::splatv(&field, &info)
-    } else if args.spz {
-        export::spz(&field, info.up)
-    } else if args.glb {
-        let bytes = export::glb(&field, &info);
-        bytes.ok_or_else(|| {
-            Fault::Usage("a GLB holds at most 4 GiB: package it with a --budget before".into())
-        })?
-    } else if t.is_some() {
-        export::static_ply(&field, Some(&info))
-    } else {
-        export::fitted_field_file(&field, &info, &record)
-    };
+    let bytes = target.write(field, &source.info, &source.record.comments()).map_err(Fault::Usage)?;
     output::write(&args.out, &bytes)?;
-    let lost = args.lost(&field, &info, has_plate);
-    if !lost.is_empty() {
-        eprintln!("note: {} does not hold {}", args.out.display(), lost.join(", "));
-    }
-    if beyond > 0 && t.is_none() {
-        eprintln!(
-            "note: {} shows {beyond} Gaussians before or after the span of their segment, where the take does not",
-            args.out.display()
-        );
-    }
+    source.print_loss(args, target.lost(field, &source.info));
     println!("{}: {} Gaussians, {} bytes", args.out.display(), field.len(), bytes.len());
     Ok(())
 }
@@ -129,68 +122,35 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
 /// Writes a folder of frames.
 fn write_sequence(args: &Args) -> anyhow::Result<()> {
     let folder = OutputFolder::begin(&args.out)?;
-    let Source { field, info, has_plate, beyond, .. } = Source::load(args)?;
-    let fps = args.fps.unwrap_or(info.fps);
-    // A frame at the very end counts in spite of rounding.
-    let duration = f64::from(info.duration_s);
-    let intervals = (duration * f64::from(fps) + 1e-3).floor();
-    if !(2.0..FRAMES_MAX).contains(&intervals) {
-        let (frames, fps) = (intervals + 1.0, decimal(fps.into(), 3));
-        bail!(Fault::Usage(format!(
-            "--fps {fps}: {frames} frames; choose a rate for 3 to {FRAMES_MAX} frames"
-        )));
-    }
-    let info = ClipInfo { fps, duration_s: (intervals / f64::from(fps)) as f32, ..info };
-    let frames = intervals as usize + 1;
-    let times: Vec<f64> = (0..frames).map(|k| (k as f64 / f64::from(fps) / duration).min(1.0)).collect();
-    let rows = export::rows_of_sequence(&field, &times);
-    let input = args.input.display();
-    if rows.is_empty() {
+    let source = Source::load(args)?;
+    let fps = args.fps.unwrap_or(source.info.fps);
+    let frames = SequenceFrames::new(&source.field, &source.info, fps)
+        .map_err(|what| Fault::Usage(format!("--fps {}: {what}", decimal(fps.into(), 3))))?;
+    if frames.rows() == 0 {
+        let input = args.input.display();
         bail!(Fault::Data(format!("{input}: no Gaussian is visible in any frame")));
     }
-    let digits = (frames - 1).to_string().len().max(4);
     let mut bytes = 0;
-    for (k, &t) in times.iter().enumerate() {
-        let ply = export::static_ply(&export::frame_of_sequence(&field, &rows, t), Some(&info));
+    for (name, ply) in frames.files() {
         bytes += ply.len();
-        folder.write(&format!("frame_{k:0digits$}.ply"), &ply)?;
+        folder.write(&name, &ply)?;
     }
     folder.finish()?;
-    let out = args.out.display();
-    let lost = args.lost(&field, &info, has_plate);
-    if !lost.is_empty() {
-        eprintln!("note: {out} does not hold {}", lost.join(", "));
-    }
-    if beyond > 0 {
-        eprintln!(
-            "note: {out} shows {beyond} Gaussians before or after the span of their segment, where the take does not"
-        );
-    }
-    println!("{out}: {frames} frames of {} Gaussians, {bytes} bytes", rows.len());
+    source.print_loss(args, Target::StaticPly.lost(&source.field, &source.info));
+    let (out, count, rows) = (args.out.display(), frames.count(), frames.rows());
+    println!("{out}: {count} frames of {rows} Gaussians, {bytes} bytes");
     Ok(())
 }
 
 impl Args {
-    /// The parts of a clip that the chosen format cannot hold.
-    fn lost(&self, field: &Field, info: &ClipInfo, has_plate: bool) -> Vec<&'static str> {
-        let is_frozen = self.sequence || self.at.is_some();
-        let is_up_kept = !self.spz || [[0.0, 1.0, 0.0], [0.0, -1.0, 0.0]].contains(&info.up);
-        let parts = [
-            (has_plate, "the background plate"),
-            (self.splatv && field.sh_degree > 0, "view-dependent colour (SH above degree 0)"),
-            (self.splatv && field.filter.compensates(), "the mip filter"),
-            (self.spz && field.filter.compensates(), "the variance of the mip filter"),
-            (
-                (self.ply || self.sequence) && is_frozen && field.filter.compensates(),
-                "the mip filter for other tools",
-            ),
-            (self.glb && field.filter.compensates(), "the mip filter"),
-            ((self.splatv || self.spz || self.glb) && field.near > 0.0, "the near distance"),
-            (!is_up_kept, "the up axis"),
-            (self.spz && info.metres_per_unit != 1.0, "metres per unit"),
-            ((self.spz || self.glb) && !info.viewpoints.is_empty(), "viewpoints"),
-            (self.spz || self.glb, "duration and frame rate"),
-        ];
-        parts.into_iter().filter(|(is_lost, _)| *is_lost).map(|(_, part)| part).collect()
+    /// As what one file is written.
+    fn target(&self) -> Target {
+        match self {
+            Args { splatv: true, .. } => Target::Splatv,
+            Args { spz: true, .. } => Target::Spz,
+            Args { glb: true, .. } => Target::Glb,
+            Args { at: Some(_), .. } => Target::StaticPly,
+            _ => Target::FieldFile,
+        }
     }
 }

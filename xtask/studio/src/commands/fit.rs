@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use crate::capture::{CameraCorrections, CameraPart, CaptureFiles};
 use crate::eval::{HeldCameras, Subject, fragments_per_lit_pixel, held_photos, judge_held_cameras};
-use crate::export::fitted_field_file;
+use crate::fields::fitted_field_file;
 use crate::fit::{
     self, FitPlan, FitRuntime, FitStart, Fitted, FittedPlate, PlatePlan, Segments, SlidePlan, TrainingViews,
     WorkFolder, log,

@@ -9,9 +9,8 @@ use refine::capture::Holdout;
 use refine::fit::Rig;
 
 use crate::capture::CaptureFiles;
-use crate::export::fitted_field_file;
+use crate::fields::{FitRecord, fitted_field_file, import};
 use crate::fit::{self, FitPlan, FitRuntime, FitStart, FittedPlate, PlatePlan, TrainingViews, log};
-use crate::import::{FitRecord, import};
 use crate::input::Input;
 use crate::progress::counting;
 use crate::scene::plate_path;

@@ -6,7 +6,7 @@ use program::Fault;
 use refine::capture::Holdout;
 
 use crate::capture::{CameraCorrections, CaptureFiles};
-use crate::import::FitRecord;
+use crate::fields::FitRecord;
 use crate::input::Input;
 use crate::messages::count;
 use crate::scene::{Scene, learned_cameras_of};

@@ -385,7 +385,7 @@ fn write_package(args: &Args) -> anyhow::Result<WrittenPackage> {
         }
         None => output::write(&out, &package.bytes)?,
     }
-    for note in &scene.subject.notes {
+    for note in scene.subject.account.notes() {
         eprintln!("note: {}: {note}", scene.name);
     }
     print_blind_viewpoints(&scene);

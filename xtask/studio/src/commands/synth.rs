@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use crate::export;
 use crate::messages::count;
 use crate::progress::counting;
 use crate::synth::{juggler, limbs, rig, stage};
@@ -167,7 +166,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
 fn write_field(out: &Path, scene: fn() -> (Field, ClipInfo)) -> anyhow::Result<()> {
     output::check(out)?;
     let (field, info) = scene();
-    let bytes = export::field_file(&field, &info);
+    let bytes = formats::write_field_file(&field, &info);
     output::write(out, &bytes)?;
     println!("{}: {} Gaussians, {} bytes", out.display(), field.len(), bytes.len());
     Ok(())

@@ -24,6 +24,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use codec::{ClipInfo, Field, Surroundings};
+use formats::up_of;
 use image::RgbImage;
 use program::{Fault, output};
 use rayon::prelude::*;
@@ -31,7 +32,6 @@ use refine::capture::CalibratedCamera;
 use refine::fit::{Backend, DeviceError, Fit, Lpips, RenderedImage, Run, TrainingView};
 
 use crate::capture::CaptureFiles;
-use crate::import::up_of;
 use crate::scene::{DEFAULT_DURATION_S, DEFAULT_METRES_PER_UNIT, DEFAULT_UP, plate_path};
 pub use cameras::learned_cameras;
 use checkpoint::{Checkpoint, Tally};

@@ -1,13 +1,13 @@
 //! [`Placement`]: which way is up, how large a unit is, and where the origin is. What is assumed is said.
 
 use codec::Camera;
+use formats::up_of;
 use glam::{DMat3, DVec3};
 use program::Fault;
 use serde::Serialize;
 
 use super::calibration::{Calibration, RigCamera};
 use super::options::{IngestOptions, UpSource};
-use crate::import::up_of;
 use crate::messages::decimal;
 
 /// Where a rig is in its world.

@@ -3,13 +3,13 @@
 use std::collections::BTreeMap;
 
 use codec::{ALPHA_MIN, Field};
+use formats::{Imported, Repairs};
 use program::Fault;
 use refine::prune::{contributions_to, instants, posed_views};
 
 use super::report::Counts;
 use super::settings::{DropPart, PackageSettings};
 use super::views::unseen;
-use crate::import::{Imported, Repairs};
 use crate::scene::Scene;
 
 /// Instants at which the rims of Gaussians are looked for, at most: in larger pictures, which take longer.
@@ -80,13 +80,13 @@ pub(crate) fn check_repairs(scene: &Scene) -> Result<(), Fault> {
             "{what}: {repairs}, which --strict refuses; correct the file, or leave --strict out"
         ))),
     };
-    refused(&scene.name, &scene.subject.repairs)?;
-    scene.plate.as_ref().map_or(Ok(()), |plate| refused("the background plate", &plate.repairs))
+    refused(&scene.name, &scene.subject.account.repairs)?;
+    scene.plate.as_ref().map_or(Ok(()), |plate| refused("the background plate", &plate.account.repairs))
 }
 
 /// The rows that are visible at some instant of the clip, and counts of the others.
 pub(crate) fn visible(imported: &Imported) -> (Field, Counts) {
-    let Imported { field, repairs, .. } = imported;
+    let (field, repairs) = (&imported.field, &imported.account.repairs);
     let rows: Vec<usize> = (0..field.len()).filter(|&i| field.alive_interval(i).is_some()).collect();
     let mut counts = Counts {
         gaussians_in: field.len() + repairs.dropped.values().sum::<usize>(),

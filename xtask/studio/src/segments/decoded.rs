@@ -9,7 +9,7 @@ use refine::reference::RenderScene;
 use super::file::TakeFile;
 use super::folder::FieldFolder;
 use super::span::Span;
-use crate::import::FitRecord;
+use crate::fields::FitRecord;
 use crate::scene::Scene;
 
 /// Segments of a take, decoded.
@@ -290,8 +290,8 @@ fn append(merged: &mut Field, columns: &mut Temporal, mut field: Field, span: &S
 /// Those of [`Scene::load`].
 pub(super) fn read_segment(folder: &FieldFolder, index: usize) -> anyhow::Result<SegmentContent> {
     let scene = folder.scene(index)?;
-    if !scene.subject.repairs.is_empty() {
-        eprintln!("note: {}: {}", folder.file(index).display(), scene.subject.repairs);
+    if !scene.subject.account.repairs.is_empty() {
+        eprintln!("note: {}: {}", folder.file(index).display(), scene.subject.account.repairs);
     }
     Ok(SegmentContent::Scene(Box::new(scene)))
 }

@@ -12,8 +12,7 @@ use super::agreement::Agreement;
 use super::file::TakeFile;
 use super::folder::{FieldFolder, FolderEntry};
 use super::span::{Span, check_spans, order_of};
-use crate::export::fitted_field_file;
-use crate::import::{FORMATS, FitRecord};
+use crate::fields::{FitRecord, fitted_field_file};
 use crate::input::is_package;
 use crate::scene::{FIELD_FOLDER, Scene};
 
@@ -76,8 +75,9 @@ impl JoinInput {
         } else if path.is_dir() && !Scene::is_capture(path) && !Scene::has_field(path) {
             return Err(Fault::Data(format!(
                 "{}: nothing to join in it; name a package (.aarc), a folder with a field.json, a fitted field file or a \
-                 folder holding one ({FORMATS})",
-                path.display()
+                 folder holding one ({})",
+                path.display(),
+                formats::titles()
             )));
         } else {
             JoinInput::Scene(path.to_owned())

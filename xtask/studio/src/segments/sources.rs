@@ -8,7 +8,6 @@ use program::{Fault, counted};
 
 use super::folder::FieldFolder;
 use super::span::Span;
-use crate::import::Imported;
 use crate::package::{Counts, check_repairs, visible};
 use crate::scene::{Scene, name_of};
 
@@ -189,14 +188,7 @@ fn scene_of_part(whole: &Scene, part: &SplitSegment, duration_s: f64) -> Scene {
     let info = ClipInfo { duration_s: part.duration_s as f32, ..whole.info.clone() };
     let name = format!("{} from {} s", whole.name, part.start_s);
     let mut scene = Scene::made(&name, part.field.clone(), info);
-    let plate = whole.plate.as_ref().filter(|_| spans_all(part, duration_s));
-    scene.plate = plate.map(|plate| Imported {
-        field: plate.field.clone(),
-        hints: plate.hints.clone(),
-        repairs: plate.repairs.clone(),
-        format: plate.format,
-        notes: plate.notes.clone(),
-    });
+    scene.plate = whole.plate.as_ref().filter(|_| spans_all(part, duration_s)).cloned();
     (scene.assumed, scene.is_segment) = (whole.assumed.clone(), true);
     scene
 }

@@ -8,13 +8,14 @@ use std::path::Path;
 use crate::support::{data, info};
 use crate::tool::aarc_studio;
 use codec::{Camera, ClipInfo, Field, Temporal};
+use formats::write_field_file;
 use image::{GenericImageView, RgbImage};
 use refine::capture::Holdout;
 use refine::image::Image;
 use refine::reference::{Order, RenderScene, render};
 use serde_json::{Value, json};
 use studio::capture::CaptureFiles;
-use studio::export::{field_file, fitted_field_file};
+use studio::fields::fitted_field_file;
 use tempfile::{TempDir, tempdir};
 
 const SIZE: (u32, u32) = (48, 36);
@@ -32,7 +33,7 @@ fn cameras() -> Vec<Camera> {
 fn stage() -> (TempDir, Field) {
     let folder = tempdir().unwrap();
     assert_eq!(aarc_studio(folder.path(), &["synth", "limbs", "-o", "field.ply"]).code, Some(0));
-    let field = studio::import::import(&folder.path().join("field.ply")).unwrap().field;
+    let field = formats::import(&folder.path().join("field.ply")).unwrap().field;
     photograph(folder.path(), &field);
     (folder, field)
 }
@@ -47,7 +48,7 @@ fn lively_studio() -> (TempDir, Field) {
         motion: vec![[0.2, 0.1, 0.0]; field.len()],
         rotation_rates: None,
     });
-    fs::write(folder.path().join("field.ply"), field_file(&field, &clip_info())).unwrap();
+    fs::write(folder.path().join("field.ply"), write_field_file(&field, &clip_info())).unwrap();
     photograph(folder.path(), &field);
     (folder, field)
 }
@@ -204,7 +205,7 @@ fn a_take_is_compared_like_its_field() {
         *tau = (i % 97) as f32 / 96.0;
         *s = if i % 3 == 0 { 0.05 } else { f32::INFINITY };
     }
-    fs::write(folder.path().join("field.ply"), field_file(&field, &clip_info())).unwrap();
+    fs::write(folder.path().join("field.ply"), write_field_file(&field, &clip_info())).unwrap();
     photograph(folder.path(), &field);
     write_manifest(folder.path(), |_| {});
     let run = |line: &str| aarc_studio(folder.path(), &line.split_whitespace().collect::<Vec<_>>());

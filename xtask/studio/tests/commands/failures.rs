@@ -12,9 +12,9 @@ use crate::tool::outcome::DEVICE;
 use crate::tool::outcome::{CHECK, DATA, Failure, USAGE, check_failures};
 use crate::tool::{NO_DEVICE, aarc_studio, aarc_studio_with};
 use codec::{Field, PixelFilter};
+use formats::{import, write_field_file, write_splatv, write_static_ply};
 use refine::capture::Holdout;
-use studio::export::{field_file, fitted_field_file, splatv, static_ply};
-use studio::import::{FitRecord, import};
+use studio::fields::{FitRecord, fitted_field_file};
 use tempfile::TempDir;
 
 const FAILURES: &[Failure] = &[
@@ -342,7 +342,7 @@ fn workshop() -> TempDir {
     let folder = small_stage::stage();
     let path = |name: &str| -> PathBuf { folder.path().join(name) };
     let write = |name: &str, bytes: &[u8]| fs::write(path(name), bytes).unwrap();
-    let dynamic = field_file(&field(40, 0, Some(1), false), &info());
+    let dynamic = write_field_file(&field(40, 0, Some(1), false), &info());
     write("field.ply", &dynamic);
     let fitted_to = |frames: Range<usize>, seconds, timing| {
         let record = FitRecord { frames: Some(frames), seconds, timing, ..FitRecord::default() };
@@ -379,7 +379,7 @@ fn workshop() -> TempDir {
     write("up/scene.json", br#"{"up": [0, 1, 0]}"#);
     write("scale/field.ply", &dynamic);
     write("scale/scene.json", br#"{"metres_per_unit": 2}"#);
-    let mip = field_file(&Field { filter: PixelFilter::Mip, ..field(40, 0, Some(1), false) }, &info());
+    let mip = write_field_file(&Field { filter: PixelFilter::Mip, ..field(40, 0, Some(1), false) }, &info());
     write("mip.ply", &mip);
     // Field folders: version, and file and start of each segment of a second.
     type Starts = &'static [(&'static str, f64)];
@@ -411,22 +411,22 @@ fn workshop() -> TempDir {
     write("noise", b"this is not what you are looking for");
     write("empty", b"");
     write("empty.txt", b"# none\n");
-    write("nothing.ply", &field_file(&Field::default(), &info()));
-    let mut quarter = static_ply(&field(40, 0, None, false), None);
+    write("nothing.ply", &write_field_file(&Field::default(), &info()));
+    let mut quarter = write_static_ply(&field(40, 0, None, false), None);
     // A Gaussian takes 68 bytes.
     quarter.truncate(quarter.len() - 31 * 68);
     write("quarter.ply", &quarter);
     let points =
         "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\n";
     write("points.ply", format!("{points}end_header\n0 0 0\n").as_bytes());
-    write("many.splatv", &with_size(&splatv(&field(40, 0, Some(1), false), &info()), 256_000_000_000));
+    write("many.splatv", &with_size(&write_splatv(&field(40, 0, Some(1), false), &info()), 256_000_000_000));
     write("lod-meta.json", br#"{"lodLevels": 5}"#);
     write("meta.json", br#"{"lodLevels": 5}"#);
     // One Gaussian far away leaves the others too few of the 32 bits of a position.
     let mut far = field(300, 0, None, false);
     far.log_scales.fill([-3.0; 3]);
     far.centers[0] = [1e8; 3];
-    write("far.ply", &field_file(&far, &info()));
+    write("far.ply", &write_field_file(&far, &info()));
     write("net/backbone.json", br#"{"width": 24, "height": 16}"#);
     write("net/a.onnx", b"is not read");
     write("camera.json", br#"{"width": 64}"#);
@@ -497,4 +497,43 @@ fn exports_say_in_one_line_what_they_lose() {
         })
     };
     assert_eq!((imported("a.spz"), imported("b.spz")), ([0, 0], [1, 1]));
+}
+
+#[test]
+fn a_fitted_field_file_records_its_photographs() {
+    let folder = tempfile::tempdir().unwrap();
+    let read = |bytes: &[u8]| {
+        let path = folder.path().join("field.ply");
+        fs::write(&path, bytes).unwrap();
+        studio::fields::import(&path)
+    };
+    let whole = FitRecord {
+        has_mattes: true,
+        holdout: Some(Holdout::Odd),
+        frames: Some(8..17),
+        seconds: Some([8.0 / 30.0, 16.0 / 30.0]),
+        timing: Some(0x00c0_ffee),
+    };
+    let others = [
+        FitRecord { seconds: None, ..whole.clone() },
+        FitRecord { holdout: Some(Holdout::None), ..FitRecord::default() },
+        FitRecord::default(),
+    ];
+    for record in [&[whole][..], &others].concat() {
+        let bytes = fitted_field_file(&field(3, 0, None, false), &info(), &record);
+        let hints = read(&bytes).expect("our own file").hints;
+        assert_eq!(FitRecord::from_hints(&hints), Ok(record));
+    }
+    let bytes = write_field_file(&field(3, 0, None, false), &info());
+    let end = bytes.windows(10).position(|window| window == b"end_header").unwrap();
+    for wrong in
+        ["holdout some", "frames 8", "frames 9..9", "seconds 1", "seconds nan 2", "seconds 2 1", "timing xy"]
+    {
+        let comment = format!("comment aarc {wrong}\n");
+        let error = read(&[&bytes[..end], comment.as_bytes(), &bytes[end..]].concat()).unwrap_err();
+        let fault = error.downcast_ref::<program::Fault>().expect("bad data is a fault");
+        let (key, value) = wrong.split_once(' ').unwrap();
+        assert!(fault.to_string().contains(&format!("comment aarc {key}: cannot use `{value}`")), "{fault}");
+        assert_eq!((fault.exit_code(), fault.to_string().lines().count()), (3, 1));
+    }
 }

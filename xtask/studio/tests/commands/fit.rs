@@ -10,10 +10,11 @@ use std::time::Duration;
 use crate::small_stage::{fit, kill_when, measured, stage, stage_of};
 use crate::tool::aarc_studio;
 use codec::PixelFilter;
+use formats::import;
 use refine::capture::Holdout;
 use serde_json::Value;
+use studio::fields::FitRecord;
 use studio::fit::crc;
-use studio::import::{FitRecord, import};
 use tempfile::tempdir;
 
 #[test]

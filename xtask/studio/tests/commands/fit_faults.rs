@@ -7,9 +7,9 @@ use std::path::{Path, PathBuf};
 use crate::small_stage;
 use crate::small_stage::{stage, stage_of};
 use crate::tool::aarc_studio;
+use formats::import;
 use image::{GrayImage, RgbImage};
 use serde_json::{Value, json};
-use studio::import::import;
 
 /// Frames of [`stage`].
 const FRAMES: usize = 5;
@@ -25,7 +25,7 @@ fn fitted(folder: &Path, more: &[&str]) -> Value {
     assert_eq!(json["non_finite"], 0, "{json}");
     assert!(json["loss"].as_f64().is_some_and(f64::is_finite), "{json}");
     let imported = import(&folder.join("field.ply")).unwrap();
-    assert!(imported.repairs.is_empty(), "{}", imported.repairs);
+    assert!(imported.account.repairs.is_empty(), "{}", imported.account.repairs);
     imported.field.check().unwrap();
     let cameras = more.iter().position(|word| *word == "--cameras").map_or(&[][..], |at| &more[at..at + 2]);
     let eval =

@@ -253,14 +253,13 @@ fn what_stands_still_is_one_segment_over_the_take() {
     let segments = manifest["segments"].as_array().unwrap();
     let viewpoints = |segment: &Value| {
         let file = folder.join("field").join(segment["file"].as_str().unwrap());
-        studio::import::import(&file).unwrap().hints.viewpoints
+        formats::import(&file).unwrap().hints.viewpoints
     };
     let first = viewpoints(&segments[0]);
     assert!(!first.is_empty() && segments.iter().all(|segment| viewpoints(segment) == first), "of the take");
     let top = segments.iter().find(|segment| segment["level"] != 0).unwrap();
     assert_eq!((&top["start_s"], &top["duration_s"]), (&0.0.into(), &manifest["duration_s"]));
-    let field =
-        studio::import::import(&folder.join("field").join(top["file"].as_str().unwrap())).unwrap().field;
+    let field = formats::import(&folder.join("field").join(top["file"].as_str().unwrap())).unwrap().field;
     let temporal = field.temporal.expect("windows are wide, not endless");
     let narrowest = temporal.s.iter().copied().fold(f32::INFINITY, f32::min);
     assert!(temporal.motion_order == 0 && narrowest > 10.0, "{narrowest}: it never moves and is always on");

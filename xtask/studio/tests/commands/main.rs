@@ -5,15 +5,11 @@ mod ablation;
 mod audio;
 mod capture;
 mod eval;
-mod exchange;
-mod export;
 mod failures;
 mod fit;
 mod fit_faults;
 mod fit_segments;
 mod fit_slide;
-mod hostile;
-mod import;
 mod ingest;
 mod inspect;
 mod learn;
@@ -32,7 +28,7 @@ mod videos;
 
 #[path = "../small_stage/mod.rs"]
 mod small_stage;
-#[path = "../support/mod.rs"]
+#[path = "../../../../codec/formats/tests/support/mod.rs"]
 mod support;
 #[path = "../tool/mod.rs"]
 mod tool;

@@ -6,12 +6,12 @@ use std::path::Path;
 use crate::support::{data, field, info};
 use crate::tool::aarc_studio;
 use codec::{ALPHA_MIN, Clip, Field, Limits};
+use formats::write_field_file;
 use serde_json::{Value, json};
-use studio::export::field_file;
 use tempfile::tempdir;
 
 fn write_field(path: &Path, field: &Field) {
-    fs::write(path, field_file(field, &info())).expect("a temporary file");
+    fs::write(path, write_field_file(field, &info())).expect("a temporary file");
 }
 
 fn decode(path: &Path) -> Clip {
@@ -448,7 +448,7 @@ fn scene_json_overrides_the_file_which_overrides_defaults() {
 
     // A file of a format that says nothing.
     fs::write(scene.join("scene.json"), "{}").unwrap();
-    fs::write(scene.join("field.ply"), studio::export::static_ply(&rising(900), None)).unwrap();
+    fs::write(scene.join("field.ply"), formats::write_static_ply(&rising(900), None)).unwrap();
     let (clip, assumed) = package();
     assert_eq!(assumed, json!(["up", "viewpoints", "duration_s", "fps", "metres_per_unit"]));
     assert_eq!((clip.duration_s, clip.fps, clip.metres_per_unit), (1.0, 30.0, 1.0));

@@ -6,8 +6,8 @@ use crate::small_stage::stage;
 use crate::support::{field, info};
 use crate::tool::aarc_studio;
 use codec::Field;
+use formats::write_field_file;
 use serde_json::{Value, json};
-use studio::export::field_file;
 use tempfile::tempdir;
 
 /// The number `key` of the point whose selector is `row`.
@@ -75,7 +75,7 @@ fn budgets_and_the_size_of_the_images_can_be_chosen() {
         small.log_scales[row] = [-4.0 + 0.03 * row as f32; 3];
         small.opacities[row] = 0.3 + 0.01 * row as f32;
     }
-    fs::write(folder.path().join("small.ply"), field_file(&small, &info())).unwrap();
+    fs::write(folder.path().join("small.ply"), write_field_file(&small, &info())).unwrap();
     let run = |budgets: &str| {
         let args = ["report", "small.ply", "--rd", "--size", "64x48", "-o", "out", "--json", "--budgets"];
         aarc_studio(folder.path(), &[&args[..], &[budgets]].concat())
@@ -96,7 +96,8 @@ fn budgets_and_the_size_of_the_images_can_be_chosen() {
 fn a_refinement_is_judged_by_photographs_that_are_held_out() {
     let folder = stage();
     let held = ["--held-cameras", "00,01,02,03,04,05,06,07"];
-    fs::write(folder.path().join("field.ply"), field_file(&field(20, 0, None, false), &info())).unwrap();
+    fs::write(folder.path().join("field.ply"), write_field_file(&field(20, 0, None, false), &info()))
+        .unwrap();
     let args = ["report", "field.ply", "--refine", "5", "--capture", "stage", "--cameras", "01,02"];
     assert!(aarc_studio(folder.path(), &args).error(2).contains("name cameras with --held-cameras"));
     let all = [&args[..5], &["stage"], &held].concat();
@@ -110,7 +111,8 @@ fn a_take_is_measured_over_time() {
     let folder = tempdir().unwrap();
     let small = |len: usize| Field { log_scales: vec![[-3.0; 3]; len], ..field(len, 0, Some(1), false) };
     for (name, len) in [("a", 6000), ("b", 300)] {
-        fs::write(folder.path().join(name).with_extension("ply"), field_file(&small(len), &info())).unwrap();
+        fs::write(folder.path().join(name).with_extension("ply"), write_field_file(&small(len), &info()))
+            .unwrap();
     }
     let run = |line: &str| aarc_studio(folder.path(), &line.split_whitespace().collect::<Vec<_>>());
     run("join a.ply b.ply -o take").success();
@@ -207,7 +209,8 @@ fn a_take_is_compared_with_its_photographs() {
 #[test]
 fn a_field_folder_and_a_field_that_was_split_have_reports() {
     let folder = tempdir().unwrap();
-    fs::write(folder.path().join("a.ply"), field_file(&field(200, 0, Some(1), false), &info())).unwrap();
+    fs::write(folder.path().join("a.ply"), write_field_file(&field(200, 0, Some(1), false), &info()))
+        .unwrap();
     let run = |line: &str| aarc_studio(folder.path(), &line.split_whitespace().collect::<Vec<_>>());
     run("join a.ply a.ply -o take").success();
     let report = run("report take --size 64x48 -o out --json").json();

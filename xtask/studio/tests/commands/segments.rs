@@ -3,13 +3,12 @@
 use crate::support::{Noise, field, info};
 use crate::tool;
 use crate::tool::{Outcome, aarc_studio, aarc_studio_with};
-#[cfg(target_os = "linux")]
 use codec::{ClipInfo, Coder, EncodeOptions, Field, Limits, SegmentPackage, Source, Take, encode_take_head};
+#[cfg(target_os = "linux")]
+use formats::{import, write_field_file};
 use serde_json::{Value, json};
 use std::fs;
 use std::path::Path;
-use studio::export::field_file;
-use studio::import::import;
 use tempfile::{TempDir, tempdir};
 
 /// A dynamic field of small Gaussians that is quick to draw.
@@ -35,7 +34,7 @@ fn long(len: usize) -> Field {
 }
 
 fn write(path: &Path, field: &Field, duration_s: f32) {
-    fs::write(path, field_file(field, &ClipInfo { duration_s, ..info() })).unwrap();
+    fs::write(path, write_field_file(field, &ClipInfo { duration_s, ..info() })).unwrap();
 }
 
 fn run(folder: &TempDir, line: &str) -> Outcome {
@@ -341,7 +340,7 @@ fn a_take_of_one_segment_is_shown_and_read_as_any_other() {
 
     run(&folder, "export odd.aarc --ply -o whole.ply").success();
     let clip = codec::decode(&read(&folder, "odd.aarc"), &Limits::default()).unwrap();
-    assert!(read(&folder, "whole.ply") == field_file(&clip.merged(), &clip.info));
+    assert!(read(&folder, "whole.ply") == write_field_file(&clip.merged(), &clip.info));
     run(&folder, "report one --rd --budgets 20 --size 32x24 -o of-folder").success();
     run(&folder, "report one.aarc --rd --budgets 20 --size 32x24 -o of-package").success();
     let refused = run(&folder, "report take.aarc --rd").error(3);
@@ -378,7 +377,7 @@ fn a_take_has_the_largest_near_distance_of_its_fields() {
     run(&folder, "export a.aarc --ply --at 0.5 -o at.ply").success();
     run(&folder, "export a.aarc --sequence -o frames").success();
     assert_eq!(["whole.ply", "at.ply"].map(near_of), [0.25; 2]);
-    let scene = ::import::SceneFiles::at(&folder.path().join("frames")).unwrap();
+    let scene = formats::SceneFiles::at(&folder.path().join("frames")).unwrap();
     assert_eq!(scene.read(Default::default()).unwrap().subject.field.near, 0.25);
     run(&folder, "package c.ply -o c.aarc").success();
     assert_eq!(shown("c.aarc"), Value::Null);
@@ -404,7 +403,7 @@ fn write_take(folder: &TempDir, room: Option<&Field>, person_s: f64) {
     let mut segments = Vec::new();
     let mut segment = |file: &str, field: &Field, start_s: f64, duration_s: f32| {
         let info = ClipInfo { duration_s, viewpoints: Vec::new(), ..info() };
-        fs::write(path.join(file), field_file(field, &info)).unwrap();
+        fs::write(path.join(file), write_field_file(field, &info)).unwrap();
         let level = u8::from(duration_s > 1.0);
         segments.push(json!({"file": file, "start_s": start_s, "duration_s": duration_s, "level": level}));
     };

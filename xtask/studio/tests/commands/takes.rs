@@ -8,8 +8,8 @@ use crate::small_stage;
 use crate::support::{field, info};
 use crate::tool::{Outcome, aarc_studio};
 use codec::{Field, Limits};
+use formats::write_field_file;
 use serde_json::Value;
-use studio::export::field_file;
 use tempfile::{TempDir, tempdir};
 
 const NAMES: [&str; 3] = ["walk", "run", "jump"];
@@ -27,7 +27,7 @@ fn studio_day() -> TempDir {
 
 fn write_field(path: &Path, count: usize) {
     let field = Field { log_scales: vec![[-3.0; 3]; count], ..field(count, 0, Some(1), false) };
-    fs::write(path, field_file(&field, &info())).unwrap();
+    fs::write(path, write_field_file(&field, &info())).unwrap();
 }
 
 fn package(folder: &Path, more: &[&str]) -> Outcome {

@@ -13,8 +13,7 @@ use refine::fit::{Parameters, Timeline};
 use super::rows::{joined, later, lives};
 use super::windows::Windows;
 use super::work_folder::WorkFolder;
-use crate::export::fitted_field_file;
-use crate::import::FitRecord;
+use crate::fields::{FitRecord, fitted_field_file};
 use crate::scene::FIELD_FOLDER;
 use crate::segments::{FieldFolder, FolderEntry, Span, order_of};
 

@@ -35,7 +35,7 @@ use refine::fit::Timeline;
 
 use super::{FitRuntime, clip_info};
 use crate::capture::CaptureFiles;
-use crate::import::FitRecord;
+use crate::fields::FitRecord;
 use crate::messages::count;
 use crate::takes::Shard;
 pub use assemble::Assembled;

@@ -1,0 +1,117 @@
+//! [`FieldPath`]: where the field of a folder is, a file or the frames of a sequence.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use crate::error::ImportError;
+use crate::import_within;
+use crate::imported::Imported;
+use crate::limits::ImportLimits;
+use crate::sequence::{SequenceFiles, import_sequence};
+use crate::sog::INDEX;
+use crate::table::{extension_of, extensions};
+
+/// Clouds of points without Gaussians that captures and fitting programs put beside a field.
+pub const POINT_CLOUDS: [&str; 4] = ["input.ply", "points3D.ply", "points3d.ply", "sparse_pc.ply"];
+
+/// File name of a scene's background, and end of the name of one that belongs to the field with the same name before it.
+pub(crate) const PLATE: &str = "plate.ply";
+
+/// A field on disk.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum FieldPath {
+    /// A field file; of an unbundled SOG its `meta.json`.
+    File(PathBuf),
+    /// Static fields, one a frame.
+    Sequence(SequenceFiles),
+}
+
+/// Why a folder has no field.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum NoField {
+    /// No file has a field's name.
+    None,
+    /// These files are fields, and no sequence.
+    Several(Vec<String>),
+}
+
+impl FieldPath {
+    /// The one field of a folder with entries `names`.
+    ///
+    /// # Errors
+    /// [`NoField`] if there is none or are several.
+    pub fn in_folder(folder: &Path, names: &[String]) -> Result<FieldPath, NoField> {
+        let fields: Vec<&str> = names.iter().map(String::as_str).filter(|name| is_field_name(name)).collect();
+        match fields[..] {
+            [] => Err(NoField::None),
+            [field] => Ok(FieldPath::File(folder.join(field))),
+            _ => match SequenceFiles::find(folder, &fields) {
+                Some(files) => Ok(FieldPath::Sequence(files)),
+                None => Err(NoField::Several(fields.into_iter().map(String::from).collect())),
+            },
+        }
+    }
+
+    /// Reads the field.
+    ///
+    /// # Errors
+    /// As [`import_within`] and [`import_sequence`] have them.
+    pub fn import(&self, limits: ImportLimits) -> Result<Imported, ImportError> {
+        match self {
+            FieldPath::File(path) => import_within(path, limits),
+            FieldPath::Sequence(files) => import_sequence(files, limits),
+        }
+    }
+}
+
+/// Names of the entries of a folder, sorted, hidden ones left out.
+///
+/// # Errors
+/// If the folder cannot be read.
+pub fn list_folder(folder: &Path) -> Result<Vec<String>, ImportError> {
+    let unreadable = |error| ImportError::unreadable(folder, &error);
+    let mut names = Vec::new();
+    for entry in fs::read_dir(folder).map_err(unreadable)? {
+        names.push(entry.map_err(unreadable)?.file_name().to_string_lossy().into_owned());
+    }
+    names.retain(|name| !name.starts_with('.'));
+    names.sort();
+    Ok(names)
+}
+
+/// Whether a file of this name in a folder is taken for its field: it has a field's extension, and is neither a
+/// background nor a cloud of points.
+pub fn is_field_name(name: &str) -> bool {
+    let is_plate = name.strip_suffix(PLATE).is_some_and(|before| before.is_empty() || before.ends_with('.'));
+    !is_plate && !POINT_CLOUDS.contains(&name) && is_field_file(name)
+}
+
+/// Whether a file of this name has a field format.
+pub fn is_field_file(name: &str) -> bool {
+    let extension = extension_of(Path::new(name));
+    name == INDEX || extensions().any(|known| known == extension)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_has_one_field_or_a_sequence() {
+        let folder = Path::new("a");
+        let find = |names: &[&str]| {
+            let names: Vec<String> = names.iter().map(|&name| name.into()).collect();
+            FieldPath::in_folder(folder, &names)
+        };
+        let field = FieldPath::File("a/field.PLY".into());
+        assert_eq!(find(&["field.PLY", "input.ply", "plate.ply", "field.plate.ply", "b.txt"]), Ok(field));
+        assert_eq!(find(&["meta.json", "means_l.webp"]), Ok(FieldPath::File("a/meta.json".into())));
+        assert_eq!(find(&["input.ply", "plate.ply"]), Err(NoField::None));
+        let two = || vec!["a.ply".to_owned(), "b.spz".to_owned()];
+        assert_eq!(find(&["a.ply", "b.spz"]), Err(NoField::Several(two())));
+        let Ok(FieldPath::Sequence(files)) = find(&["f_0.ply", "f_1.ply", "f_2.ply", "plate.ply"]) else {
+            panic!("a sequence")
+        };
+        assert_eq!(files.steps(), 3);
+    }
+}

@@ -1,0 +1,156 @@
+//! glTF with `KHR_gaussian_splatting`: `.glb`, and `.gltf` with its buffers.
+//!
+//! A primitive of points with the extension holds Gaussians, one a vertex: `POSITION`, and under the prefix
+//! `KHR_gaussian_splatting:` `ROTATION` (quaternion x, y, z, w), `SCALE` (standard deviations), `OPACITY` (in `[0, 1]`)
+//! and `SH_DEGREE_l_COEF_n` (RGB, in the order and signs of 3D Gaussian Splatting). The axes are y up, in metres, after
+//! the transforms of the nodes. Files from before a revision of the extension in 2026 have logarithms in `SCALE`.
+//!
+//! The general glTF libraries for Rust reject attributes of extensions, so the few objects that are needed are read here.
+
+mod accessor;
+mod attributes;
+mod buffers;
+mod container;
+mod document;
+mod nodes;
+mod primitive;
+
+use std::path::Path;
+
+use codec::{ClipInfo, Field};
+use serde_json::json;
+
+use crate::account::{Account, Repairs, listed};
+use crate::columns::padded_sh;
+use crate::imported::{Hints, Imported};
+use crate::limits::ImportBudget;
+use crate::similarity::Similarity;
+use crate::up_axis::Y_UP;
+
+use attributes::Attributes;
+use buffers::Buffers;
+use document::Document;
+use primitive::{DISPLAY, EXTENSION, Gaussians, KERNEL, PREFIX, SCALE, ScaleForm};
+
+pub(crate) use container::START;
+
+/// Extensions that may be required: the extension that is read, and an extension that allows integers in attributes.
+const KNOWN: [&str; 2] = [EXTENSION, "KHR_mesh_quantization"];
+
+/// Reads a `.glb`, or a `.gltf`, whose buffers are in `folder` or in itself.
+pub(crate) fn read(bytes: &[u8], folder: &Path, budget: &mut ImportBudget) -> Result<Imported, String> {
+    let (json, binary) = match bytes.starts_with(&START) {
+        true => container::chunks(bytes)?,
+        false => (bytes, None),
+    };
+    let document = Document::parse(json, budget)?;
+    if let Some(name) = document.extensions_required.iter().find(|name| !KNOWN.contains(&name.as_str())) {
+        return Err(format!("glTF that requires {name}, which is not read; write it without"));
+    }
+    let placed = nodes::placed(&document)?;
+    let parts: Vec<(Gaussians, _)> = placed
+        .iter()
+        .flat_map(|(mesh, place)| document.meshes[*mesh].primitives.iter().map(move |one| (one, *place)))
+        .filter(|(primitive, _)| primitive.extensions.contains_key(EXTENSION))
+        .map(|(primitive, place)| Ok((Gaussians::new(&document, primitive)?, place)))
+        .collect::<Result<_, String>>()?;
+    let others = placed.iter().flat_map(|(mesh, _)| &document.meshes[*mesh].primitives).count() - parts.len();
+    if parts.is_empty() {
+        return Err(format!(
+            "glTF without {EXTENSION}: it has {others} primitives of meshes or points, and no Gaussians"
+        ));
+    }
+    let buffers = Buffers::load(&document, binary, folder, budget)?;
+    parts.iter().try_for_each(|(part, _)| part.check(&buffers))?;
+    let rows = parts.iter().fold(0, |rows: usize, (part, _)| rows.saturating_add(part.rows));
+    let sh_degree = parts.iter().map(|(part, _)| part.sh_degree).max().unwrap_or(0);
+    // A mesh may stand in many places: their rows are counted before any is read.
+    let mut field = budget.field(rows, sh_degree)?;
+    let form = ScaleForm::detect(&parts.iter().map(|(part, _)| part).collect::<Vec<_>>(), &buffers)?;
+    let mut repairs = Repairs::default();
+    for (part, place) in &parts {
+        let mut one = budget.field(part.rows, part.sh_degree)?;
+        part.read(&buffers, form, &mut one, &mut repairs)?;
+        place.apply(&mut one);
+        append(&mut field, &one);
+    }
+    let has_linear = parts.iter().any(|(part, _)| part.is_linear);
+    let (assumed, lost) = (assumed(form, has_linear), left_out(others, document.animations.len()));
+    let account = Account { repairs, assumed, lost };
+    let hints = Hints { up: Some(Y_UP), metres_per_unit: Some(1.0), ..Hints::default() };
+    Ok(Imported { field, hints, format: "glTF (KHR_gaussian_splatting)", account })
+}
+
+/// Appends rows of an SH degree that is not higher.
+fn append(field: &mut Field, rows: &Field) {
+    field.centers.extend(&rows.centers);
+    field.rotations.extend(&rows.rotations);
+    field.log_scales.extend(&rows.log_scales);
+    field.opacities.extend(&rows.opacities);
+    field.sh.extend(padded_sh(&rows.sh, rows.sh_degree, field.sh_degree));
+}
+
+/// What was assumed.
+fn assumed(form: ScaleForm, has_linear: bool) -> Vec<String> {
+    let logarithms = (form == ScaleForm::Logarithm).then(|| {
+        format!(
+            "{PREFIX}{SCALE} has values below zero, so it holds logarithms, as before a revision of the extension"
+        )
+    });
+    let linear = has_linear.then(|| {
+        "linear colours became display-referred ones, to first order where they depend on the view".into()
+    });
+    logarithms.into_iter().chain(linear).collect()
+}
+
+/// What a file has besides its Gaussians.
+fn left_out(primitives: usize, animations: usize) -> Vec<String> {
+    let others = [(primitives, "primitives without Gaussians"), (animations, "animations")];
+    others
+        .into_iter()
+        .filter(|(count, _)| *count > 0)
+        .map(|(count, what)| format!("{count} {what} are left out"))
+        .collect()
+}
+
+/// The static columns of a field as a `.glb`, with y up and in metres. Windows and motion are omitted: see
+/// [`crate::frozen()`]. Viewers without the extension show points with the constant colours.
+///
+/// Returns `None` for a field beyond the 4 GiB of the format.
+pub fn write(field: &Field, info: &ClipInfo) -> Option<Vec<u8>> {
+    let mut field = field.clone();
+    let scale = info.metres_per_unit.into();
+    Similarity { scale, ..Similarity::turning(info.up, Y_UP) }.apply(&mut field);
+    let attributes = Attributes::new(&field);
+    let document = json!({
+        "asset": {"version": "2.0", "generator": format!("aarc-studio {}", env!("CARGO_PKG_VERSION"))},
+        "extensionsUsed": [EXTENSION],
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{
+            "mode": 0,
+            "attributes": attributes.names,
+            "extensions": {EXTENSION: {
+                "kernel": KERNEL,
+                "colorSpace": DISPLAY,
+                "projection": "perspective",
+                "sortingMethod": "cameraDistance",
+            }},
+        }]}],
+        "buffers": [{"byteLength": attributes.bytes.len()}],
+        "bufferViews": attributes.views,
+        "accessors": attributes.accessors,
+    });
+    container::file(document.to_string().into_bytes(), &attributes.bytes)
+}
+
+/// What a file does not hold of a field and the metadata of its clip.
+pub(crate) fn lost(field: &Field, info: &ClipInfo) -> Vec<&'static str> {
+    listed([
+        (field.filter.compensates(), "the mip filter"),
+        (field.near > 0.0, "the near distance"),
+        (!info.viewpoints.is_empty(), "viewpoints"),
+        (true, "duration and frame rate"),
+    ])
+}

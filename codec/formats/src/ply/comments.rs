@@ -1,0 +1,127 @@
+//! The metadata of a clip in the comments of a PLY, as `xtask/FIELD.md` specifies them: a comment is [`MARK`], a key and
+//! a value.
+
+use codec::{ClipInfo, Field, PixelFilter, Viewpoint};
+
+use crate::imported::{Hints, NAME_MAX};
+
+use super::container::Ply;
+
+/// First word of the comments that hold metadata.
+pub const MARK: &str = "aarc";
+
+/// Version of the field file.
+pub const VERSION: &str = "1";
+
+/// Key of the comment that marks a field file, whose value is its version.
+const FIELD: &str = "field";
+
+/// Whether the comments mark a field file.
+pub(super) fn is_marked(ply: &Ply) -> bool {
+    metadata(ply).any(|(key, _)| key == FIELD)
+}
+
+/// The comment that marks a field file.
+pub(super) fn mark() -> String {
+    comment(FIELD, VERSION)
+}
+
+/// The comment of a key and its value.
+pub(super) fn comment(key: &str, value: impl std::fmt::Display) -> String {
+    format!("{MARK} {key} {value}")
+}
+
+/// Keys and values of the metadata comments.
+fn metadata<'p>(ply: &'p Ply) -> impl Iterator<Item = (&'p str, &'p str)> {
+    ply.comments.iter().filter_map(|comment| {
+        let (mark, rest) = comment.split_once(' ')?;
+        (mark == MARK).then(|| rest.split_once(' ').unwrap_or((rest, "")))
+    })
+}
+
+/// The metadata in the comments of any PLY; a static one that this project wrote has some, too.
+///
+/// # Errors
+/// One sentence that names the comment that cannot be used.
+pub(super) fn hints(ply: &Ply) -> Result<Hints, String> {
+    let mut hints = Hints::default();
+    for (key, value) in metadata(ply) {
+        let wrong = || format!("comment {MARK} {key}: cannot use `{value}`");
+        let positive = || numbers::<1>(value).map(|[x]| x).filter(|&x| x > 0.0).ok_or_else(wrong);
+        match key {
+            FIELD if value == VERSION => {}
+            FIELD => return Err(format!("field file of version {value}, only {VERSION} is known")),
+            "duration_s" => hints.duration_s = Some(positive()?),
+            "fps" => hints.fps = Some(positive()?),
+            "metres_per_unit" => hints.metres_per_unit = Some(positive()?),
+            "up" => hints.up = Some(numbers(value).filter(is_unit).ok_or_else(wrong)?),
+            "viewpoint" => hints.viewpoints.push(viewpoint(value).ok_or_else(wrong)?),
+            // 0 states that nothing fades.
+            "near" => {
+                hints.near = Some(numbers::<1>(value).map(|[x]| x).filter(|&x| x >= 0.0).ok_or_else(wrong)?)
+            }
+            "filter" => {}
+            // The host tool reads the comments on a fit; later versions may add keys.
+            _ => hints.comments.push((key.into(), value.into())),
+        }
+    }
+    Ok(hints)
+}
+
+/// The filter in the comments of any PLY; the filter of most fields if the comments name no filter.
+///
+/// # Errors
+/// One sentence that names the comment, if it names no filter.
+pub(super) fn filter(ply: &Ply) -> Result<PixelFilter, String> {
+    match metadata(ply).find(|(key, _)| *key == "filter") {
+        None => Ok(PixelFilter::default()),
+        Some((key, value)) => {
+            PixelFilter::named(value).ok_or_else(|| format!("comment {MARK} {key}: cannot use `{value}`"))
+        }
+    }
+}
+
+/// The comments on a clip. Rust prints the shortest digits that read back as the same number.
+pub(super) fn on_clip(info: &ClipInfo) -> Vec<String> {
+    let vector = |v: [f32; 3]| format!("{} {} {}", v[0], v[1], v[2]);
+    let mut comments = vec![
+        comment("duration_s", info.duration_s),
+        comment("fps", info.fps),
+        comment("up", vector(info.up)),
+        comment("metres_per_unit", info.metres_per_unit),
+    ];
+    comments.extend(info.viewpoints.iter().map(|view| {
+        let name = view.name.replace(char::is_control, " ");
+        let (position, target) = (vector(view.position), vector(view.target));
+        comment("viewpoint", format_args!("{position} {target} {} {name}", view.fov_y))
+    }));
+    comments
+}
+
+/// The comments on how the Gaussians are drawn, where most fields differ: the filter, the near distance.
+pub(super) fn on_drawing(field: &Field) -> impl Iterator<Item = String> {
+    let Field { filter, near, .. } = *field;
+    let filter = (filter != PixelFilter::default()).then(|| comment("filter", filter.name()));
+    filter.into_iter().chain((near > 0.0).then(|| comment("near", near)))
+}
+
+/// Parses `position target fov_y name`; the name is the rest of the line.
+fn viewpoint(value: &str) -> Option<Viewpoint> {
+    let mut words = value.splitn(8, ' ');
+    let mut next = || words.next()?.parse().ok().filter(|x: &f32| x.is_finite());
+    let position = [next()?, next()?, next()?];
+    let target = [next()?, next()?, next()?];
+    let fov_y = next().filter(|fov| (0.0..std::f32::consts::PI).contains(fov))?;
+    let name = words.next().unwrap_or_default().to_owned();
+    (name.len() <= NAME_MAX).then_some(Viewpoint { name, position, target, fov_y })
+}
+
+/// Exactly `N` finite numbers.
+fn numbers<const N: usize>(value: &str) -> Option<[f32; N]> {
+    let parsed: Option<Vec<f32>> = value.split(' ').map(|word| word.parse().ok()).collect();
+    parsed?.try_into().ok().filter(|all: &[f32; N]| all.iter().all(|x| x.is_finite()))
+}
+
+fn is_unit(v: &[f32; 3]) -> bool {
+    (v.iter().map(|x| x * x).sum::<f32>() - 1.0).abs() < 1e-3
+}

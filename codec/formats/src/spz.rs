@@ -1,0 +1,320 @@
+//! The `.spz` file of Niantic: versions 2 to 4 are read, version 3 is written.
+//!
+//! Version 2 and 3 are one stream, packed with gzip or plain: a header of 16 bytes, then one
+//! array per attribute. Version 4 has a header of 32 bytes, a table of compressed and plain sizes,
+//! and the same arrays packed with zstd one by one. Per Gaussian:
+//!
+//! | bytes | attribute |
+//! |---|---|
+//! | 9 | centre, 24-bit two's complement with `fractional_bits` binary places |
+//! | 1 | opacity / 255 |
+//! | 3 | constant SH coefficients, `(byte / 255 - 0.5) / 0.15` |
+//! | 3 | log-scales, `byte / 16 - 10` |
+//! | 3 | version 2: x, y, z of the quaternion, `byte / 127.5 - 1`, w not negative |
+//! | 4 | from version 3: index of the largest of x, y, z, w, and the others as sign and 9 bits |
+//! | 9, 24, 45, 72 | SH of degree 1 to 4, `[coefficient][channel]`, `(byte - 128) / 128` |
+//!
+//! The format's axes are x right, y up, z back. The reader keeps them, with +y as the up axis.
+
+use std::f64::consts::FRAC_1_SQRT_2;
+use std::io::{Read, Write};
+
+use codec::{ClipInfo, Field, PixelFilter, SH_DEGREE_MAX, sh_coefficients};
+use flate2::Compression;
+use flate2::read::GzDecoder;
+use flate2::write::GzEncoder;
+
+use crate::account::{Account, Repairs, listed};
+use crate::bytes::u32_at;
+use crate::columns::with_largest;
+use crate::imported::{Hints, Imported};
+use crate::limits::ImportBudget;
+use crate::up_axis::Y_UP;
+
+/// The first bytes of a file: of one that is plain, and of one that gzip packed.
+pub(crate) const STARTS: [&[u8]; 2] = [&MAGIC, &[0x1f, 0x8b]];
+
+/// First four bytes of a plain file.
+const MAGIC: [u8; 4] = *b"NGSP";
+
+/// Factor from the constant SH coefficient to the stored colour, narrower than the basis so that
+/// colours outside `[0, 1]` fit.
+const COLOR_SCALE: f32 = 0.15;
+
+/// Bytes of the header of versions 2 and 3.
+const HEADER: usize = 16;
+
+/// Bytes of the header of version 4.
+const HEADER_V4: usize = 32;
+
+/// Bit of byte 14 of the header: the field was fitted with compensated opacities.
+const ANTIALIASED: u8 = 1;
+
+/// Bits of a coordinate without its sign: the most binary places.
+const COORDINATE_BITS: u8 = 23;
+
+/// Largest value of a component of a quaternion in 9 bits, for 1 / sqrt(2).
+const COMPONENT_MAX: u32 = 511;
+
+/// Signs of the SH basis functions, in the order of 3D Gaussian Splatting, under a half turn about x:
+/// negative if the powers of y and z sum to an odd number.
+const HALF_TURN_SH: [f32; 16] =
+    [1.0, -1.0, -1.0, 1.0, -1.0, 1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0, -1.0, 1.0, -1.0, 1.0];
+
+/// What is assumed of a file with the bit [`ANTIALIASED`]. Mip-Splatting and Brush compensate for 0.1 px^2; `antialiased` of
+/// gsplat, `--antialiasing` of 3D Gaussian Splatting, and viewers such as PlayCanvas for 0.3 px^2.
+const ASSUMED_VARIANCE: &str = "drawn with the filter of Mip-Splatting, 0.1 px^2; SPZ states no variance, and \
+                                antialiased fits of gsplat and 3D Gaussian Splatting have 0.3 px^2";
+
+struct Header {
+    version: u32,
+    gaussians: usize,
+    sh_degree: u8,
+    fractional_bits: u8,
+    /// Whether the field was fitted with compensated opacities.
+    is_antialiased: bool,
+    /// Version 4: number of packed arrays, and where their table of sizes starts.
+    streams: usize,
+    table: usize,
+}
+
+impl Header {
+    /// Reads the header of a file of `file_size` bytes.
+    fn parse(bytes: &[u8], file_size: usize) -> Result<Header, String> {
+        if bytes.len() < HEADER || bytes[..4] != MAGIC {
+            return Err("SPZ without its header".into());
+        }
+        let header = Header {
+            version: u32_at(bytes, 4),
+            gaussians: u32_at(bytes, 8) as usize,
+            sh_degree: bytes[12],
+            fractional_bits: bytes[13],
+            is_antialiased: bytes[14] & ANTIALIASED != 0,
+            streams: usize::from(bytes[15]),
+            table: bytes.get(16..20).map_or(0, |table| u32_at(table, 0) as usize),
+        };
+        if !(2..=4).contains(&header.version) {
+            return Err(format!("SPZ version {}; 2, 3 and 4 are known", header.version));
+        }
+        if header.sh_degree > 4 || header.fractional_bits > COORDINATE_BITS {
+            let Header { sh_degree, fractional_bits, .. } = header;
+            return Err(format!("SPZ header: SH degree {sh_degree}, {fractional_bits} binary places"));
+        }
+        let plain = header.gaussians as u64 * header.strides().iter().sum::<usize>() as u64;
+        ImportBudget::check_ratio(file_size as u64, plain)
+            .map_err(|what| format!("SPZ of {} Gaussians: {what}", header.gaussians))?;
+        Ok(header)
+    }
+
+    /// Bytes per Gaussian of each array.
+    fn strides(&self) -> [usize; 6] {
+        let rotation = if self.version == 2 { 3 } else { 4 };
+        [9, 1, 3, 3, rotation, 3 * (sh_coefficients(self.sh_degree) - 1)]
+    }
+}
+
+/// Reads the rows of a static field.
+pub(crate) fn read(bytes: &[u8], budget: &mut ImportBudget) -> Result<Imported, String> {
+    let (header, arrays) = if bytes.starts_with(&MAGIC) && bytes.get(4) == Some(&4) {
+        read_v4(bytes, budget)?
+    } else if bytes.starts_with(&MAGIC) {
+        read_v2_v3(bytes, bytes.len(), budget)?
+    } else {
+        read_v2_v3(GzDecoder::new(bytes), bytes.len(), budget)?
+    };
+    // The arrays follow each other: a truncated file has only the first ones in full.
+    let strides = header.strides();
+    let rows = (arrays.iter().zip(strides))
+        .filter(|(_, stride)| *stride > 0)
+        .map(|(array, stride)| array.len() / stride)
+        .min()
+        .unwrap_or(0);
+    let mut repairs = Repairs::truncated(header.gaussians - rows);
+    let sh_degree = header.sh_degree.min(SH_DEGREE_MAX);
+    if sh_degree < header.sh_degree {
+        repairs.repair_rows("SH above degree 3 left out", rows);
+    }
+
+    let [centers, opacities, colors, scales, rotations, sh] = &arrays;
+    let unit = 1.0 / f64::from(1u32 << header.fractional_bits);
+    let center = |bytes: &[u8; 9]| {
+        [0, 3, 6].map(|k| {
+            // The upper three bytes of an i32, so that the shift extends the sign.
+            let fixed = i32::from_le_bytes([0, bytes[k], bytes[k + 1], bytes[k + 2]]) >> 8;
+            (f64::from(fixed) * unit) as f32
+        })
+    };
+    let base = |color: &[u8; 3]| color.map(|byte| (f32::from(byte) / 255.0 - 0.5) / COLOR_SCALE);
+    let rest_stored = sh_coefficients(header.sh_degree) - 1;
+    let rest_used = sh_coefficients(sh_degree) - 1;
+    let rest = |row: usize| {
+        let coefficients = &sh.as_chunks::<3>().0[row * rest_stored..][..rest_used];
+        coefficients.iter().map(|c| c.map(|byte| (f32::from(byte) - 128.0) / 128.0))
+    };
+    let mut field = budget.field(rows, sh_degree)?;
+    if header.is_antialiased {
+        field.filter = PixelFilter::Mip;
+    }
+    field.centers.extend(first(centers, rows).map(center));
+    match header.version {
+        2 => field.rotations.extend(first(rotations, rows).map(|&xyz| unpack_first_three(xyz))),
+        _ => field
+            .rotations
+            .extend(first(rotations, rows).map(|&word| unpack_smallest_three(u32::from_le_bytes(word)))),
+    }
+    let log_scale = |bytes: &[u8; 3]| bytes.map(|byte| f32::from(byte) / 16.0 - 10.0);
+    field.log_scales.extend(first(scales, rows).map(log_scale));
+    field.opacities.extend(opacities[..rows].iter().map(|&byte| f32::from(byte) / 255.0));
+    for (row, color) in first(colors, rows).enumerate() {
+        field.sh.push(base(color));
+        field.sh.extend(rest(row));
+    }
+    let hints = Hints { up: Some(Y_UP), ..Hints::default() };
+    let assumed = Vec::from_iter(header.is_antialiased.then(|| ASSUMED_VARIANCE.into()));
+    let account = Account { assumed, ..repairs.into() };
+    Ok(Imported { field, hints, format: "SPZ", account })
+}
+
+fn read_v2_v3(
+    mut source: impl Read,
+    file_size: usize,
+    budget: &mut ImportBudget,
+) -> Result<(Header, [Vec<u8>; 6]), String> {
+    let header = read_up_to(&mut source, HEADER, budget)?;
+    let header = Header::parse(&header, file_size)?;
+    if header.version == 4 {
+        return Err("SPZ version 4 inside gzip".into());
+    }
+    let mut arrays = <[Vec<u8>; 6]>::default();
+    for (array, stride) in arrays.iter_mut().zip(header.strides()) {
+        *array = read_up_to(&mut source, header.gaussians * stride, budget)?;
+    }
+    Ok((header, arrays))
+}
+
+fn read_v4(bytes: &[u8], budget: &mut ImportBudget) -> Result<(Header, [Vec<u8>; 6]), String> {
+    if bytes.len() < HEADER_V4 {
+        return Err(format!("SPZ truncated at byte {}", bytes.len()));
+    }
+    let header = Header::parse(&bytes[..HEADER_V4], bytes.len())?;
+    let table = bytes.get(header.table..).and_then(|table| table.get(..16 * header.streams));
+    let Some(table) = table else {
+        return Err(format!("SPZ truncated at byte {}, in its table of sizes", bytes.len()));
+    };
+    let mut packed = &bytes[header.table + table.len()..];
+    let mut arrays = <[Vec<u8>; 6]>::default();
+    let sizes = table.as_chunks::<8>().0.as_chunks::<2>().0;
+    for ((array, stride), [size, _plain]) in arrays.iter_mut().zip(header.strides()).zip(sizes) {
+        let size = usize::try_from(u64::from_le_bytes(*size)).unwrap_or(usize::MAX).min(packed.len());
+        let (stream, rest) = packed.split_at(size);
+        packed = rest;
+        let decoder = zstd::stream::read::Decoder::with_buffer(stream).map_err(|e| format!("SPZ: {e}"))?;
+        *array = read_up_to(decoder, header.gaussians * stride, budget)?;
+    }
+    Ok((header, arrays))
+}
+
+/// The first `rows` rows of an array of `N` bytes each.
+fn first<const N: usize>(array: &[u8], rows: usize) -> impl Iterator<Item = &[u8; N]> {
+    array.as_chunks().0[..rows].iter()
+}
+
+/// Reads `size` bytes, or fewer if the source ends or fails.
+fn read_up_to(source: impl Read, size: usize, budget: &mut ImportBudget) -> Result<Vec<u8>, String> {
+    let mut bytes = budget.vec(size)?;
+    // Bytes before an error are used; the caller counts the missing ones.
+    let _ = source.take(size as u64).read_to_end(&mut bytes);
+    Ok(bytes)
+}
+
+fn unpack_first_three(xyz: [u8; 3]) -> [f32; 4] {
+    let [x, y, z] = xyz.map(|byte| f32::from(byte) / 127.5 - 1.0);
+    [(1.0 - (x * x + y * y + z * z)).max(0.0).sqrt(), x, y, z]
+}
+
+/// Bits 30-31: index of the omitted one of x, y, z, w; then 10 bits for each of the others, in order.
+fn unpack_smallest_three(word: u32) -> [f32; 4] {
+    let others = [20, 10, 0].map(|shift| {
+        let bits = word >> shift;
+        let magnitude = f64::from(bits & COMPONENT_MAX) / f64::from(COMPONENT_MAX) * FRAC_1_SQRT_2;
+        if bits & 0x200 == 0 { magnitude } else { -magnitude }
+    });
+    let [x, y, z, w] = with_largest((word >> 30) as usize, others).map(|x| x as f32);
+    [w, x, y, z]
+}
+
+/// The static columns of a field. Windows and motion are omitted: see [`crate::frozen()`].
+///
+/// The format has y up and z back. A field whose `up` is nearer to -y, as after COLMAP, is
+/// turned by half a turn about x, as Niantic's own converter does; others keep their axes.
+pub fn write(field: &Field, up: [f32; 3]) -> Vec<u8> {
+    let places = binary_places(field);
+    let mut bytes = MAGIC.to_vec();
+    bytes.extend(3u32.to_le_bytes());
+    bytes.extend((field.len() as u32).to_le_bytes());
+    let flags = if field.filter.compensates() { ANTIALIASED } else { 0 };
+    bytes.extend([field.sh_degree, places, flags, 0]);
+
+    let flip = if up[1] < 0.0 { -1.0 } else { 1.0 };
+    let largest = (1 << COORDINATE_BITS) - 1;
+    for [x, y, z] in &field.centers {
+        for x in [*x, y * flip, z * flip] {
+            let fixed = (f64::from(x) * f64::from(1u32 << places)).round() as i32;
+            bytes.extend(&fixed.clamp(-largest, largest).to_le_bytes()[..3]);
+        }
+    }
+    bytes.extend(field.opacities.iter().map(|opacity| byte(opacity * 255.0)));
+    for i in 0..field.len() {
+        bytes.extend(field.sh_of(i)[0].map(|c| byte((c * COLOR_SCALE + 0.5) * 255.0)));
+    }
+    bytes.extend(field.log_scales.as_flattened().iter().map(|scale| byte((scale + 10.0) * 16.0)));
+    for [w, x, y, z] in &field.rotations {
+        bytes.extend(pack_smallest_three([*w, *x, y * flip, z * flip]).to_le_bytes());
+    }
+    for i in 0..field.len() {
+        for (c, half_turn) in field.sh_of(i).iter().zip(HALF_TURN_SH).skip(1) {
+            let sign = if flip < 0.0 { half_turn } else { 1.0 };
+            bytes.extend(c.map(|x| byte(sign * x * 128.0 + 128.0)));
+        }
+    }
+
+    let mut gzip = GzEncoder::new(Vec::new(), Compression::default());
+    gzip.write_all(&bytes).and_then(|()| gzip.finish()).expect("a Vec takes every byte")
+}
+
+/// What a file does not hold of a field and the metadata of its clip.
+pub(crate) fn lost(field: &Field, info: &ClipInfo) -> Vec<&'static str> {
+    listed([
+        (field.filter.compensates(), "the variance of the mip filter"),
+        (field.near > 0.0, "the near distance"),
+        (![Y_UP, [0.0, -1.0, 0.0]].contains(&info.up), "the up axis"),
+        (info.metres_per_unit != 1.0, "metres per unit"),
+        (!info.viewpoints.is_empty(), "viewpoints"),
+        (true, "duration and frame rate"),
+    ])
+}
+
+/// Largest number of binary places with which every coordinate fits.
+fn binary_places(field: &Field) -> u8 {
+    let extent = field.centers.as_flattened().iter().fold(0.0f32, |extent, x| extent.max(x.abs()));
+    let bits_before = if extent > 0.0 { extent.log2().floor() as i32 + 1 } else { 0 };
+    (i32::from(COORDINATE_BITS) - bits_before).clamp(0, COORDINATE_BITS.into()) as u8
+}
+
+/// The nearest byte; others are clamped.
+fn byte(x: f32) -> u8 {
+    x.round() as u8
+}
+
+/// Inverse of [`unpack_smallest_three`].
+fn pack_smallest_three([w, x, y, z]: [f32; 4]) -> u32 {
+    let q = [x, y, z, w];
+    let largest = (1..4).fold(0, |best, k| if q[k].abs() > q[best].abs() { k } else { best });
+    // The same rotation, with a positive omitted component.
+    let negate = q[largest] < 0.0;
+    (0..4).filter(|&k| k != largest).fold(largest as u32, |word, k| {
+        let largest = COMPONENT_MAX as f32;
+        let magnitude = (q[k].abs() / std::f32::consts::FRAC_1_SQRT_2 * largest).round().min(largest) as u32;
+        word << 10 | u32::from((q[k] < 0.0) != negate) << 9 | magnitude
+    })
+}
