@@ -2,7 +2,7 @@
 //! package in existence; FORMAT.md specifies them.
 
 /// First bytes of every package.
-pub(crate) const MAGIC: [u8; 4] = *b"AARC";
+pub const MAGIC: [u8; 4] = *b"AARC";
 
 /// Major version of the package format, of all packages that are read and written.
 pub const VERSION_MAJOR: u16 = 1;
@@ -39,7 +39,7 @@ pub(crate) const ENTRY_BYTES: usize = 24;
 pub(crate) const VIEWPOINTS_MAX: usize = 64;
 
 /// Largest length of a viewpoint's name in bytes.
-pub(crate) const NAME_BYTES_MAX: usize = 63;
+pub const NAME_BYTES_MAX: usize = 63;
 
 /// Largest number of layers.
 pub(crate) const LAYERS_MAX: usize = 16;

@@ -3,11 +3,10 @@
 use std::path::Path;
 
 use codec::{Clip, Field, Limits};
-use formats::{ImportLimits, ImportedScene, SceneFiles, is_field_file, is_field_name, list_folder};
+use formats::{
+    ImportLimits, ImportedScene, SceneFiles, is_field_file, is_field_name, is_package, list_folder,
+};
 use program::{Fault, counted};
-
-/// First bytes of a package.
-const PACKAGE_MAGIC: &[u8] = b"AARC";
 
 /// Whether a field is at a path: a folder with a field or several, or a file with the extension of a field
 /// that is no package.
@@ -16,16 +15,7 @@ pub(super) fn is_field(path: &Path) -> bool {
         return list_folder(path).is_ok_and(|names| names.iter().any(|name| is_field_name(name)));
     }
     let has_name = path.file_name().and_then(|name| name.to_str()).is_some_and(is_field_file);
-    has_name && !starts_as_package(path)
-}
-
-/// Whether a file begins as a package does. Opening a pipe would wait for its other end.
-fn starts_as_package(path: &Path) -> bool {
-    use std::io::Read;
-    let mut magic = [0; PACKAGE_MAGIC.len()];
-    path.is_file()
-        && std::fs::File::open(path).and_then(|mut file| file.read_exact(&mut magic)).is_ok()
-        && magic == *PACKAGE_MAGIC
+    has_name && !is_package(path)
 }
 
 /// Reads a field file, or a folder with one field or a sequence, and what there is to say of it.

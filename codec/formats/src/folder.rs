@@ -1,7 +1,10 @@
 //! [`FieldPath`]: where the field of a folder is, a file or the frames of a sequence.
 
-use std::fs;
+use std::fs::{self, File};
+use std::io::Read;
 use std::path::{Path, PathBuf};
+
+use codec::MAGIC;
 
 use crate::error::ImportError;
 use crate::import_within;
@@ -90,6 +93,15 @@ pub fn is_field_name(name: &str) -> bool {
 pub fn is_field_file(name: &str) -> bool {
     let extension = extension_of(Path::new(name));
     name == INDEX || extensions().any(|known| known == extension)
+}
+
+/// Whether a file begins as a package does, whatever its name.
+pub fn is_package(path: &Path) -> bool {
+    let mut start = [0; MAGIC.len()];
+    // Opening a pipe would wait for its other end.
+    path.is_file()
+        && File::open(path).and_then(|mut file| file.read_exact(&mut start)).is_ok()
+        && start == MAGIC
 }
 
 #[cfg(test)]

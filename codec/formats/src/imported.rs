@@ -5,9 +5,6 @@ use codec::{Field, NEAR_OF_SIZE, Surroundings, Viewpoint};
 use crate::account::{Account, Repairs, TRUNCATED};
 use crate::up_axis::DEFAULT_UP;
 
-/// Longest [`Viewpoint::name`] in bytes.
-pub(crate) const NAME_MAX: usize = 63;
-
 /// A field read from a file.
 #[derive(Clone, Debug)]
 pub struct Imported {

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use crate::error::ImportError;
 use crate::imported::Imported;
 use crate::limits::ImportBudget;
-use crate::table::{Format, PACKAGE, Reader, extension_of, titles};
+use crate::table::{Format, Reader, extension_of, titles};
 use crate::{clean, sog};
 
 /// The end of a sentence on a file that is damaged.
@@ -106,7 +106,7 @@ fn advised(what: String, budget: &ImportBudget) -> String {
 
 /// The sentence on a file of no format.
 fn unknown(bytes: &[u8]) -> String {
-    if bytes.starts_with(PACKAGE) {
+    if bytes.starts_with(&codec::MAGIC) {
         return "this is a package already; play it with `aarc`, or make a field of it with `export --ply`"
             .into();
     }

@@ -21,7 +21,7 @@
 
 use std::f32::consts::{FRAC_1_SQRT_2, SQRT_2};
 
-use codec::{Camera, ClipInfo, Field, Surroundings, Viewpoint};
+use codec::{Camera, ClipInfo, Field, NAME_BYTES_MAX, Surroundings, Viewpoint};
 use half::f16;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -29,7 +29,7 @@ use serde_json::json;
 use crate::account::{Repairs, listed};
 use crate::bytes::{byte_of_unit, f16_at, f32_at, u32_at};
 use crate::columns::{log_of_scales, rgb_of_sh, unpack_rgba};
-use crate::imported::{Hints, Imported, NAME_MAX};
+use crate::imported::{Hints, Imported};
 use crate::limits::ImportBudget;
 use crate::probe::Probe;
 use crate::up_axis::{DEFAULT_UP, up_of};
@@ -207,7 +207,7 @@ fn hints_of(field: &Field, cameras: &serde_json::Value, budget: &mut ImportBudge
     let listed = cameras.as_array().map_or(&[][..], Vec::as_slice).iter().take(CAMERAS_MAX);
     let named = listed.filter_map(|camera| SplatvCamera::deserialize(camera).ok()).enumerate().filter_map(
         |(i, camera)| {
-            let is_name = !camera.img_name.is_empty() && camera.img_name.len() <= NAME_MAX;
+            let is_name = !camera.img_name.is_empty() && camera.img_name.len() <= NAME_BYTES_MAX;
             let is_name = is_name && !camera.img_name.contains(char::is_control);
             let name = if is_name { camera.img_name.clone() } else { format!("camera {i}") };
             Some((name, camera.to_camera()?))

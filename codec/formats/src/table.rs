@@ -3,13 +3,12 @@
 use std::ffi::OsStr;
 use std::path::Path;
 
+use codec::MAGIC;
+
 use crate::imported::Imported;
 use crate::limits::ImportBudget;
 use crate::writing::Target;
 use crate::{glb, ksplat, ply, sog, splat, splatv, spz};
-
-/// The first bytes of a package.
-pub(crate) const PACKAGE: &[u8] = b"AARC";
 
 /// Reads the rows of a file, unchecked. Further files are in the folder.
 pub(crate) type Reader = fn(&[u8], &Path, &mut ImportBudget) -> Result<Imported, String>;
@@ -106,7 +105,7 @@ impl Format {
         let starts = |format: &&Format| format.starts.iter().any(|start| bytes.starts_with(start));
         let started = silent.or_else(|| FORMATS.iter().find(starts));
         // A package is no field, whatever its name.
-        let named = || FORMATS.iter().find(is_other).filter(|_| !bytes.starts_with(PACKAGE));
+        let named = || FORMATS.iter().find(is_other).filter(|_| !bytes.starts_with(&MAGIC));
         started.or_else(named)
     }
 }

@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use codec::{Clip, ClipInfo, Field, Surroundings};
+use formats::is_package;
 use indicatif::ProgressBar;
 use refine::prune::{Ranking, by_importance, contributions_to};
-use studio::input::is_package;
 use studio::package::QUALITY_DB;
 use studio::report::ReportSubject;
 use studio::segments::TakeFile;

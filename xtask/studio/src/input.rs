@@ -1,10 +1,9 @@
 //! [`Input`]: the input of a command, segments or a scene.
 
-use std::fs::File;
-use std::io::Read;
 use std::path::Path;
 
 use codec::{ClipInfo, Field, Viewpoint};
+use formats::is_package;
 use refine::reference;
 
 use crate::fields::FitRecord;
@@ -12,9 +11,6 @@ use crate::messages::decimal;
 use crate::scene::{Scene, frames_of};
 use crate::segments::{DecodedTake, FieldFolder, TakeFile};
 use program::Fault;
-
-/// First bytes of a package.
-const PACKAGE_MAGIC: [u8; 4] = *b"AARC";
 
 /// What a command works on.
 #[derive(Debug)]
@@ -182,15 +178,6 @@ pub fn clip_time(option: &str, seconds: f64, info: &ClipInfo) -> Result<f64, Fau
         )));
     }
     Ok((seconds / duration).min(1.0))
-}
-
-/// Whether a file begins with the magic number of packages.
-pub fn is_package(path: &Path) -> bool {
-    let mut magic = [0; 4];
-    // Opening a pipe would wait for its other end.
-    path.is_file()
-        && File::open(path).and_then(|mut file| file.read_exact(&mut magic)).is_ok()
-        && magic == PACKAGE_MAGIC
 }
 
 /// Number of segments of a package or a field folder, 1 of anything else. Decodes nothing.

@@ -1,9 +1,9 @@
 //! The metadata of a clip in the comments of a PLY, as `xtask/FIELD.md` specifies them: a comment is [`MARK`], a key and
 //! a value.
 
-use codec::{ClipInfo, Field, PixelFilter, Viewpoint};
+use codec::{ClipInfo, Field, NAME_BYTES_MAX, PixelFilter, Viewpoint};
 
-use crate::imported::{Hints, NAME_MAX};
+use crate::imported::Hints;
 
 use super::container::Ply;
 
@@ -113,7 +113,7 @@ fn viewpoint(value: &str) -> Option<Viewpoint> {
     let target = [next()?, next()?, next()?];
     let fov_y = next().filter(|fov| (0.0..std::f32::consts::PI).contains(fov))?;
     let name = words.next().unwrap_or_default().to_owned();
-    (name.len() <= NAME_MAX).then_some(Viewpoint { name, position, target, fov_y })
+    (name.len() <= NAME_BYTES_MAX).then_some(Viewpoint { name, position, target, fov_y })
 }
 
 /// Exactly `N` finite numbers.

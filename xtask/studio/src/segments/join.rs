@@ -6,6 +6,7 @@
 use std::path::{Path, PathBuf};
 
 use codec::{ClipInfo, Field, retime};
+use formats::is_package;
 use program::{Fault, output};
 
 use super::agreement::Agreement;
@@ -13,7 +14,6 @@ use super::file::TakeFile;
 use super::folder::{FieldFolder, FolderEntry};
 use super::span::{Span, check_spans, order_of};
 use crate::fields::{FitRecord, fitted_field_file};
-use crate::input::is_package;
 use crate::scene::{FIELD_FOLDER, Scene};
 
 /// Shortest part of a segment that is worth joining, as a fraction of the segment: less is rounding.

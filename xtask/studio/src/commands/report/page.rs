@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::bail;
 use codec::Limits;
+use formats::is_package;
 use glam::UVec2;
 use measure::device::{Passes, device};
 use measure::playing;
@@ -12,7 +13,6 @@ use refine::fit::Cpu;
 
 use crate::commands::capture::PartSelection;
 use crate::fit::TrainingViews;
-use crate::input::is_package;
 use crate::machine::machine;
 use crate::package::{LAYERS, PackageSettings, package_with};
 use crate::progress::StagedProgress;
