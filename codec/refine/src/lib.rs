@@ -74,4 +74,5 @@ pub mod matte;
 mod median;
 pub mod metrics;
 pub mod prune;
+mod raster;
 pub mod reference;

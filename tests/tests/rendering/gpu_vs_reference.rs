@@ -16,6 +16,8 @@ use libtest_mimic::Trial;
 use refine::image::Image;
 use refine::reference::{Order, RenderScene, render};
 
+use crate::naive;
+
 /// The tolerance of every test that does not state its own.
 const TOLERANCE: Tolerance = Tolerance { max_diff: 2.0, diff_pixels: 100, psnr: 54.0 };
 
@@ -39,6 +41,7 @@ pub(crate) fn trials() -> Vec<Trial> {
     }
     trials.extend(eyes_of("fading near the eye", |stereo| Expected::of_places(stereo, fading)));
     trials.extend([
+        gpu::trial("naive rasteriser", Passes::Shared, naive_rasterizer),
         gpu::trial("plate", Passes::Shared, plate),
         gpu::trial("mip filter", Passes::Shared, mip_filter),
         gpu::trial("plate of another filter", Passes::Shared, plate_of_another_filter),
@@ -181,6 +184,25 @@ fn compare(
     let images = images.map_err(|fault| fault.to_string())?;
     let expected = render(scene, camera, t, order);
     check(name, &images[0], &expected, tolerance.on(gpu)).map(|_| ())
+}
+
+/// Both filters, turning Gaussians of all degrees, a plate: what the device draws is what the equations say.
+fn naive_rasterizer(gpu: &Gpu) -> Result<(), String> {
+    let recipe = Recipe { sh_degree: 3, motion: Motion::Mixed, turning: true, ..RECIPE };
+    let background = Recipe { motion: Motion::Static, seed: 9, ..RECIPE }.field();
+    let tolerance = Tolerance { diff_pixels: 400, ..TOLERANCE };
+    for (filter, place) in PixelFilter::ALL.into_iter().zip([Place::Whole, Place::Edge]) {
+        let clip = decoded_with(&Field { filter, ..recipe.field() }, Some(&background), &[]);
+        let view = camera(place, SIZE.0, SIZE.1);
+        let cameras = std::slice::from_ref(&view);
+        let images = gpu::draw(gpu, &clip, cameras, 0.4, &RenderSettings::default(), ChannelDepth::Sixteen);
+        let images = images.map_err(|fault| fault.to_string())?;
+        let fields = [&clip.merged(), clip.plate.as_ref().expect("the clip has a plate")];
+        let pixels = naive::draw(&fields, &view, 0.4);
+        let expected = Image { width: SIZE.0, height: SIZE.1, pixels };
+        check(&format!("naive, {place:?}"), &images[0], &expected, tolerance.on(gpu))?;
+    }
+    Ok(())
 }
 
 fn plate(gpu: &Gpu) -> Result<(), String> {

@@ -12,6 +12,8 @@ mod golden;
 mod gpu_vs_reference;
 mod left_out;
 mod linear_light;
+#[path = "../../../codec/refine/src/raster/naive.rs"]
+mod naive;
 mod pipelines;
 mod prefixes;
 mod real_data;

@@ -9,7 +9,6 @@
 //!
 //! One folder per purpose; each uses only those above it:
 //!
-//! - `precision`: [`Real`], the scalar type of a computation
 //! - `parameters`: what is optimised, its bounds, its unit of time
 //! - `views`: cameras, photographs and rendered images
 //! - `cameras`: [`Rig`], what is learned of the cameras
@@ -27,14 +26,14 @@ mod backend;
 mod cameras;
 mod density;
 #[cfg(test)]
-mod fixtures;
+pub(crate) mod fixtures;
 mod loss;
 mod optimizer;
 mod parameters;
-mod precision;
 mod training;
 mod views;
 
+pub use crate::raster::Real;
 #[cfg(feature = "gpu")]
 pub use backend::gpu;
 pub use backend::{
@@ -46,6 +45,5 @@ pub use density::{DensityChange, DensityRule};
 pub(crate) use loss::ssim_and_gradient;
 pub use loss::{Lpips, LpipsError, LpipsNetwork, WeightTensor, subject_psnr};
 pub use parameters::{Carried, Parameters, Timeline};
-pub use precision::Real;
 pub use training::{FRAGMENT_WEIGHT, Fit, FitSettings, Run};
 pub use views::{FrameView, Photograph, RenderedImage, TrainingView};

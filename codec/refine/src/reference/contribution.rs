@@ -7,8 +7,9 @@ use codec::{Camera, Field};
 
 use super::coverage::{Radius, fragments};
 use super::sort::{self, Order};
-use super::splat::{Fragment, Walk};
+use super::splat::{PixelShare, sum_shares};
 use super::{FieldPrefix, evaluate_all};
+use crate::raster::Tiles;
 
 /// Contribution of one Gaussian to one or several pictures.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -41,25 +42,26 @@ impl Contribution {
 /// Contribution of each row of `field` to its picture from `camera` at clip time `t`. `camera` must satisfy
 /// [`Camera::check`].
 ///
-/// The result does not depend on the number of threads: rows of tiles are summed from top to bottom.
+/// The result does not depend on the number of threads: tiles are summed in their order.
 pub fn contributions(field: &Field, camera: &Camera, t: f64, order: Order) -> Vec<Contribution> {
     let mut splats = evaluate_all(&[FieldPrefix::whole(field)], camera, t);
     sort::sort(&mut splats, order);
-    let walk = Walk::new(&splats, camera.width, camera.height);
-    let add = |sum: &mut Contribution, fragment: &Fragment| {
-        let weight = fragment.weight();
+    let add = |sum: &mut Contribution, share: &PixelShare| {
+        let PixelShare { index, weight, transmittance } = *share;
         sum.merge(&Contribution {
             weight,
             weight_squared: weight * weight,
             weight_max: weight,
-            hits: splats[fragment.index()].opacity * fragment.transmittance,
+            hits: splats[index].opacity * transmittance,
             fragments: 0.0,
         });
     };
+    let tiles = Tiles::new(&splats, camera.width, camera.height);
+    let sums = sum_shares(&splats, &tiles, add, Contribution::merge);
     let mut rows = vec![Contribution::default(); field.len()];
-    for (splat, contribution) in splats.iter().zip(walk.sum_of_fragments(add, Contribution::merge)) {
+    for (splat, contribution) in splats.iter().zip(sums) {
         let fragments = fragments(splat, Radius::Exact, camera.width, camera.height) as f64;
-        rows[splat.row] = Contribution { fragments, ..contribution };
+        rows[splat.row as usize] = Contribution { fragments, ..contribution };
     }
     rows
 }

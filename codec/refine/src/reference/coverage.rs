@@ -3,14 +3,16 @@
 //! A player draws a splat as a quad along the axes of its footprint. Pixel centres inside the quad are
 //! its fragments; their number depends on the radius of the quad.
 
-use codec::Camera;
+use codec::{ALPHA_MIN, Camera};
 use glam::{DVec2, dvec2};
 use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 
-use super::evaluate::Splat;
-use super::exp::LANES;
 use super::{FieldPrefix, RenderScene, alive, evaluate_all};
+use crate::raster::Splat;
+
+/// Rows of pixels at once: as many numbers as a vector of 256 bits has.
+const LANES: usize = 4;
 
 /// Half the side of a splat's quad, in standard deviations.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -43,7 +45,7 @@ pub fn coverage(scene: &RenderScene, camera: &Camera, t: f64, radius: Radius) ->
         prefix.clip_time(t).map_or(0, |t| alive::alive(prefix.field, prefix.rows, t).len())
     };
     let alive = prefixes.iter().map(alive_in).sum();
-    let counts = |splat: &Splat| {
+    let counts = |splat: &Splat<f64>| {
         let fragments = fragments(splat, radius, camera.width, camera.height);
         (usize::from(fragments > 0), fragments)
     };
@@ -55,13 +57,13 @@ pub fn coverage(scene: &RenderScene, camera: &Camera, t: f64, radius: Radius) ->
 }
 
 /// Number of pixel centres of the image inside the quad of `splat`.
-pub(super) fn fragments(splat: &Splat, radius: Radius, width: u32, height: u32) -> u64 {
+pub(super) fn fragments(splat: &Splat<f64>, radius: Radius, width: u32, height: u32) -> u64 {
     Arch::new().dispatch(Quad { splat, radius, width, height })
 }
 
 /// A quad whose pixels are counted.
 struct Quad<'a> {
-    splat: &'a Splat,
+    splat: &'a Splat<f64>,
     radius: Radius,
     width: u32,
     height: u32,
@@ -73,27 +75,30 @@ impl NullaryFnOnce for Quad<'_> {
     #[inline(always)]
     fn call(self) -> u64 {
         let Quad { splat, radius, width, height } = self;
+        // Where alpha falls to its least: sqrt(2 ln(o / ALPHA_MIN)).
+        let exact = (2.0 * libm::log(splat.opacity / ALPHA_MIN)).max(0.0).sqrt();
         let radius = match radius {
-            Radius::Exact => splat.radius(),
-            Radius::AtMost(most) => splat.radius().min(most),
+            Radius::Exact => exact,
+            Radius::AtMost(most) => exact.min(most),
             Radius::Fixed(radius) => radius,
         };
         let (axis, sigma) = principal_axes(splat.covariance);
         let half = radius * sigma;
         let half_height = (half.x * axis.y).abs() + (half.y * axis.x).abs();
-        let rows = pixels_between(splat.center.y - half_height, splat.center.y + half_height, height);
+        let [center_x, center_y] = splat.center;
+        let rows = pixels_between(center_y - half_height, center_y + half_height, height);
         let inverse = axis.recip();
         let mut counts = [0.0; LANES];
         for first in rows.clone().step_by(LANES) {
             // Several rows at once, the last ones perhaps beyond the end.
             for (lane, count) in counts.iter_mut().enumerate() {
                 let y = f64::from(first) + lane as f64;
-                let dy = y + 0.5 - splat.center.y;
+                let dy = y + 0.5 - center_y;
                 // |axis . d| <= half.x and |normal . d| <= half.y are intervals of d.x in this row.
                 let along = interval(inverse.x, axis.y * dy, half.x);
                 let across = interval(-inverse.y, axis.x * dy, half.y);
                 let (left, right) = (along.0.max(across.0), along.1.min(across.1));
-                let columns = columns_between(splat.center.x + left, splat.center.x + right, width);
+                let columns = columns_between(center_x + left, center_x + right, width);
                 *count += if y < f64::from(rows.end) { columns } else { 0.0 };
             }
         }

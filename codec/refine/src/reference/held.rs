@@ -2,10 +2,11 @@
 
 use codec::Camera;
 
-use super::evaluate::{Splat, evaluate};
-use super::sort::{Order, nearer};
+use super::evaluate::evaluate;
+use super::sort::{Order, sort_by};
 use super::{FieldPrefix, RenderScene, alive, splat};
 use crate::image::Image;
+use crate::raster::Splat;
 
 /// Renders `scene` from `camera` at clip time `t` over black, with the visible Gaussians and their order
 /// of an earlier frame: the camera and clip time `sorted_at`.
@@ -30,19 +31,19 @@ fn in_held_order(
     t: f64,
     order: Order,
     (earlier_camera, earlier_t): (&Camera, f64),
-) -> Vec<Splat> {
+) -> Vec<Splat<f64>> {
     let visible = |prefix: &FieldPrefix, camera: &Camera, t: f64| {
         let at = |t| evaluate(prefix.field, &alive::alive(prefix.field, prefix.rows, t), camera, t);
         prefix.clip_time(t).map_or_else(Vec::new, at)
     };
-    let mut earlier: Vec<(usize, Splat)> = Vec::new();
-    let mut now: Vec<Vec<Option<Splat>>> = Vec::new();
+    let mut earlier: Vec<(usize, Splat<f64>)> = Vec::new();
+    let mut now: Vec<Vec<Option<Splat<f64>>>> = Vec::new();
     for (i, prefix) in prefixes.iter().enumerate() {
         earlier.extend(visible(prefix, earlier_camera, earlier_t).into_iter().map(|splat| (i, splat)));
         let mut by_row = vec![None; prefix.rows];
-        visible(prefix, camera, t).into_iter().for_each(|splat| by_row[splat.row] = Some(splat));
+        visible(prefix, camera, t).into_iter().for_each(|splat| by_row[splat.row as usize] = Some(splat));
         now.push(by_row);
     }
-    earlier.sort_by(|(_, a), (_, b)| nearer(a, b, order));
-    earlier.into_iter().filter_map(|(prefix, splat)| now[prefix][splat.row]).collect()
+    sort_by(&mut earlier, order, |(_, splat)| splat);
+    earlier.into_iter().filter_map(|(prefix, splat)| now[prefix][splat.row as usize]).collect()
 }

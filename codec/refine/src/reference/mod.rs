@@ -2,25 +2,22 @@
 //!
 //! It has one file per stage, named like the stages on the GPU: `alive` selects the Gaussians that are
 //! alive at the instant, `evaluate` projects them, `sort` orders them by depth, and `splat` composites
-//! them. Tests compare the GPU with it, pruning compares candidates by it, and tools draw with it where
-//! there is no GPU.
+//! them. The arithmetic is in `raster`, which fits run in f32. Tests compare the GPU with the reference, pruning
+//! compares candidates by it, and tools draw with it where there is no GPU.
 //!
 //! Conventions follow gsplat, and so nearly all fitted fields: variances get the filter of the field,
 //! alpha is limited to 0.999 and skipped below 1/255, and a pixel is finished before its transmittance
 //! falls to 1e-4.
 //!
-//! Its pictures decide the content of packages, so exponentials and logarithms come from `libm`, which
-//! gives the same bits on all machines.
+//! Its pictures decide the content of packages, so they have the same bits on all machines.
 
 mod alive;
 mod colors;
 mod contribution;
 mod coverage;
 mod evaluate;
-mod exp;
 mod held;
 mod sensitivity;
-mod sh;
 mod shown;
 mod sort;
 mod splat;
@@ -36,7 +33,7 @@ pub use shown::{Shown, shown};
 pub use sort::Order;
 
 use crate::image::Image;
-use evaluate::Splat;
+use crate::raster::Splat;
 
 /// A scene to render: Gaussians that are sorted together, and plates behind them.
 #[derive(Clone, Debug, Default)]
@@ -156,7 +153,7 @@ pub fn render_with_subject(scene: &RenderScene, camera: &Camera, t: f64, order: 
 }
 
 /// The sorted splats of a scene, and the sorted splats of its plates.
-fn sorted(scene: &RenderScene, camera: &Camera, t: f64, order: Order) -> (Vec<Splat>, Vec<Splat>) {
+fn sorted(scene: &RenderScene, camera: &Camera, t: f64, order: Order) -> (Vec<Splat<f64>>, Vec<Splat<f64>>) {
     let mut splats = evaluate_all(&scene.prefixes, camera, t);
     sort::sort(&mut splats, order);
     let mut behind = evaluate_all(&scene.plates, camera, t);
@@ -164,7 +161,7 @@ fn sorted(scene: &RenderScene, camera: &Camera, t: f64, order: Order) -> (Vec<Sp
     (splats, behind)
 }
 
-fn evaluate_all(prefixes: &[FieldPrefix], camera: &Camera, t: f64) -> Vec<Splat> {
+fn evaluate_all(prefixes: &[FieldPrefix], camera: &Camera, t: f64) -> Vec<Splat<f64>> {
     let mut splats = Vec::new();
     for prefix in prefixes {
         if let Some(t) = prefix.clip_time(t) {

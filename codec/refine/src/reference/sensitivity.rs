@@ -7,12 +7,12 @@
 
 use codec::{Field, Sensitivity};
 
-use super::exp::{LANES, Lanes};
 use super::sort::{self, Order};
-use super::splat::{FragmentLanes, Place, Plane, Sink, TILE, Tile, Walk, lanes_at};
+use super::splat::{sum_at, sum_tiles};
 use super::{FieldPrefix, evaluate_all};
 use crate::in_order::for_each_in_order;
 use crate::prune::PosedView;
+use crate::raster::{BLOCKS, Grid, LANES, Lanes, Place, Sink, SplatBlock, Tiles, sum_lanes};
 
 /// Mean over all pixels that is added for each Gaussian, for other viewpoints show what no picture does: a weight of 1 in
 /// one pixel of 240 pictures of 640x480, and a tenth of the colour difference. With 10 times as much, packages of the
@@ -20,7 +20,7 @@ use crate::prune::PosedView;
 const UNSEEN: Sums = Sums { color: 1.4e-8, geometry: 1.4e-10 };
 
 /// Sums over pixels of the squared factors that scale errors of a Gaussian.
-#[derive(Clone, Copy, Default, PartialEq)]
+#[derive(Clone, Copy, Default)]
 struct Sums {
     color: f64,
     geometry: f64,
@@ -74,68 +74,68 @@ struct SeenRow {
     sums: Sums,
 }
 
-/// Sums of the splats of a band. Each tile is traversed a second time, from back to front, with the colour behind each
-/// fragment.
+/// Sums of the splats of a tile. It is traversed a second time, from back to front, with the colour behind each fragment.
 struct Backwards<'a> {
     /// By splat.
     colors: &'a [[f64; 3]],
     /// By slot.
-    sums: &'a mut [Sums],
+    sums: Vec<Sums>,
     /// Fragments of the tile, front to back.
     visited: Vec<Visited>,
 }
 
-/// Fragments of a splat in neighbouring pixels.
+/// Fragments of a splat in a block.
 struct Visited {
-    index: u32,
-    slot: u32,
-    pixel: u32,
-    alphas: Lanes,
+    place: Place,
+    /// 0 where there is no fragment.
+    alphas: Lanes<f64>,
     /// Squared weight times squared distance in standard deviations.
-    spread: Lanes,
+    spread: Lanes<f64>,
 }
 
-impl Sink for Backwards<'_> {
+impl Sink<f64> for Backwards<'_> {
+    type Output = Vec<Sums>;
+
     #[inline(always)]
-    fn add(&mut self, Place { index, slot, pixel }: Place, fragments: &FragmentLanes) {
-        let mut squares = fragments.weights();
-        let mut spread = fragments.distances_squared();
-        for (square, spread) in squares.iter_mut().zip(&mut spread) {
-            *square *= *square;
-            *spread *= *square;
+    fn add(
+        &mut self,
+        place: Place,
+        splat: &SplatBlock<f64>,
+        grid: &Grid<f64>,
+        transmittance: &mut Lanes<f64>,
+    ) {
+        let (mut alphas, mut squares, mut spread) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
+        for x in 0..LANES {
+            let fragment = splat.fragment(grid, x, transmittance[x]);
+            transmittance[x] = fragment.transmittance_behind;
+            alphas[x] = if fragment.weight > 0.0 { fragment.alpha } else { 0.0 };
+            squares[x] = fragment.weight * fragment.weight;
+            spread[x] = squares[x] * splat.distance_squared(fragment.offset);
         }
-        self.sums[slot].color += sum(squares);
-        let [index, slot, pixel] = [index, slot, pixel].map(|number| number as u32);
-        self.visited.push(Visited { index, slot, pixel, alphas: fragments.alphas(), spread });
+        sum_at(&mut self.sums, place.slot).color += sum_lanes(&squares);
+        self.visited.push(Visited { place, alphas, spread });
     }
 
     #[inline(always)]
-    fn finish(&mut self, _: &Tile) {
-        let mut behind: [Plane; 3] = [[0.0; TILE * TILE + LANES]; 3];
-        for visited in self.visited.iter().rev() {
+    fn finish(mut self) -> Vec<Sums> {
+        let mut behind = [[[0.0; LANES]; 3]; BLOCKS];
+        for Visited { place, alphas, spread } in self.visited.iter().rev() {
             let mut differences = [0.0; LANES];
-            for (plane, color) in behind.iter_mut().zip(self.colors[visited.index as usize]) {
-                let behind = lanes_at(plane, visited.pixel as usize);
-                for lane in 0..LANES {
-                    let difference = color.min(1.0) - behind[lane];
-                    differences[lane] += difference * difference;
-                    let alpha = visited.alphas[lane];
-                    behind[lane] = color * alpha + (1.0 - alpha) * behind[lane];
+            let color = self.colors[place.index as usize];
+            for (behind, color) in behind[place.block].iter_mut().zip(color) {
+                for x in 0..LANES {
+                    let difference = color.min(1.0) - behind[x];
+                    differences[x] += difference * difference;
+                    behind[x] = color * alphas[x] + (1.0 - alphas[x]) * behind[x];
                 }
             }
-            for (difference, spread) in differences.iter_mut().zip(visited.spread) {
-                *difference *= spread / 3.0;
+            for x in 0..LANES {
+                differences[x] *= spread[x] / 3.0;
             }
-            self.sums[visited.slot as usize].geometry += sum(differences);
+            self.sums[place.slot].geometry += sum_lanes(&differences);
         }
-        // Keeps the memory.
-        self.visited.clear();
+        self.sums
     }
-}
-
-#[inline(always)]
-fn sum([a, b, c, d]: Lanes) -> f64 {
-    (a + b) + (c + d)
 }
 
 /// The sums of the rows of `field`, in front of `plate`, in one view, front to back.
@@ -148,14 +148,13 @@ fn sums_in(field: &Field, plate: Option<&Field>, PosedView { camera, t }: &Posed
         sort::sort(&mut behind, Order::Depth);
         splats.append(&mut behind);
     }
-    let walk = Walk::new(&splats, camera.width, camera.height);
     // Closer together in memory than splats.
     let colors: Vec<[f64; 3]> = splats.iter().map(|splat| splat.color).collect();
-    let sums = walk.sum_bands(Sums::add, |band, sums| {
-        walk.band(band, Backwards { colors: &colors, sums, visited: Vec::new() });
-    });
+    let sink = |_| Backwards { colors: &colors, sums: Vec::new(), visited: Vec::new() };
+    let tiles = Tiles::new(&splats, camera.width, camera.height);
+    let sums = sum_tiles(&splats, &tiles, sink, Sums::add);
     let rows = splats[..subjects].iter().zip(sums);
-    rows.map(|(splat, sums)| SeenRow { row: splat.row, depth: splat.depth, sums }).collect()
+    rows.map(|(splat, sums)| SeenRow { row: splat.row as usize, depth: splat.depth, sums }).collect()
 }
 
 #[cfg(test)]

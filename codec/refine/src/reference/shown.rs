@@ -4,8 +4,9 @@
 use codec::{ALPHA_MIN, Camera, Field};
 
 use super::sort::{self, Order};
-use super::splat::{Fragment, Walk};
+use super::splat::{PixelShare, sum_shares};
 use super::{FieldPrefix, evaluate_all};
+use crate::raster::Tiles;
 
 /// What a view shows of a field.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -19,7 +20,7 @@ pub struct Shown {
 }
 
 /// Sums of one Gaussian over the pixels.
-#[derive(Clone, Copy, Default, PartialEq)]
+#[derive(Clone, Copy, Default)]
 struct Sums {
     weight: f64,
     weight_max: f64,
@@ -40,12 +41,11 @@ impl Sums {
 pub fn shown(field: &Field, camera: &Camera, t: f64) -> Shown {
     let mut splats = evaluate_all(&[FieldPrefix::whole(field)], camera, t);
     sort::sort(&mut splats, Order::Depth);
-    let add = |sum: &mut Sums, fragment: &Fragment| {
-        let weight = fragment.weight();
-        let is_first = fragment.transmittance == 1.0;
+    let add = |sum: &mut Sums, &PixelShare { weight, transmittance, .. }: &PixelShare| {
+        let is_first = transmittance == 1.0;
         sum.merge(&Sums { weight, weight_max: weight, pixels: usize::from(is_first) });
     };
-    let sums = Walk::new(&splats, camera.width, camera.height).sum_of_fragments(add, Sums::merge);
+    let sums = sum_shares(&splats, &Tiles::new(&splats, camera.width, camera.height), add, Sums::merge);
     let total: f64 = sums.iter().map(|sum| sum.weight).sum();
     if total == 0.0 {
         return Shown::default();

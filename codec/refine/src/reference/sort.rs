@@ -1,8 +1,6 @@
 //! Stage `sort`: orders splats front to back.
 
-use std::cmp::Ordering;
-
-use super::evaluate::Splat;
+use crate::raster::{Splat, front_to_back};
 
 /// Sort key of Gaussians.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -15,23 +13,16 @@ pub enum Order {
 }
 
 /// Sorts front to back; the sort is stable.
-pub(crate) fn sort(splats: &mut Vec<Splat>, order: Order) {
-    // Keys are a sixth of the size of splats. Distances in front of the camera have the order of their bits.
-    let key = |(index, splat): (usize, &Splat)| (distance(splat, order).to_bits(), index as u32);
-    let mut keys: Vec<(u64, u32)> = splats.iter().enumerate().map(key).collect();
-    keys.sort_unstable();
-    *splats = keys.iter().map(|&(_, index)| splats[index as usize]).collect();
+pub(crate) fn sort(splats: &mut Vec<Splat<f64>>, order: Order) {
+    sort_by(splats, order, |splat| splat);
 }
 
-/// Compares two splats: `a` is less if it is in front of `b`.
-pub(crate) fn nearer(a: &Splat, b: &Splat, order: Order) -> Ordering {
-    distance(a, order).total_cmp(&distance(b, order))
-}
-
-/// The positive distance by which splats are ordered.
-fn distance(splat: &Splat, order: Order) -> f64 {
-    match order {
+/// Sorts what has splats as [`sort`] does.
+pub(crate) fn sort_by<S: Clone>(list: &mut Vec<S>, order: Order, splat: impl Fn(&S) -> &Splat<f64>) {
+    let distance = |splat: &Splat<f64>| match order {
         Order::Depth => splat.depth,
         Order::Radial => splat.distance,
-    }
+    };
+    let indices = front_to_back(list.iter().map(|item| (false, distance(splat(item)))));
+    *list = indices.into_iter().map(|index| list[index as usize].clone()).collect();
 }

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use crate::fit::precision::Real;
+use crate::raster::Real;
 
 /// Number of [`CameraNumbers`].
 pub(in crate::fit) const CAMERA_NUMBERS: usize = 21;

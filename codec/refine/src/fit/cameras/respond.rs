@@ -7,8 +7,8 @@ use rayon::prelude::*;
 
 use super::numbers::RESPONSE_NUMBERS;
 use crate::capture::Response;
-use crate::fit::precision::Real;
 use crate::fit::views::RenderedImage;
+use crate::raster::Real;
 
 /// Pixels per parallel task.
 const CHUNK: usize = 4096;

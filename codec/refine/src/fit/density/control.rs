@@ -15,7 +15,7 @@ use super::reset::{RESET_INTERVAL, reset_opacities};
 use super::{DensityChange, DensityRule, ScreenGradients};
 use crate::fit::optimizer::Moments;
 use crate::fit::parameters::{Bounds, Parameters};
-use crate::fit::precision::Real;
+use crate::raster::Real;
 
 /// Warm-up: the first control comes after this many intervals or a tenth of the steps, the earlier of the
 /// two.

@@ -4,7 +4,7 @@
 use super::ScreenGradients;
 use crate::fit::optimizer::Moments;
 use crate::fit::parameters::{Bounds, Parameters};
-use crate::fit::precision::Real;
+use crate::raster::Real;
 
 /// Mean screen-space gradient above which a Gaussian is densified.
 const GRADIENT_MIN: f64 = 2e-4;

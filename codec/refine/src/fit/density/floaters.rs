@@ -8,8 +8,8 @@ use std::collections::BTreeMap;
 use glam::DVec3;
 
 use crate::fit::parameters::{Bounds, Parameters};
-use crate::fit::precision::Real;
 use crate::median::median;
+use crate::raster::Real;
 
 /// A floater is further from the median than this multiple of the median distance.
 const DISTANCE_MAX: f64 = 4.0;

@@ -6,7 +6,7 @@ use super::floaters::floaters;
 use super::relocate::sigmoid;
 use crate::fit::optimizer::Moments;
 use crate::fit::parameters::{Bounds, Parameters};
-use crate::fit::precision::Real;
+use crate::raster::Real;
 
 /// Peak opacity below which a Gaussian is transparent.
 const OPACITY_MIN: f64 = 0.005;

@@ -7,7 +7,7 @@
 
 use crate::fit::optimizer::Moments;
 use crate::fit::parameters::{Bounds, Parameters};
-use crate::fit::precision::Real;
+use crate::raster::Real;
 
 /// Largest shift of a relocated Gaussian's window, in intervals along its trajectory.
 const TAU_JITTER: f64 = 0.25;

@@ -6,7 +6,7 @@
 use super::relocate::sigmoid;
 use crate::fit::optimizer::Moments;
 use crate::fit::parameters::Parameters;
-use crate::fit::precision::Real;
+use crate::raster::Real;
 
 /// Steps between resets in 3D Gaussian Splatting.
 pub(super) const RESET_INTERVAL: usize = 3000;

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::fit::precision::Real;
+use crate::raster::Real;
 
 /// Sums of the norms of the screen-space gradients since the last control, one per Gaussian.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

@@ -12,8 +12,8 @@ use std::ops::Range;
 
 use super::lpips::Lpips;
 use super::ssim::{self, ssim_and_gradient};
-use crate::fit::precision::Real;
 use crate::fit::views::Photograph;
+use crate::raster::Real;
 
 /// Weight of structural dissimilarity `1 - SSIM` against L1 (the paper's lambda).
 pub(in crate::fit) const LAMBDA: f64 = 0.2;

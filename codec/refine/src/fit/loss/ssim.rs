@@ -8,7 +8,7 @@
 use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 
-use crate::fit::precision::Real;
+use crate::raster::Real;
 
 /// Size and standard deviation of the window in pixels; the constants K1 and K2 squared, for colours of
 /// range 1.

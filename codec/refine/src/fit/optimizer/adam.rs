@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::{LearningRates, Moments};
 use crate::fit::parameters::{Bounds, Parameters};
-use crate::fit::precision::Real;
+use crate::raster::Real;
 
 pub(in crate::fit) const BETA1: f64 = 0.9;
 pub(in crate::fit) const BETA2: f64 = 0.999;

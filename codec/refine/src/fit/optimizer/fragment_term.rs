@@ -4,7 +4,7 @@
 //! that is nearly hidden or nearly transparent, so without this term, most of the fragments show next to nothing.
 
 use crate::fit::parameters::Parameters;
-use crate::fit::precision::Real;
+use crate::raster::Real;
 
 /// Adds the gradient of `weight` times the sum, over `rows`, of `ab + bc + ca` for the standard deviations `a, b, c`;
 /// row `i` of `gradient` is the gradient of `rows[i]`. `weight` is per squared unit of the capture.

@@ -12,8 +12,8 @@ use codec::sh_coefficients;
 use serde::{Deserialize, Serialize};
 
 use crate::fit::parameters::{COLUMNS, Carried, Parameters, STATIC_SHARE};
-use crate::fit::precision::Real;
 use crate::median::median;
+use crate::raster::Real;
 
 /// For the centres, in extents of the scene: 3 times the rate of 3D Gaussian Splatting.
 const CENTERS: f64 = 4.8e-4;

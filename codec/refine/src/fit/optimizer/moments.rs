@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::fit::parameters::{Carried, Parameters};
-use crate::fit::precision::Real;
+use crate::raster::Real;
 
 /// Adam's moments of the rows of some parameters.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

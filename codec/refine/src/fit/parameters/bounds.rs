@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::columns::{LOGIT_MAX, Parameters};
 use super::timeline::Timeline;
-use crate::fit::precision::Real;
+use crate::raster::Real;
 
 /// Smallest and largest standard deviation, as fractions of the scene's extent.
 const SCALES: [f64; 2] = [1e-4, 0.1];

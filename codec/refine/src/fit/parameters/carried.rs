@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::bounds::Bounds;
 use super::columns::Parameters;
-use crate::fit::precision::Real;
+use crate::raster::Real;
 
 /// Factor of the rates of a static row among others: all photographs show it, so it moves in more of the steps, and
 /// shorter ones suffice. Measured on NeRF's chair.

@@ -8,7 +8,7 @@ use codec::{Field, MOTION_ORDER_MAX, PixelFilter, SH_DEGREE_MAX, Temporal, sh_co
 use serde::{Deserialize, Serialize};
 
 use super::Timeline;
-use crate::fit::precision::Real;
+use crate::raster::Real;
 
 /// Largest logit of an opacity: beyond `sigmoid(7)` the gradient is too small to return.
 pub(in crate::fit) const LOGIT_MAX: f64 = 7.0;

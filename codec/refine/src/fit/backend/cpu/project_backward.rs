@@ -4,39 +4,39 @@
 use codec::sh_coefficients;
 use rayon::prelude::*;
 
-use super::project::{
-    Footprint, Projected, Projection, Splat, Window, add, cross, dot, matrix, scaled, transposed_times,
-};
+use super::project::{GaussianTrace, Instant, Window};
 use super::rasterize_backward::SplatGradient;
-use super::sh;
 use crate::fit::backend::Gradient;
 use crate::fit::cameras::ViewGradient;
 use crate::fit::parameters::{COLUMNS, Parameters};
-use crate::fit::precision::Real;
 use crate::fit::views::FrameView;
+use crate::raster::{
+    Footprint, Projected, Projection, Real, Splat, add, basis, basis_backward, cross, dot, matrix, scaled,
+    transposed_times,
+};
 
 /// Gaussians per parallel task.
 const CHUNK: usize = 256;
 
 /// The gradient with respect to the parameters of the rendered Gaussians. `places` are their indices in `d_splats`.
 pub(super) fn project_backward<T: Real>(
-    projected: &[Projected<T>],
+    traces: &[GaussianTrace<T>],
     places: &[u32],
     d_splats: &[SplatGradient<T>],
     parameters: &Parameters<T>,
     view: &FrameView,
     detach_tau: bool,
 ) -> Gradient<T> {
-    let projection = Projection::new(view, parameters);
-    let mut values = parameters.zeros(projected.len());
-    let mut screen = vec![T::zero(); projected.len()];
+    let Instant { projection, .. } = Instant::new(view, parameters);
+    let mut values = parameters.zeros(traces.len());
+    let mut screen = vec![T::zero(); traces.len()];
     let chunks = Rows::chunks(&mut values, &mut screen).into_par_iter();
-    let chunks = chunks.zip(projected.par_chunks(CHUNK)).zip(places.par_chunks(CHUNK));
+    let chunks = chunks.zip(traces.par_chunks(CHUNK)).zip(places.par_chunks(CHUNK));
     let write_chunks = chunks.map(|((mut rows, chunk), places)| {
         let (mut non_finite, mut by_view) = (0, ByView::default());
-        for (row, (projected, place)) in chunk.iter().zip(places).enumerate() {
+        for (row, (trace, place)) in chunk.iter().zip(places).enumerate() {
             let d_splat = &d_splats[*place as usize];
-            let (gradient, by) = gaussian(&projection, parameters, projected, d_splat, detach_tau);
+            let (gradient, by) = gaussian(&projection, parameters, trace, d_splat, detach_tau);
             let [x, y] = [0, 1].map(|axis| d_splat.center[axis] * projection.size[axis] * T::from_f64(0.5));
             let norm = (x * x + y * y).sqrt();
             if gradient.is_finite() && norm.is_finite() {
@@ -54,7 +54,7 @@ pub(super) fn project_backward<T: Real>(
         non_finite += of_chunk;
         by_view.add(&by);
     }
-    let rows = projected.iter().map(|projected| projected.splat.row).collect();
+    let rows = traces.iter().map(|trace| trace.projected.splat.row).collect();
     Gradient { rows, values, screen, view: by_view.in_camera(&projection), non_finite }
 }
 
@@ -163,11 +163,12 @@ impl<T: Real> GaussianGradient<T> {
 fn gaussian<T: Real>(
     projection: &Projection<T>,
     parameters: &Parameters<T>,
-    projected: &Projected<T>,
+    trace: &GaussianTrace<T>,
     d_splat: &SplatGradient<T>,
     detach_tau: bool,
 ) -> (GaussianGradient<T>, ByView<T>) {
     let mut out = GaussianGradient::default();
+    let GaussianTrace { projected, window, .. } = trace;
     let row = projected.splat.row as usize;
     let (mut d_view, d_axes, log_focal) = view_and_axes(projection, projected, d_splat);
     let d_log_opacity = d_splat.opacity * projected.splat.opacity;
@@ -176,12 +177,12 @@ fn gaussian<T: Real>(
     let count = sh_coefficients(parameters.sh_degree);
     let coefficients = &parameters.sh[row * count..(row + 1) * count];
     d_world = add(d_world, color(projected, coefficients, d_splat.color, &mut out.sh[..count]));
-    orientation(projection, projected, &d_axes, &mut out);
+    orientation(projection, trace, &d_axes, &mut out);
     out.center = d_world;
-    let d_since = motion(parameters, row, projected.window.since, &mut out);
+    let d_since = motion(parameters, row, window.since, &mut out);
     let by_since = if detach_tau { T::zero() } else { d_since };
     let is_timed = !parameters.tau.is_empty();
-    let fading = temporal(&projected.window, d_log_opacity, by_since, is_timed, &mut out);
+    let fading = temporal(window, d_log_opacity, by_since, is_timed, &mut out);
     // What is turned about the camera's centre: the centre and the axes, in camera space.
     let mut rotation = cross(projected.view, d_view);
     for axis in 0..3 {
@@ -203,7 +204,7 @@ fn view_and_axes<T: Real>(
     let footprint = &projected.footprint;
     // The variance of x given y is xx - xy^2 / yy, and shear is xy / yy.
     let d_variance = -inverse_variance[0] * inverse_variance[0] * d_splat.inverse_variance[0];
-    let d_shear = d_splat.shear / footprint.variance[1];
+    let d_shear = d_splat.shear / projected.splat.covariance[2];
     let d_xx = d_variance;
     let d_xy = d_shear - two * shear * d_variance;
     let d_yy = shear * shear * d_variance
@@ -217,7 +218,7 @@ fn view_and_axes<T: Real>(
     ];
     if projection.filter.compensates() {
         let added = T::from_f64(projection.filter.variance());
-        let d_compensation = compensation(footprint, added, d_splat.opacity * projected.splat.opacity);
+        let d_compensation = compensation(projected, added, d_splat.opacity * projected.splat.opacity);
         d_images = [0, 1].map(|axis| add(d_images[axis], d_compensation[axis]));
     }
     let [x, y, z] = projected.view;
@@ -246,12 +247,13 @@ fn view_and_axes<T: Real>(
 
 /// From the logarithm of the factor of the opacity, `sqrt(A / D)`, to the images `x` and `y`, where `A` is
 /// `|x x y|^2` and `D` is `A + b (|x|^2 + |y|^2) + b^2` for the variance `b` that the filter added.
-fn compensation<T: Real>(footprint: &Footprint<T>, added: T, d_log_factor: T) -> [[T; 3]; 2] {
-    let Footprint { images: [x, y], variance, determinant, area, .. } = footprint;
+fn compensation<T: Real>(projected: &Projected<T>, added: T, d_log_factor: T) -> [[T; 3]; 2] {
+    let Footprint { images: [x, y], determinant, area, .. } = &projected.footprint;
+    let [xx, _, yy] = projected.splat.covariance;
     // (1 / A - 1 / D) is b (|x|^2 + |y|^2 + b) / (A D), and half the derivatives of A are y x (x x y) and
     // (x x y) x x: neither cancels.
     let by_added = d_log_factor * added / *determinant;
-    let by_area = by_added * (variance[0] + variance[1] - added) / dot(*area, *area);
+    let by_area = by_added * (xx + yy - added) / dot(*area, *area);
     [
         add(scaled(cross(*y, *area), by_area), scaled(*x, -by_added)),
         add(scaled(cross(*area, *x), by_area), scaled(*y, -by_added)),
@@ -269,45 +271,45 @@ fn color<T: Real>(
     let d_color = [0, 1, 2]
         .map(|channel| if projected.splat.color[channel] > T::zero() { d_color[channel] } else { T::zero() });
     let direction = projected.direction;
-    let basis = sh::basis(direction, out.len());
-    for (out, y) in out.iter_mut().zip(basis) {
+    let harmonics = basis(direction, out.len());
+    for (out, y) in out.iter_mut().zip(harmonics) {
         *out = scaled(d_color, y);
     }
-    if out.len() == 1 || projected.distance <= T::zero() {
+    if out.len() == 1 || projected.splat.distance <= T::zero() {
         return [T::zero(); 3];
     }
     let mut weights = [T::zero(); 16];
     for (weight, c) in weights.iter_mut().zip(coefficients) {
         *weight = dot(*c, d_color);
     }
-    let d_direction = sh::basis_backward(direction, &weights[..coefficients.len()]);
+    let d_direction = basis_backward(direction, &weights[..coefficients.len()]);
     let along = dot(d_direction, direction);
-    add(d_direction, scaled(direction, -along)).map(|x| x / projected.distance)
+    add(d_direction, scaled(direction, -along)).map(|x| x / projected.splat.distance)
 }
 
 /// From the scaled axes, R S in the world, to scales and rotation.
 fn orientation<T: Real>(
     projection: &Projection<T>,
-    projected: &Projected<T>,
+    trace: &GaussianTrace<T>,
     d_axes: &[[T; 3]; 3],
     out: &mut GaussianGradient<T>,
 ) {
-    let rotated = matrix(projected.rotation);
+    let rotated = matrix(trace.rotation);
     let m = &projection.view_from_world;
     let d_rotated = [0, 1, 2].map(|r| {
         let d_world = [0, 1, 2]
             .map(|axis| m[0][r] * d_axes[0][axis] + m[1][r] * d_axes[1][axis] + m[2][r] * d_axes[2][axis]);
-        [0, 1, 2].map(|axis| d_world[axis] * projected.scales[axis])
+        [0, 1, 2].map(|axis| d_world[axis] * trace.scales[axis])
     });
     out.log_scale =
         [0, 1, 2].map(|axis| (0..3).fold(T::zero(), |sum, r| sum + d_rotated[r][axis] * rotated[r][axis]));
-    out.rotation = quaternion(projected, &d_rotated);
+    out.rotation = quaternion(trace, &d_rotated);
 }
 
 /// From the rotation matrix to the quaternion before its normalisation.
-fn quaternion<T: Real>(projected: &Projected<T>, g: &[[T; 3]; 3]) -> [T; 4] {
-    let q @ [w, x, y, z] = projected.rotation;
-    let length = projected.length;
+fn quaternion<T: Real>(trace: &GaussianTrace<T>, g: &[[T; 3]; 3]) -> [T; 4] {
+    let q @ [w, x, y, z] = trace.rotation;
+    let length = trace.length;
     if length <= T::zero() {
         return [T::zero(); 4];
     }

@@ -8,19 +8,14 @@
 use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 
-use super::bin::Tiles;
-use super::project::Splat;
-use super::rasterize::{
-    BLOCKS, DrawnSplat, Grid, LANES, Lanes, SplatBlock, TileSplat, Transmittance, pixel_of,
-};
-use crate::fit::precision::Real;
 use crate::fit::views::RenderedImage;
-
-/// Splats per parallel task of the final sums.
-const CHUNK: usize = 1024;
+use crate::raster::{
+    BLOCKS, DrawnSplat, Grid, LANES, Lanes, Real, Splat, SplatBlock, TileSplat, Tiles, Transmittance,
+    pixels_of, sum_by_splat, sum_lanes,
+};
 
 /// The gradient with respect to a splat.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(super) struct SplatGradient<T> {
     pub(super) center: [T; 2],
     pub(super) shear: T,
@@ -45,27 +40,10 @@ pub(super) fn rasterize_backward<T: Real>(
     };
     let by_tile: Vec<Vec<SplatGradient<T>>> = (0..tiles.len()).into_par_iter().map(backward).collect();
 
-    let mut sums = vec![SplatGradient::zero(); splats.len()];
-    sums.par_chunks_mut(CHUNK).enumerate().for_each(|(chunk, sums)| {
-        let first = chunk * CHUNK;
-        for (drawn, gradients) in drawn.iter().zip(&by_tile) {
-            // The splats of a tile ascend.
-            let start = drawn.partition_point(|splat| (splat.index as usize) < first);
-            for (splat, gradient) in drawn[start..].iter().zip(&gradients[start..]) {
-                let Some(sum) = sums.get_mut(splat.index as usize - first) else { break };
-                sum.add(gradient);
-            }
-        }
-    });
-    sums
+    sum_by_splat(splats.len(), drawn, &by_tile, SplatGradient::add)
 }
 
 impl<T: Real> SplatGradient<T> {
-    fn zero() -> SplatGradient<T> {
-        let z = T::zero();
-        SplatGradient { center: [z; 2], shear: z, inverse_variance: [z; 2], opacity: z, color: [z; 3] }
-    }
-
     fn add(&mut self, other: &SplatGradient<T>) {
         (0..2).for_each(|axis| self.center[axis] += other.center[axis]);
         self.shear += other.shear;
@@ -96,7 +74,7 @@ impl<T: Real> NullaryFnOnce for TileBackward<'_, T> {
         }
         let size = [self.image.width as usize, self.image.height as usize];
         let mut transmittance = Transmittance::new(self.corner, size);
-        let mut pixels = Pixels::new(self.corner, self.image, self.d_image);
+        let mut pixels = Pixels::new(self.corner, size, &self.image.pixels, self.d_image);
         let mut gradients = Vec::with_capacity(self.drawn.len());
         let grid = Grid::new();
         // A plain loop: the closures of iterators would not be compiled for the vector width of `arch`.
@@ -129,19 +107,14 @@ struct PixelBlock<T> {
 
 impl<T: Real> Pixels<T> {
     #[inline(always)]
-    fn new(corner: [usize; 2], image: &RenderedImage<T>, d_image: &[[T; 4]]) -> Pixels<T> {
-        let (width, height) = (image.width as usize, image.height as usize);
+    fn new(corner: [usize; 2], size: [usize; 2], colors: &[[T; 4]], d_image: &[[T; 4]]) -> Pixels<T> {
         let block = |block: usize| {
             let mut pixels = PixelBlock { gradient: [[T::zero(); LANES]; 4], rest: [T::zero(); LANES] };
-            for lane in 0..LANES {
-                let [x, y] = pixel_of(block, lane);
-                let [x, y] = [corner[0] + x, corner[1] + y];
-                if x < width && y < height {
-                    let pixel = image.pixels[y * width + x].into_iter().zip(d_image[y * width + x]);
-                    for (channel, (color, gradient)) in pixel.enumerate() {
-                        pixels.gradient[channel][lane] = gradient;
-                        pixels.rest[lane] += color * gradient;
-                    }
+            for (lane, pixel) in pixels_of(block, corner, size) {
+                for (channel, (color, gradient)) in colors[pixel].into_iter().zip(d_image[pixel]).enumerate()
+                {
+                    pixels.gradient[channel][lane] = gradient;
+                    pixels.rest[lane] += color * gradient;
                 }
             }
             pixels
@@ -216,21 +189,13 @@ impl<T: Real> Sums<T> {
         }
     }
 
-    /// Sums over the lanes, pairwise and in a fixed order. Inlined, it would make the compiler keep some sums of the
-    /// loop over blocks lane by lane, which takes twice as long.
+    /// Sums over the lanes. Inlined, it would make the compiler keep some sums of the loop over blocks lane by lane, which
+    /// takes twice as long.
     #[inline(never)]
     fn totals(&self) -> [T; SUMS] {
         let mut totals = [T::zero(); SUMS];
         for (total, lanes) in totals.iter_mut().zip(&self.lanes) {
-            let mut eight = [T::zero(); 8];
-            for x in 0..8 {
-                eight[x] = lanes[x] + lanes[x + 8];
-            }
-            let mut four = [T::zero(); 4];
-            for x in 0..4 {
-                four[x] = eight[x] + eight[x + 4];
-            }
-            *total = (four[0] + four[2]) + (four[1] + four[3]);
+            *total = sum_lanes(lanes);
         }
         totals
     }

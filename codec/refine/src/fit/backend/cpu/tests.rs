@@ -1,10 +1,11 @@
-//! Tests of the whole back end: images against the reference, gradients against finite differences.
+//! Tests of the whole back end: images against the naive rasteriser, gradients against finite differences.
 
 use codec::{Camera, Field, PixelFilter};
 use pulp::Arch;
 
-use super::project::Projection;
-use super::{ForwardPass, rasterize, rasterize_backward, render};
+use super::project::Instant;
+use super::rasterize_backward::rasterize_backward;
+use super::{ForwardPass, render};
 use crate::capture::Response;
 use crate::fit::backend::Gradient;
 use crate::fit::cameras::{CAMERA_NUMBERS, Learned, Rig, respond, respond_backward};
@@ -12,27 +13,26 @@ use crate::fit::fixtures::{
     COLUMN_NAMES, EXTREME_FRAMES, TIMELINE, around_the_camera, camera, cloud, weights, with_extreme_numbers,
 };
 use crate::fit::parameters::Parameters;
-use crate::fit::precision::Real;
 use crate::fit::views::{FrameView, Photograph, RenderedImage, TrainingView};
-use crate::reference::{self, Order, RenderScene};
+use crate::raster::{Real, naive, rasterize};
 
 fn render_field<T: Real>(field: &Field, camera: &Camera, frame: f64) -> RenderedImage<T> {
     render(&Parameters::<T>::from_field(field, TIMELINE), &FrameView { camera, time: frame }).image
 }
 
-/// Differences between the channels of an image and the channels of the reference.
+/// Differences between the channels of an image and the channels of the naive image.
 fn differences<T: Real>(field: &Field, camera: &Camera, frame: f64) -> Vec<f64> {
-    let expected =
-        reference::render(&RenderScene::from(field), camera, frame / TIMELINE.intervals, Order::Depth);
+    let expected = naive::draw(&[field], camera, frame / TIMELINE.intervals);
     let actual = render_field::<T>(field, camera, frame);
-    assert_eq!((actual.width, actual.height), (expected.width, expected.height));
-    assert!(expected.pixels.iter().filter(|pixel| pixel[3] > 0.5).count() > 500, "much is visible");
-    let pairs = actual.pixels.iter().flatten().zip(expected.pixels.iter().flatten());
+    assert_eq!((actual.width, actual.height), (camera.width, camera.height));
+    assert_eq!(actual.pixels.len(), expected.len());
+    assert!(expected.iter().filter(|pixel| pixel[3] > 0.5).count() > 500, "much is visible");
+    let pairs = actual.pixels.iter().flatten().zip(expected.iter().flatten());
     pairs.map(|(a, b)| (a.to_double() - b).abs()).collect()
 }
 
 #[test]
-fn images_match_the_reference() {
+fn images_match_the_naive_images() {
     let plain = [(1, 0, 0.0), (2, 1, 3.0), (3, 2, 4.5), (4, 3, 8.0)];
     for (filter, (seed, degree, frame)) in PixelFilter::ALL.into_iter().flat_map(|f| plain.map(|p| (f, p))) {
         let field = Field { filter, ..cloud(seed, 400, degree) };
@@ -48,7 +48,7 @@ fn images_match_the_reference() {
 }
 
 #[test]
-fn images_of_large_and_of_needle_like_splats_match_the_reference() {
+fn images_of_large_and_of_needle_like_splats_match_the_naive_images() {
     let mut field = cloud(5, 60, 1);
     for (row, scales) in field.log_scales.iter_mut().enumerate() {
         *scales = if row % 2 == 0 { [0.5, 0.2, -0.5] } else { [1.0, -6.0, -6.0] };
@@ -62,7 +62,7 @@ fn images_of_large_and_of_needle_like_splats_match_the_reference() {
 
 /// Gaussians of a thousandth of a pixel to a pixel.
 #[test]
-fn images_of_compensated_subpixel_splats_match_the_reference() {
+fn images_of_compensated_subpixel_splats_match_the_naive_images() {
     let mut field = Field { filter: PixelFilter::Mip, ..cloud(14, 9000, 0) };
     for (row, scales) in field.log_scales.iter_mut().enumerate() {
         let thin = -6.0 - (row % 7) as f32;
@@ -182,9 +182,10 @@ fn gradients_match_through_compensated_opacities() {
     let mip = |parameters| Parameters { filter: PixelFilter::Mip, ..parameters };
     for row in 0..3 {
         let parameters = mip(smooth(1, 2, true)).select(&[row]);
-        let projection = Projection::new(&view, &mip(parameters.clone()));
-        let window = projection.window(&parameters, 0).unwrap();
-        let factor = projection.project(&parameters, 0, window).unwrap().splat.opacity / window.opacity;
+        let instant = Instant::new(&view, &parameters);
+        let window = instant.window(&parameters, 0).unwrap();
+        let trace = instant.project(&parameters, 0, window).unwrap();
+        let factor = trace.projected.splat.opacity / window.opacity;
         assert!((0.3..0.98).contains(&factor), "row {row}: {factor}");
     }
     for detach_tau in [true, false] {
@@ -198,7 +199,7 @@ fn gradients_match_where_gaussians_fade_near_the_camera() {
     let camera = camera(21, 18);
     let view = FrameView { camera: &camera, time: 3.3 };
     let mut parameters = smooth(1, 2, true);
-    let depths: Vec<f64> = render(&parameters, &view).projected.iter().map(|drawn| drawn.view[2]).collect();
+    let depths: Vec<f64> = render(&parameters, &view).splats.iter().map(|splat| splat.depth).collect();
     // All are in the ramp.
     let [least, most] = [f64::min, f64::max].map(|f| depths.iter().copied().reduce(f).unwrap());
     parameters.near = 1.05 * most;
@@ -248,11 +249,11 @@ fn gradients_match_where_the_slope_is_clamped() {
     }
     check_gradients(&parameters, &view, true, "outside");
     // The clamped slope does not depend on the centre.
-    let projection = Projection::new(&view, &parameters);
+    let instant = Instant::new(&view, &parameters);
     for row in 0..2 {
-        let window = projection.window(&parameters, row).unwrap();
-        let projected = projection.project(&parameters, row, window).unwrap();
-        assert_eq!(projected.footprint.is_inside, [false, row == 0]);
+        let window = instant.window(&parameters, row).unwrap();
+        let trace = instant.project(&parameters, row, window).unwrap();
+        assert_eq!(trace.projected.footprint.is_inside, [false, row == 0]);
     }
 }
 
@@ -389,10 +390,9 @@ fn results_do_not_depend_on_the_vector_width() {
     let ForwardPass { image: picture, splats, tiles, drawn, .. } =
         render(&parameters, &FrameView { camera: &camera, time: 4.0 });
     let on = |arch| {
-        let drawn_image = rasterize::rasterize(arch, &splats, &tiles, picture.width, picture.height);
+        let drawn_image = rasterize(arch, &splats, &tiles);
         let by_pixels = weights(picture.pixels.len());
-        let back =
-            rasterize_backward::rasterize_backward(arch, &splats, &tiles, &drawn, &picture, &by_pixels);
+        let back = rasterize_backward(arch, &splats, &tiles, &drawn, &picture, &by_pixels);
         (drawn_image, back.iter().map(|gradient| format!("{gradient:?}")).collect::<Vec<_>>())
     };
     assert!(picture.pixels.iter().filter(|pixel| pixel[3] > 0.5).count() > 500, "much is visible");

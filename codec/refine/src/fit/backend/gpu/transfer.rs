@@ -12,6 +12,7 @@ use crate::fit::density::ScreenGradients;
 use crate::fit::optimizer::{LearningRates, Moments};
 use crate::fit::parameters::{Bounds, COLUMNS as FIT_COLUMNS, Carried, LOGIT_MAX, Parameters};
 use crate::fit::views::FrameView;
+use crate::raster::slope_limits;
 
 /// Bytes per number.
 const WORD: u64 = 4;
@@ -117,7 +118,7 @@ pub(super) fn step_uniforms(
     let camera = view.camera;
     let m = &camera.camera_from_world;
     let single = |v: [f64; 2]| v.map(|x| x as f32);
-    let [slope_min, slope_max] = view.slope_limits().map(single);
+    let [slope_min, slope_max] = slope_limits(camera).map(single);
     let size = [camera.width, camera.height];
     StepUniforms {
         view_from_world: [0, 1, 2].map(|r| [0, 1, 2, 3].map(|c| m[r][c] as f32)),

@@ -6,7 +6,7 @@
 
 use rayon::prelude::*;
 
-use crate::fit::precision::Real;
+use crate::raster::Real;
 
 /// Outputs and pixels that are summed at a time.
 const LANES: usize = 8;

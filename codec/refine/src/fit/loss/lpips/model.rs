@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use super::LpipsError;
 use super::convolution::{FeatureMap, max_pool, windows};
 use super::network::{self, Block, LpipsNetwork, WeightTensor};
-use crate::fit::precision::Real;
+use crate::raster::Real;
 
 /// Normalisation of the input: channels in `[-1, 1]`, minus `SHIFT`, divided by `SCALE`.
 const SHIFT: [f64; 3] = [-0.030, -0.088, -0.188];

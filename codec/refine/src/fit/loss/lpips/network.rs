@@ -5,7 +5,7 @@ use std::fmt;
 
 use super::LpipsError;
 use super::convolution::Convolution;
-use crate::fit::precision::Real;
+use crate::raster::Real;
 
 /// The network that LPIPS takes its features from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

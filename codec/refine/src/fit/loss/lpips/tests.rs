@@ -8,8 +8,8 @@ use super::model::Lpips;
 use super::network::{Block, LpipsNetwork, WeightTensor};
 use crate::fit::fixtures::{alexnet, layer_weights as weights};
 use crate::fit::loss::loss;
-use crate::fit::precision::Real;
 use crate::fit::views::Photograph;
+use crate::raster::Real;
 
 fn pattern<T: Real>(
     [width, height]: [usize; 2],

@@ -1,8 +1,8 @@
 //! Stage `rasterize`: composites splats into pixels, front to back (the paper's rendering equation).
 //!
 //! Tiles are independent and run in parallel. Within a tile, each splat is added to the blocks of 4x4 pixels
-//! that it reaches and that are not saturated. The loop over a block has no branches, so the compiler
-//! vectorises it.
+//! that it reaches and that are not saturated. A [`Sink`] gets these blocks: [`rasterize`] draws, other modules
+//! measure. A loop over a block has no branches, so the compiler vectorises it.
 
 use codec::ALPHA_MIN;
 use pulp::{Arch, NullaryFnOnce};
@@ -10,14 +10,16 @@ use rayon::prelude::*;
 
 use super::bin::{TILE, Tiles};
 use super::project::Splat;
-use crate::fit::precision::Real;
-use crate::fit::views::RenderedImage;
+use super::real::Real;
 
 /// Largest alpha of a fragment.
-pub(in crate::fit) const ALPHA_MAX: f64 = 0.999;
+pub(crate) const ALPHA_MAX: f64 = 0.999;
 
 /// A pixel is saturated before the fragment that would lower its transmittance to this.
-pub(in crate::fit) const TRANSMITTANCE_MIN: f64 = 1e-4;
+pub(crate) const TRANSMITTANCE_MIN: f64 = 1e-4;
+
+/// Splats per parallel task of the sums over tiles.
+const CHUNK: usize = 1024;
 
 /// Splats between checks which blocks are saturated.
 const ROUND: usize = 32;
@@ -27,93 +29,160 @@ const BLOCK: usize = 4;
 
 /// Pixels in a block: as many lanes as the widest vectors have. In blocks of 16x1 pixels, two thirds of the lanes
 /// would be outside a splat of a typical size.
-pub(super) const LANES: usize = BLOCK * BLOCK;
+pub(crate) const LANES: usize = BLOCK * BLOCK;
 
 /// Blocks in a tile.
-pub(super) const BLOCKS: usize = (TILE / BLOCK) * (TILE / BLOCK);
+pub(crate) const BLOCKS: usize = (TILE / BLOCK) * (TILE / BLOCK);
 
 /// One number per pixel of a block, row by row.
-pub(super) type Lanes<T> = [T; LANES];
+pub(crate) type Lanes<T> = [T; LANES];
 
 /// A splat that was drawn in a tile.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct DrawnSplat {
+pub(crate) struct DrawnSplat {
     /// Index of the splat.
-    pub(super) index: u32,
+    pub(crate) index: u32,
     /// Bit `b` is set if the splat was drawn in block `b` of the tile.
-    pub(super) blocks: u32,
+    pub(crate) blocks: u32,
 }
 
 /// Column and row in a tile of the pixel at `lane` of `block`.
 #[inline(always)]
-pub(super) fn pixel_of(block: usize, lane: usize) -> [usize; 2] {
+fn pixel_of(block: usize, lane: usize) -> [usize; 2] {
     let across = TILE / BLOCK;
     [block % across * BLOCK + lane % BLOCK, block / across * BLOCK + lane / BLOCK]
 }
 
-/// Composites splats, which are sorted front to back. Returns the image and, per tile, the splats that were drawn
-/// before their pixels were saturated. The result does not depend on the vector width of `arch`.
-pub(super) fn rasterize<T: Real>(
+/// A splat in a block of a tile.
+#[derive(Clone, Copy)]
+pub(crate) struct Place {
+    /// Index of the splat.
+    pub(crate) index: u32,
+    /// Index of the splat among the splats drawn in the tile.
+    pub(crate) slot: usize,
+    pub(crate) block: usize,
+}
+
+/// What gets the splats of a tile, front to back.
+pub(crate) trait Sink<T> {
+    type Output: Default + Send;
+
+    /// Draws a splat in a block, and lowers the transmittance of its pixels.
+    fn add(&mut self, place: Place, splat: &SplatBlock<T>, grid: &Grid<T>, transmittance: &mut Lanes<T>);
+
+    /// Ends the tile.
+    fn finish(self) -> Self::Output;
+}
+
+/// Gives the splats of each tile, which are sorted front to back, to the sink of the tile. Returns, per tile, the result of
+/// its sink, and the splats that were drawn before their pixels were saturated. The result does not depend on the vector
+/// width of `arch`.
+pub(crate) fn draw_tiles<T: Real, S: Sink<T>>(
     arch: Arch,
     splats: &[Splat<T>],
     tiles: &Tiles,
-    width: u32,
-    height: u32,
-) -> (RenderedImage<T>, Vec<Vec<DrawnSplat>>) {
-    let size = [width as usize, height as usize];
-    let composite = |tile| {
-        arch.dispatch(Composite { splats, order: tiles.splats(tile), corner: tiles.corner(tile), size })
+    sink: impl Fn(usize) -> S + Sync,
+) -> Vec<(S::Output, Vec<DrawnSplat>)> {
+    let draw = |tile| match tiles.splats(tile) {
+        [] => Default::default(),
+        order => {
+            let (corner, size) = (tiles.corner(tile), tiles.size);
+            arch.dispatch(DrawTile { splats, order, corner, size, sink: sink(tile) })
+        }
     };
-    let drawn: Vec<_> = (0..tiles.len()).into_par_iter().map(composite).collect();
-    let mut pixels = vec![[T::zero(); 4]; size[0] * size[1]];
-    let bands = pixels.par_chunks_mut(TILE * size[0]).zip(drawn.par_chunks(size[0].div_ceil(TILE)));
+    (0..tiles.len()).into_par_iter().map(draw).collect()
+}
+
+/// Composites splats, which are sorted front to back. Returns the pixels, row by row: red, green, blue and alpha, and per
+/// tile the splats that were drawn. The result does not depend on the vector width of `arch`.
+pub(crate) fn rasterize<T: Real>(
+    arch: Arch,
+    splats: &[Splat<T>],
+    tiles: &Tiles,
+) -> (Vec<[T; 4]>, Vec<Vec<DrawnSplat>>) {
+    let blank = |_| TileColors { blocks: vec![[[T::zero(); LANES]; 4]; BLOCKS] };
+    let (colors, drawn): (Vec<Vec<_>>, _) = draw_tiles(arch, splats, tiles, blank).into_iter().unzip();
+    let [width, height] = tiles.size;
+    let mut pixels = vec![[T::zero(); 4]; width * height];
+    let bands = pixels.par_chunks_mut(TILE * width).zip(colors.par_chunks(tiles.across));
     bands.for_each(|(band, tiles)| {
-        let rows = band.len() / size[0];
-        for (column, (blocks, _)) in tiles.iter().enumerate() {
-            for (block, pixels) in blocks.iter().enumerate() {
-                for lane in 0..LANES {
-                    let [x, y] = pixel_of(block, lane);
-                    let x = column * TILE + x;
-                    if x < size[0] && y < rows {
-                        band[y * size[0] + x] = pixels.at(lane);
-                    }
+        for (column, blocks) in tiles.iter().enumerate() {
+            for (block, channels) in blocks.iter().enumerate() {
+                for (lane, pixel) in pixels_of(block, [column * TILE, 0], [width, band.len() / width]) {
+                    band[pixel] = [0, 1, 2, 3].map(|channel| channels[channel][lane]);
                 }
             }
         }
     });
-    (RenderedImage { width, height, pixels }, drawn.into_iter().map(|(_, drawn)| drawn).collect())
+    (pixels, drawn)
 }
 
-/// Composites one tile.
-struct Composite<'a, T> {
+/// The lanes of a block, of a tile with this `corner`, that are pixels of an image of this `size`, and the indices of the
+/// pixels.
+pub(crate) fn pixels_of(
+    block: usize,
+    corner: [usize; 2],
+    size: [usize; 2],
+) -> impl Iterator<Item = (usize, usize)> {
+    let pixel = move |lane| {
+        let [x, y] = pixel_of(block, lane);
+        let [x, y] = [corner[0] + x, corner[1] + y];
+        (x < size[0] && y < size[1]).then_some((lane, y * size[0] + x))
+    };
+    (0..LANES).filter_map(pixel)
+}
+
+/// The sum of the numbers of a block, pairwise and in a fixed order.
+#[inline(always)]
+pub(crate) fn sum_lanes<T: Real>(lanes: &Lanes<T>) -> T {
+    let mut eight = [T::zero(); 8];
+    for x in 0..8 {
+        eight[x] = lanes[x] + lanes[x + 8];
+    }
+    let mut four = [T::zero(); 4];
+    for x in 0..4 {
+        four[x] = eight[x] + eight[x + 4];
+    }
+    (four[0] + four[2]) + (four[1] + four[3])
+}
+
+/// The sums of splats, `count` in all, over the tiles, in the order of the tiles. `by_tile` has a summand for each splat
+/// `drawn` in a tile.
+pub(crate) fn sum_by_splat<S: Clone + Default + Send + Sync>(
+    count: usize,
+    drawn: &[Vec<DrawnSplat>],
+    by_tile: &[Vec<S>],
+    add: impl Fn(&mut S, &S) + Sync,
+) -> Vec<S> {
+    let mut sums = vec![S::default(); count];
+    sums.par_chunks_mut(CHUNK).enumerate().for_each(|(chunk, sums)| {
+        let first = chunk * CHUNK;
+        for (drawn, summands) in drawn.iter().zip(by_tile) {
+            // The splats of a tile ascend.
+            let start = drawn.partition_point(|splat| (splat.index as usize) < first);
+            for (splat, summand) in drawn[start..].iter().zip(&summands[start..]) {
+                let Some(sum) = sums.get_mut(splat.index as usize - first) else { break };
+                add(sum, summand);
+            }
+        }
+    });
+    sums
+}
+
+/// Draws one tile.
+struct DrawTile<'a, T, S> {
     splats: &'a [Splat<T>],
     order: &'a [u32],
     corner: [usize; 2],
     size: [usize; 2],
+    sink: S,
 }
 
-/// The colours of a block: red, green, blue, alpha.
-#[derive(Clone, Copy)]
-struct BlockColors<T> {
-    channels: [Lanes<T>; 4],
-}
-
-impl<T: Real> BlockColors<T> {
-    fn at(&self, lane: usize) -> [T; 4] {
-        [0, 1, 2, 3].map(|channel| self.channels[channel][lane])
-    }
-}
-
-impl<T: Real> NullaryFnOnce for Composite<'_, T> {
-    /// The colours of the blocks, none if there are no splats, and the splats that were drawn.
-    type Output = (Vec<BlockColors<T>>, Vec<DrawnSplat>);
+impl<T: Real, S: Sink<T>> NullaryFnOnce for DrawTile<'_, T, S> {
+    type Output = (S::Output, Vec<DrawnSplat>);
 
     #[inline(always)]
-    fn call(self) -> Self::Output {
-        if self.order.is_empty() {
-            return (Vec::new(), Vec::new());
-        }
-        let mut colors = vec![BlockColors { channels: [[T::zero(); LANES]; 4] }; BLOCKS];
+    fn call(mut self) -> Self::Output {
         let mut transmittance = Transmittance::new(self.corner, self.size);
         let mut drawn = Vec::with_capacity(self.order.len());
         let grid = Grid::new();
@@ -131,46 +200,58 @@ impl<T: Real> NullaryFnOnce for Composite<'_, T> {
             if blocks == 0 {
                 continue;
             }
+            let slot = drawn.len();
             drawn.push(DrawnSplat { index: *index, blocks });
             let mut rest = blocks;
             while rest != 0 {
                 let block = rest.trailing_zeros() as usize % BLOCKS;
                 rest &= rest - 1;
-                add(&tile_splat.at(block), &grid, &mut transmittance.blocks[block], &mut colors[block]);
+                let place = Place { index: *index, slot, block };
+                self.sink.add(place, &tile_splat.at(block), &grid, &mut transmittance.blocks[block]);
             }
         }
-        (colors, drawn)
+        (self.sink.finish(), drawn)
     }
 }
 
-/// Adds a splat to a block.
-#[inline(always)]
-fn add<T: Real>(
-    splat: &SplatBlock<T>,
-    grid: &Grid<T>,
-    transmittance: &mut Lanes<T>,
-    colors: &mut BlockColors<T>,
-) {
-    let [red, green, blue, alpha] = &mut colors.channels;
-    for x in 0..LANES {
-        let fragment = splat.fragment(grid, x, transmittance[x]);
-        transmittance[x] = fragment.transmittance_behind;
-        red[x] += fragment.weight * splat.color[0];
-        green[x] += fragment.weight * splat.color[1];
-        blue[x] += fragment.weight * splat.color[2];
-        alpha[x] += fragment.weight;
+/// Composites a tile.
+struct TileColors<T> {
+    /// Red, green, blue and alpha of each block.
+    blocks: Vec<[Lanes<T>; 4]>,
+}
+
+impl<T: Real> Sink<T> for TileColors<T> {
+    /// The colours of the blocks, none if there are no splats.
+    type Output = Vec<[Lanes<T>; 4]>;
+
+    #[inline(always)]
+    fn add(&mut self, place: Place, splat: &SplatBlock<T>, grid: &Grid<T>, transmittance: &mut Lanes<T>) {
+        let [red, green, blue, alpha] = &mut self.blocks[place.block];
+        for x in 0..LANES {
+            let fragment = splat.fragment(grid, x, transmittance[x]);
+            transmittance[x] = fragment.transmittance_behind;
+            red[x] += fragment.weight * splat.color[0];
+            green[x] += fragment.weight * splat.color[1];
+            blue[x] += fragment.weight * splat.color[2];
+            alpha[x] += fragment.weight;
+        }
+    }
+
+    #[inline(always)]
+    fn finish(self) -> Self::Output {
+        self.blocks
     }
 }
 
 /// Transmittance of the pixels of a tile.
-pub(super) struct Transmittance<T> {
+pub(crate) struct Transmittance<T> {
     /// Block by block; 0 if a pixel is saturated or outside the image.
-    pub(super) blocks: [Lanes<T>; BLOCKS],
+    pub(crate) blocks: [Lanes<T>; BLOCKS],
 }
 
 impl<T: Real> Transmittance<T> {
     #[inline(always)]
-    pub(super) fn new(corner: [usize; 2], size: [usize; 2]) -> Transmittance<T> {
+    pub(crate) fn new(corner: [usize; 2], size: [usize; 2]) -> Transmittance<T> {
         let pixel = |block: usize, lane: usize| {
             let [x, y] = pixel_of(block, lane);
             if corner[0] + x < size[0] && corner[1] + y < size[1] { T::one() } else { T::zero() }
@@ -194,7 +275,7 @@ impl<T: Real> Transmittance<T> {
 }
 
 /// Positions in a tile that do not depend on the splat.
-pub(super) struct Grid<T> {
+pub(crate) struct Grid<T> {
     /// Column and row of each pixel of a block.
     pixels: [Lanes<T>; 2],
     /// Column and row of the centre of each block, from the centre of the tile's first pixel.
@@ -203,7 +284,7 @@ pub(super) struct Grid<T> {
 
 impl<T: Real> Grid<T> {
     #[inline(always)]
-    pub(super) fn new() -> Grid<T> {
+    pub(crate) fn new() -> Grid<T> {
         let center = 0.5 * (BLOCK - 1) as f64;
         let number = |axis: usize, block: usize, lane: usize| pixel_of(block, lane)[axis] as f64;
         Grid {
@@ -215,7 +296,7 @@ impl<T: Real> Grid<T> {
 }
 
 /// A splat relative to a tile.
-pub(super) struct TileSplat<'a, T> {
+pub(crate) struct TileSplat<'a, T> {
     splat: &'a Splat<T>,
     /// The centre of the tile's first pixel, from the splat's centre.
     first: [T; 2],
@@ -224,35 +305,35 @@ pub(super) struct TileSplat<'a, T> {
 }
 
 /// A splat relative to a block.
-pub(super) struct SplatBlock<'a, T> {
-    pub(super) color: [T; 3],
+pub(crate) struct SplatBlock<'a, T> {
+    pub(crate) color: [T; 3],
     opacity: T,
     slant: &'a Lanes<T>,
     /// `d.x - shear d.y` and `d.y` of the first pixel.
     s: T,
     dy: T,
-    /// Factors of their squares in the binary logarithm of the footprint.
+    /// Factors of their squares in the exponent of [`Real::falloff`].
     by_square: T,
     by_y: T,
 }
 
 /// A splat at a pixel.
-pub(super) struct Fragment<T> {
+pub(crate) struct Fragment<T> {
     /// `d.x - shear d.y` and `d.y`.
-    pub(super) offset: [T; 2],
+    pub(crate) offset: [T; 2],
     /// At most [`ALPHA_MAX`].
-    pub(super) alpha: T,
+    pub(crate) alpha: T,
     /// Alpha times transmittance: the weight of the splat's colour; 0 if the fragment is not drawn.
-    pub(super) weight: T,
+    pub(crate) weight: T,
     /// Whether the weight depends on the footprint: the fragment is drawn and its alpha is not clamped.
-    pub(super) has_gradient: bool,
+    pub(crate) has_gradient: bool,
     /// Transmittance behind the fragment; 0 once the pixel is saturated.
-    pub(super) transmittance_behind: T,
+    pub(crate) transmittance_behind: T,
 }
 
 impl<'a, T: Real> TileSplat<'a, T> {
     #[inline(always)]
-    pub(super) fn new(splat: &'a Splat<T>, corner: [usize; 2], grid: &Grid<T>) -> TileSplat<'a, T> {
+    pub(crate) fn new(splat: &'a Splat<T>, corner: [usize; 2], grid: &Grid<T>) -> TileSplat<'a, T> {
         let first = [0, 1].map(|axis| T::from_f64(corner[axis] as f64 + 0.5) - splat.center[axis]);
         let mut slant = [T::zero(); LANES];
         for (x, slant) in slant.iter_mut().enumerate() {
@@ -286,11 +367,11 @@ impl<'a, T: Real> TileSplat<'a, T> {
     }
 
     #[inline(always)]
-    pub(super) fn at(&self, block: usize) -> SplatBlock<'_, T> {
+    pub(crate) fn at(&self, block: usize) -> SplatBlock<'_, T> {
         let splat = self.splat;
         let [x, y] = pixel_of(block, 0).map(|at| T::from_f64(at as f64));
         let dy = self.first[1] + y;
-        let half = T::from_f64(-0.5 * std::f64::consts::LOG2_E);
+        let half = T::from_f64(-0.5 * T::FALLOFF_SCALE);
         SplatBlock {
             color: splat.color,
             opacity: splat.opacity,
@@ -304,13 +385,19 @@ impl<'a, T: Real> TileSplat<'a, T> {
 }
 
 impl<T: Real> SplatBlock<'_, T> {
+    /// Squared Mahalanobis distance at an [offset](Fragment::offset) from the centre.
+    #[inline(always)]
+    pub(crate) fn distance_squared(&self, [s, y]: [T; 2]) -> T {
+        (self.by_square * s * s + self.by_y * y * y) * T::from_f64(-2.0 / T::FALLOFF_SCALE)
+    }
+
     /// The fragment at pixel `x` of the block, behind others that left `transmittance`.
     #[inline(always)]
-    pub(super) fn fragment(&self, grid: &Grid<T>, x: usize, transmittance: T) -> Fragment<T> {
+    pub(crate) fn fragment(&self, grid: &Grid<T>, x: usize, transmittance: T) -> Fragment<T> {
         let (zero, most) = (T::zero(), T::from_f64(ALPHA_MAX));
         let s = self.slant[x] + self.s;
         let dy = grid.pixels[1][x] + self.dy;
-        let unclamped = self.opacity * (self.by_square * s * s + self.by_y * dy * dy).exp2_of_negative();
+        let unclamped = self.opacity * (self.by_square * s * s + self.by_y * dy * dy).falloff();
         let alpha = if unclamped < most { unclamped } else { most };
         let behind = transmittance * (T::one() - alpha);
         let is_visible = unclamped >= T::from_f64(ALPHA_MIN);

@@ -8,16 +8,18 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::project::Splat;
-use crate::fit::precision::Real;
+use super::real::Real;
 
 /// Side of a tile in pixels.
-pub(super) const TILE: usize = 16;
+pub(crate) const TILE: usize = 16;
 
 /// The tiles of an image, row by row.
 #[derive(Clone, Debug)]
-pub(super) struct Tiles {
+pub(crate) struct Tiles {
+    /// Of the image, in pixels.
+    pub(crate) size: [usize; 2],
     /// Tiles per row.
-    across: usize,
+    pub(crate) across: usize,
     rows: Vec<TileRow>,
 }
 
@@ -32,25 +34,25 @@ struct TileRow {
 
 impl Tiles {
     /// Bins `splats`, which are sorted front to back.
-    pub(super) fn new<T: Real>(splats: &[Splat<T>], width: u32, height: u32) -> Tiles {
+    pub(crate) fn new<T: Real>(splats: &[Splat<T>], width: u32, height: u32) -> Tiles {
         let (width, height) = (width as usize, height as usize);
         let rows = (0..height.div_ceil(TILE)).into_par_iter();
         let rows = rows.map(|row| TileRow::new(splats, row * TILE..height.min((row + 1) * TILE), width));
-        Tiles { across: width.div_ceil(TILE), rows: rows.collect() }
+        Tiles { size: [width, height], across: width.div_ceil(TILE), rows: rows.collect() }
     }
 
     /// Number of tiles.
-    pub(super) fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.across * self.rows.len()
     }
 
     /// Column and row of a tile's first pixel.
-    pub(super) fn corner(&self, tile: usize) -> [usize; 2] {
+    pub(crate) fn corner(&self, tile: usize) -> [usize; 2] {
         [tile % self.across * TILE, tile / self.across * TILE]
     }
 
     /// Indices of a tile's splats, front to back and so ascending.
-    pub(super) fn splats(&self, tile: usize) -> &[u32] {
+    pub(crate) fn splats(&self, tile: usize) -> &[u32] {
         let row = &self.rows[tile / self.across];
         let column = tile % self.across;
         &row.splats[row.starts[column] as usize..row.starts[column + 1] as usize]
@@ -111,7 +113,7 @@ impl<T: Real> Splat<T> {
 }
 
 /// The pixels, of `size` along an axis, with their centre in `[start, end]`; possibly one more.
-pub(super) fn pixels_between<T: Real>(start: T, end: T, size: usize) -> Range<usize> {
+pub(crate) fn pixels_between<T: Real>(start: T, end: T, size: usize) -> Range<usize> {
     // Casts truncate and saturate: to 0 below 0 and for NaN.
     let below = |x: T| ((x + T::from_f64(0.5)).to_double() as usize).min(size);
     below(start)..below(end)
