@@ -10,6 +10,7 @@ use super::download::{Options, REPORT_INTERVAL, cached_version_note};
 use super::exchange::{Answer, Exchange, Trouble};
 use super::task::Task;
 use super::transfer::Transfer;
+use super::web_page::{WEB_PAGE, is_web_page};
 use crate::clips::Progress;
 
 /// A file from the server or the cache.
@@ -106,16 +107,6 @@ fn receive(
         return Err(exchange.on_end(transfer));
     }
     Ok(Some(bytes))
-}
-
-/// What to say of a web page, as networks send in place of anything else until the user logs in.
-pub(crate) const WEB_PAGE: &str =
-    "the server sends a web page: open the URL in a browser, the network may ask for a log-in";
-
-/// Whether a file begins as HTML does, which neither packages nor playlists do.
-pub(crate) fn is_web_page(bytes: &[u8]) -> bool {
-    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-    bytes.trim_ascii_start().starts_with(b"<")
 }
 
 #[cfg(test)]

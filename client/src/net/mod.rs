@@ -27,11 +27,13 @@ mod retry;
 mod task;
 mod transfer;
 mod watch;
+mod web_page;
 mod whole_file;
 mod wire;
 
 pub use cache::{CACHE_BYTES, Cache};
-pub(crate) use document::{WEB_PAGE, document, is_web_page};
+pub(crate) use document::document;
 pub use download::{Download, Options};
 pub(crate) use remote_file::RemoteFile;
 pub use retry::RetryPolicy;
+pub(crate) use web_page::{WEB_PAGE, is_web_page};

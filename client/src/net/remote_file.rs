@@ -42,7 +42,7 @@ struct State {
     total: Option<u64>,
     /// The head of the package, once it is known.
     head: Vec<u8>,
-    recent: VecDeque<Part>,
+    recent: VecDeque<ReadPart>,
     /// The response under way.
     stream: Option<Stream>,
     whole: Option<WholeFile>,
@@ -50,14 +50,14 @@ struct State {
 
 /// The first bytes of a part of the file.
 #[derive(Debug)]
-struct Part {
+struct ReadPart {
     start: u64,
     bytes: Vec<u8>,
     /// The cache has the bytes up to here, and nothing beyond.
     cached_to: u64,
 }
 
-impl Part {
+impl ReadPart {
     fn end(&self) -> u64 {
         self.start + self.bytes.len() as u64
     }
@@ -65,20 +65,20 @@ impl Part {
 
 impl State {
     /// Takes what is known of the part that begins at `start`.
-    fn take_part(&mut self, start: u64) -> Part {
-        self.find_part(start).unwrap_or_else(|| Part {
+    fn take_part(&mut self, start: u64) -> ReadPart {
+        self.find_part(start).unwrap_or_else(|| ReadPart {
             start,
             bytes: if start == 0 { self.head.clone() } else { Vec::new() },
             cached_to: start,
         })
     }
 
-    fn find_part(&mut self, start: u64) -> Option<Part> {
+    fn find_part(&mut self, start: u64) -> Option<ReadPart> {
         let at = self.recent.iter().position(|part| part.start == start)?;
         self.recent.remove(at)
     }
 
-    fn put_part(&mut self, part: Part) {
+    fn put_part(&mut self, part: ReadPart) {
         self.recent.push_back(part);
         if self.recent.len() > RECENT_PARTS {
             self.recent.pop_front();
@@ -225,7 +225,7 @@ impl RemoteFile {
         bytes
     }
 
-    fn extend_from_cache(&self, state: &State, part: &mut Part, ends: &[u64]) {
+    fn extend_from_cache(&self, state: &State, part: &mut ReadPart, ends: &[u64]) {
         let Some(cache) = &self.cache else { return };
         let mut start = part.start;
         for &end in ends {
@@ -243,7 +243,7 @@ impl RemoteFile {
         }
     }
 
-    fn extend_from_server(&self, state: &mut State, part: &mut Part, end: u64) -> Result<(), Fault> {
+    fn extend_from_server(&self, state: &mut State, part: &mut ReadPart, end: u64) -> Result<(), Fault> {
         if self.is_offline.load(Ordering::Relaxed) {
             return Err(Fault::Network("it is not in the cache as a whole".into()));
         }
@@ -275,7 +275,7 @@ impl RemoteFile {
         &self,
         state: &mut State,
         transfer: &mut Transfer,
-        part: &mut Part,
+        part: &mut ReadPart,
         end: u64,
     ) -> Result<(), Trouble> {
         let at = part.end();
