@@ -315,6 +315,9 @@ impl RemoteFile {
 
     /// After a part that cannot be decoded: looks whether the file begins in the same way as it did.
     pub(crate) fn look_for_replacement(&self) {
+        if self.is_offline.load(Ordering::Relaxed) {
+            return;
+        }
         let head = self.lock().head.clone();
         let mut transfer = Transfer::new(self.retry, 0, None, None);
         let answer = self.exchange.open(&mut transfer, Some(head.len() as u64), None);
