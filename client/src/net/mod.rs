@@ -1,4 +1,4 @@
-//! Packages from URLs: [`Download`] opens one, and [`RemoteFile`] reads its parts as playing needs them. `document` fetches
+//! Packages from URLs: [`Download`] opens one, and `RemoteFile` reads its parts as playing needs them. `document` fetches
 //! a small file whole.
 //!
 //! ```text
