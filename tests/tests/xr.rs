@@ -751,20 +751,24 @@ fn by_url(headset: &Headset, mut remote: Remote) -> Result<(), String> {
     let (permit, permits) = channel::<()>();
     let gate = Mutex::new(permits);
     let server = Server::start(move |_, request, answer| {
-        answer.file_head(request, &file, "\"one\"");
-        answer.bytes(&file, 0..first);
+        let part = answer.file_head(request, &file, "\"one\"");
+        let middle = first.max(part.start);
+        answer.bytes(&file, part.start..middle);
         // Until the first layer plays, or the test has ended.
         if gate.lock().is_ok_and(|gate| gate.recv().is_ok()) {
-            answer.bytes(&file, first..file.len());
+            answer.bytes(&file, middle..part.end);
         }
     });
     let url = server.url("clip.aarc");
     let mut player = Player::start(headset, headset.validated(client()), &[Path::new(&url)])?;
     player.wait_for_log("playing clip.aarc")?;
-    if server.sent().len() != 1 {
+    if server.sent().iter().any(|sent| sent.end > first) {
         return Err("the rest was sent before".into());
     }
-    permit.send(()).map_err(|error| error.to_string())?;
+    // Where starting takes longer than a network may be silent, the rest was asked for again.
+    for _ in 0..=server.requests().len() {
+        permit.send(()).map_err(|error| error.to_string())?;
+    }
     player.wait_for_log("clip.aarc: now 2 layers")?;
     let outcome = exit(&mut player, &mut remote)?;
     nothing_found(headset)?;
