@@ -259,18 +259,15 @@ fn two_versions_of_a_file_are_never_mixed() {
 /// Without a strong version, only checksums tell that the part of a file is of another one.
 #[test]
 fn a_part_of_a_file_that_was_replaced_is_noticed() {
-    let old = package(6);
-    let mut new = old.to_vec();
-    let last = layer_ends(&old)[1] + 100;
-    new[last] ^= 1;
-    let (damaged, file) = (new.clone(), old.clone());
+    let (file, other) = (package(6), package(7));
     // The last layer is damaged for good.
+    let mut damaged = file.to_vec();
+    damaged[layer_ends(&file)[1] + 100] ^= 1;
     let server = Server::start(move |_, request, answer| answer.file(request, &damaged, ""));
     let events = get(&server.url("clip.aarc"));
     assert!(matches!(&events.fault, Some(Fault::Data(why)) if why.contains("CRC-32")), "{events:?}");
     assert_eq!(events.clips[0].layers.len(), 2, "what is right plays");
     // It is another file by now, of the same length.
-    let other = package(7);
     let (longer, first) = (file.len().max(other.len()), layer_ends(&file)[0]);
     let padded = |file: &[u8]| [file, &vec![0; longer - file.len()]].concat();
     let versions = [padded(&file), padded(&other)];

@@ -1,8 +1,7 @@
-//! [`read`]: a file of bounded size. [`part`]: a part of one that is in memory.
+//! [`read`]: a file of bounded size.
 
 use std::fs::File;
 use std::io::Read;
-use std::ops::Range;
 use std::path::Path;
 
 use program::read_error;
@@ -19,10 +18,4 @@ pub(crate) fn read(path: &Path, max_bytes: usize) -> Result<Vec<u8>, String> {
         return Err(format!("larger than {} MiB, the most that is read: name another file", max_bytes >> 20));
     }
     Ok(bytes)
-}
-
-/// The bytes of a file in `range`; fewer at its end.
-pub(crate) fn part(bytes: &[u8], range: Range<u64>) -> Vec<u8> {
-    let [start, end] = [range.start, range.end].map(|at| at.min(bytes.len() as u64) as usize);
-    bytes[start..end.max(start)].to_vec()
 }

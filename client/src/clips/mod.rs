@@ -39,7 +39,6 @@ mod worker;
 pub(crate) use advice::advice;
 pub(crate) use controller::ClipController;
 pub use event::LoadEvent;
-pub(crate) use file::part;
 #[cfg(any(feature = "window", feature = "xr"))]
 pub(crate) use folder::Direction;
 pub use folder::Neighbours;

@@ -1,6 +1,6 @@
 //! [`Cache`]: downloaded files on disk, which play again without the network.
 //!
-//! An entry is one file, named by the SHA-256 of its URL: the SHA-256 of the layout's name and the rest, the
+//! An entry is one file, named by the SHA-256 of its key, which begins with a URL: the SHA-256 of the layout's name and the rest, the
 //! version (`ETag`) and the base URL, each after its length as a 16-bit number, and the downloaded bytes. It is
 //! written under another name and renamed, so several players can share a folder. Reading an entry renews its
 //! date; the entries with the oldest dates are removed when the folder exceeds its limit. A date in the
@@ -53,9 +53,9 @@ impl Cache {
         Cache { folder: folder.into(), max_bytes }
     }
 
-    /// The cached file of `url`. Removes a damaged entry.
-    pub(super) fn get(&self, url: &str) -> Option<CachedFile> {
-        let path = self.path(url);
+    /// The cached file of `key`. Removes a damaged entry.
+    pub(super) fn get(&self, key: &str) -> Option<CachedFile> {
+        let path = self.path(key);
         let bytes = match read(&path, self.max_bytes) {
             Ok(bytes) => bytes,
             Err(error) if error.kind() == io::ErrorKind::NotFound => return None,
@@ -67,16 +67,20 @@ impl Cache {
         let entry = parse(bytes);
         if entry.is_none() {
             log::warn!("{}: damaged: the file is fetched again", path.display());
-            self.remove(url);
+            self.remove(key);
         }
         entry
     }
 
-    /// Caches the file at `url`, unless it exceeds the limit of the whole cache.
-    ///
-    /// # Errors
-    /// If it cannot be written.
-    pub(super) fn put(&self, url: &str, file: &CachedFile) -> io::Result<()> {
+    /// Caches a file, unless it exceeds the limit of the whole cache. Logs a failure, with the `name` of the file: it is
+    /// used without.
+    pub(super) fn store(&self, key: &str, file: &CachedFile, name: &str) {
+        if let Err(error) = self.put(key, file) {
+            log::warn!("{name}: cannot be cached: {error}");
+        }
+    }
+
+    fn put(&self, key: &str, file: &CachedFile) -> io::Result<()> {
         let length = |text: &str| u16::try_from(text.len()).map(u16::to_le_bytes);
         let (Ok(etag_length), Ok(base_length)) = (length(&file.etag), length(&file.base)) else {
             return Ok(());
@@ -87,7 +91,7 @@ impl Cache {
             return Ok(());
         }
         fs::create_dir_all(&self.folder)?;
-        let path = self.path(url);
+        let path = self.path(key);
         self.make_room(bytes as u64, &path)?;
         let mut file = Builder::new().suffix(&format!(".{WRITING}")).tempfile_in(&self.folder)?;
         file.write_all(&sum(&parts))?;
@@ -98,9 +102,9 @@ impl Cache {
         Ok(())
     }
 
-    /// Removes the entry of `url`.
-    pub(super) fn remove(&self, url: &str) {
-        let path = self.path(url);
+    /// Removes the entry of `key`.
+    fn remove(&self, key: &str) {
+        let path = self.path(key);
         match fs::remove_file(&path) {
             Err(error) if error.kind() != io::ErrorKind::NotFound => {
                 log::warn!("{}: {error}", path.display());
@@ -114,9 +118,8 @@ impl Cache {
         &self.folder
     }
 
-    fn path(&self, url: &str) -> PathBuf {
-        let name: String = Sha256::digest(url).iter().map(|byte| format!("{byte:02x}")).collect();
-        self.folder.join(name).with_extension(ENTRY)
+    fn path(&self, key: &str) -> PathBuf {
+        self.folder.join(digest(key)).with_extension(ENTRY)
     }
 
     /// Removes the entries read longest ago until `bytes` fit. Does not count the entry `replaced`.
@@ -156,6 +159,11 @@ impl Cache {
         }
         Ok(())
     }
+}
+
+/// The SHA-256 of bytes, in hexadecimal digits.
+pub(super) fn digest(bytes: impl AsRef<[u8]>) -> String {
+    Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// Reads the first `max_bytes` bytes of a file and renews its date.

@@ -55,8 +55,10 @@ pub(crate) fn document(
     };
     match (fetched, cached) {
         (Ok(Some(file)), _) => {
-            if is_valid(&file.bytes) {
-                options.store(url, &file);
+            if let Some(cache) = cache
+                && is_valid(&file.bytes)
+            {
+                cache.store(url, &file, &exchange.name());
             }
             Ok(Some(Document { bytes: file.bytes, url: file.base, note: None }))
         }

@@ -7,7 +7,7 @@ use std::time::Duration;
 use codec::Limits;
 use program::Fault;
 
-use super::cache::{Cache, CachedFile};
+use super::cache::Cache;
 use super::remote_file::RemoteFile;
 use super::retry::RetryPolicy;
 use super::task::Task;
@@ -29,17 +29,6 @@ pub struct Options {
     pub retry: RetryPolicy,
     /// Limits on the package.
     pub limits: Limits,
-}
-
-impl Options {
-    /// Caches a file, if there is a cache. Logs failure.
-    pub(super) fn store(&self, url: &str, file: &CachedFile) {
-        if let Some(cache) = &self.cache
-            && let Err(error) = cache.put(url, file)
-        {
-            log::warn!("{}: cannot be cached: {error}", redacted(url));
-        }
-    }
 }
 
 /// Says that a cached version plays because the server was not reached.

@@ -19,7 +19,7 @@ use crate::clips::{Progress, redacted};
 use crate::takes::Traffic;
 
 /// Bytes per read: dozens of reads a second on a fast network.
-const BUFFER_BYTES: usize = 64 << 10;
+pub(super) const BUFFER_BYTES: usize = 64 << 10;
 
 /// Why an answer that fits no request ends a transfer.
 const NOT_UNDERSTOOD: &str = "the server's answer was not understood: try again later";
@@ -43,7 +43,7 @@ pub(super) struct Exchange {
 #[derive(Default)]
 struct Arrived {
     traffic: Traffic,
-    /// Of the read under way.
+    /// Progress of the read under way.
     progress: Progress,
     meter: Meter,
     /// The URL of the file, where redirects led, once the server has responded.
@@ -154,7 +154,7 @@ impl Exchange {
         self.watch.resume();
     }
 
-    /// Begins a read of `total` bytes, if that is known, of which `received` are there.
+    /// Begins a read: `received` bytes are there, and it needs `total`, as far as that is known.
     pub(super) fn begin(&self, received: u64, total: Option<u64>) {
         // Nobody waited for bytes since the read before.
         self.watch.begin(Instant::now());

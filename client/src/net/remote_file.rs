@@ -11,9 +11,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use program::Fault;
-use sha2::{Digest, Sha256};
 
-use super::cache::{Cache, CachedFile};
+use super::cache::{Cache, CachedFile, digest};
 use super::exchange::{Answer, Exchange, Stream, Trouble};
 use super::retry::RetryPolicy;
 use super::transfer::Transfer;
@@ -42,6 +41,8 @@ struct State {
     total: Option<u64>,
     /// The head of the package, once it is known.
     head: Vec<u8>,
+    /// Digest of the head, which names the version.
+    version: String,
     recent: VecDeque<ReadPart>,
     /// The response under way.
     stream: Option<Stream>,
@@ -85,6 +86,11 @@ impl State {
         }
     }
 
+    fn set_head(&mut self, head: Vec<u8>) {
+        self.version = digest(&head);
+        self.head = head;
+    }
+
     /// Takes in what an answer told of the file.
     fn learn(&mut self, transfer: &Transfer) {
         self.etag = transfer.etag().map(String::from);
@@ -109,7 +115,8 @@ impl RemoteFile {
         let file = RemoteFile::new(url, retry, Some(cache.clone())).ok()?;
         file.is_offline.store(true, Ordering::Relaxed);
         let mut state = file.lock();
-        (state.head, state.etag) = (bytes, Some(etag).filter(|etag| !etag.is_empty()));
+        state.set_head(bytes);
+        state.etag = Some(etag).filter(|etag| !etag.is_empty());
         drop(state);
         Some(file)
     }
@@ -197,7 +204,7 @@ impl RemoteFile {
     /// under way, or requested part by part.
     pub(crate) fn set_head(&self, head: &[u8], is_read_on: bool) {
         let mut state = self.lock();
-        state.head = head.to_vec();
+        state.set_head(head.to_vec());
         if !is_read_on {
             state.stream = None;
         }
@@ -289,8 +296,8 @@ impl RemoteFile {
                 Answer::Whole(stream) => {
                     state.learn(transfer);
                     let folder = self.cache.as_ref().map(Cache::folder);
-                    let from_start = std::mem::replace(transfer, Transfer::new(self.retry, 0, None, None));
-                    let whole = WholeFile::new(folder, stream, from_start).map_err(Trouble::Failed)?;
+                    let transfer = Transfer::new(self.retry, 0, state.etag.clone(), state.total);
+                    let whole = WholeFile::new(folder, stream, transfer).map_err(Trouble::Failed)?;
                     self.is_whole.store(true, Ordering::Relaxed);
                     state.whole = Some(whole);
                     return Ok(());
@@ -360,19 +367,15 @@ impl RemoteFile {
 
     /// Name of a piece of the file in the cache; `None` while its version is not known.
     fn cache_key(&self, state: &State, start: u64, end: u64) -> Option<String> {
-        let version =
-            || Sha256::digest(&state.head).iter().map(|byte| format!("{byte:02x}")).collect::<String>();
-        (!state.head.is_empty()).then(|| format!("{}#{start}-{end} {}", self.exchange.url(), version()))
+        (!state.head.is_empty()).then(|| format!("{}#{start}-{end} {}", self.exchange.url(), state.version))
     }
 
-    /// Caches bytes, if there is a cache. Logs failure: the file plays without.
+    /// Caches bytes, if there is a cache.
     fn store(&self, state: &State, key: &str, bytes: &[u8]) {
         let Some(cache) = &self.cache else { return };
         let etag = state.etag.clone().unwrap_or_default();
         let file = CachedFile { etag, base: self.exchange.base(), bytes: bytes.to_vec() };
-        if let Err(error) = cache.put(key, &file) {
-            log::warn!("{}: cannot be cached: {error}", self.name());
-        }
+        cache.store(key, &file, &self.name());
     }
 
     fn lock(&self) -> MutexGuard<'_, State> {

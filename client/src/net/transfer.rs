@@ -308,7 +308,7 @@ mod tests {
 
     #[test]
     fn a_part_is_of_the_version_that_is_known() {
-        // Of a file of 100 bytes, of which nothing else is known, and of one that was read before.
+        // The version of the file is not known, or known from a part that was read before.
         for known in [None, Some("\"a\"")] {
             let mut transfer = Transfer::new(RETRY, 40, known.map(String::from), None);
             let request = transfer.next_request(Some(60));

@@ -9,11 +9,8 @@ use std::path::Path;
 
 use program::Fault;
 
-use super::exchange::{Answer, Exchange, Stream, Trouble};
+use super::exchange::{Answer, BUFFER_BYTES, Exchange, Stream, Trouble};
 use super::transfer::Transfer;
-
-/// Bytes per read.
-const BUFFER_BYTES: usize = 64 << 10;
 
 /// A file that arrives from its start.
 #[derive(Debug)]
@@ -26,20 +23,15 @@ pub(super) struct WholeFile {
 }
 
 impl WholeFile {
-    /// The file that `stream` sends from its start, in a temporary file of `folder`.
+    /// The file that `stream`, the first answer of `transfer`, sends from its start, in a temporary file of `folder`.
     ///
     /// # Errors
     /// [`Fault::Usage`] if the disk takes no file.
-    pub(super) fn new(
-        folder: Option<&Path>,
-        stream: Stream,
-        mut transfer: Transfer,
-    ) -> Result<WholeFile, Fault> {
+    pub(super) fn new(folder: Option<&Path>, stream: Stream, transfer: Transfer) -> Result<WholeFile, Fault> {
         let disk = match folder {
             Some(folder) => std::fs::create_dir_all(folder).and_then(|()| tempfile::tempfile_in(folder)),
             None => tempfile::tempfile(),
         };
-        transfer.start_over();
         let disk = disk.map_err(|error| disk_fault(&error))?;
         Ok(WholeFile { disk, written: 0, stream: Some(stream), transfer })
     }

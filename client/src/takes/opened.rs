@@ -238,8 +238,7 @@ impl OpenTake {
     #[cfg(not(target_os = "android"))]
     pub(crate) fn poster(&self) -> Option<codec::Poster> {
         let first = self.take.segments.first()?;
-        let length = first.layers.first()?.bytes as u64;
-        let start = self.source.read(0..first.offset.saturating_add(length)).ok()?;
+        let start = self.source.read(0..layer_end(first, first.layers.first()?)).ok()?;
         codec::poster(&start, &self.limits).ok().flatten()
     }
 
@@ -373,8 +372,7 @@ impl OpenTake {
     /// Offsets in the file of the ends of the wanted layers of a segment, and of the layers before.
     fn layer_ends_of(&self, want: Want) -> Vec<u64> {
         let segment = &self.take.segments[want.segment];
-        let end = |layer: &codec::SegmentLayer| segment.offset.saturating_add(layer.bytes as u64);
-        segment.layers[..want.layers].iter().map(end).collect()
+        segment.layers[..want.layers].iter().map(|layer| layer_end(segment, layer)).collect()
     }
 
     fn decode_segment(&self, want: Want, bytes: &[u8]) -> Result<Clip, Fault> {
@@ -500,11 +498,15 @@ fn layout(take: &Take, limits: &Limits) -> TakeLayout {
     layout.with_rows(rows.min(limits.max_gaussians).max(take.resident_max()))
 }
 
+/// Offset in the file of the end of a layer.
+fn layer_end(segment: &codec::Segment, layer: &codec::SegmentLayer) -> u64 {
+    segment.offset.saturating_add(layer.bytes as u64)
+}
+
 /// Number of layers of each segment in the first `length` bytes of a take.
 fn layers_within(take: &Take, length: u64) -> Vec<usize> {
     let layers = |segment: &codec::Segment| {
-        let is_within =
-            |layer: &&codec::SegmentLayer| segment.offset.saturating_add(layer.bytes as u64) <= length;
+        let is_within = |layer: &&codec::SegmentLayer| layer_end(segment, layer) <= length;
         segment.layers.iter().take_while(is_within).count()
     };
     take.segments.iter().map(layers).collect()

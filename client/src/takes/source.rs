@@ -14,7 +14,6 @@ use codec::FormatError;
 use program::{Fault, read_error};
 
 use super::layers::Traffic;
-use crate::clips::part;
 
 #[cfg(feature = "net")]
 use crate::net::{RemoteFile, WEB_PAGE, is_web_page};
@@ -149,69 +148,6 @@ impl TakeSource {
         }
     }
 
-    /// Takes in the head of the package. `is_read_on` is whether what follows it is read next.
-    pub(crate) fn set_head(&self, head: &[u8], is_read_on: bool) {
-        match self {
-            #[cfg(feature = "net")]
-            TakeSource::Remote(file) => file.set_head(head, is_read_on),
-            _ => {
-                let _ = (head, is_read_on);
-            }
-        }
-    }
-
-    /// Takes in that the package was opened, whole or cut short.
-    pub(crate) fn on_opened(&self, is_whole: bool) {
-        match self {
-            #[cfg(feature = "net")]
-            TakeSource::Remote(file) if is_whole => file.keep_head(),
-            _ => {
-                let _ = is_whole;
-            }
-        }
-    }
-
-    /// Takes in that parts were decoded, and so are right. `is_last` is whether none will follow them.
-    pub(crate) fn on_decoded(&self, start: u64, ends: &[u64], is_last: bool) {
-        match self {
-            #[cfg(feature = "net")]
-            TakeSource::Remote(file) => file.keep(start, ends, is_last),
-            _ => {
-                let _ = (start, ends, is_last);
-            }
-        }
-    }
-
-    /// Takes in that a part cannot be decoded: it may be of another version.
-    pub(crate) fn on_undecodable(&self) {
-        match self {
-            #[cfg(feature = "net")]
-            TakeSource::Remote(file) => file.look_for_replacement(),
-            _ => {}
-        }
-    }
-
-    /// What to say of a file that begins with `head`, and is no package.
-    pub(crate) fn format_reason(&self, head: &[u8]) -> String {
-        const FIELDS: [&str; 6] = ["ply", "splatv", "spz", "splat", "sog", "glb"];
-        let remedy = match self {
-            #[cfg(feature = "net")]
-            TakeSource::Remote(_) if is_web_page(head) => return WEB_PAGE.into(),
-            TakeSource::File(file) => {
-                let extension = file.path.extension().and_then(|extension| extension.to_str());
-                let is_field =
-                    |extension: &str| FIELDS.iter().any(|field| extension.eq_ignore_ascii_case(field));
-                match extension.is_some_and(is_field) {
-                    true => "make one of this field with aarc-studio package",
-                    false => "name a file that aarc-studio package made",
-                }
-            }
-            _ => self.remedy(),
-        };
-        let _ = head;
-        format!("{}: {remedy}", FormatError::Magic)
-    }
-
     /// What came from a server so far.
     pub(crate) fn traffic(&self) -> Traffic {
         match self {
@@ -297,6 +233,70 @@ impl TakeSource {
             _ => {}
         }
     }
+}
+
+/// What a source is told of its package. Only a file on a server has use for it.
+#[cfg_attr(not(feature = "net"), allow(unused_variables, reason = "without servers, nothing is cached"))]
+impl TakeSource {
+    /// Takes in the head of the package. `is_read_on` is whether what follows it is read next.
+    pub(crate) fn set_head(&self, head: &[u8], is_read_on: bool) {
+        #[cfg(feature = "net")]
+        if let TakeSource::Remote(file) = self {
+            file.set_head(head, is_read_on);
+        }
+    }
+
+    /// Takes in that the package was opened, whole or cut short.
+    pub(crate) fn on_opened(&self, is_whole: bool) {
+        #[cfg(feature = "net")]
+        if let TakeSource::Remote(file) = self
+            && is_whole
+        {
+            file.keep_head();
+        }
+    }
+
+    /// Takes in that parts were decoded, and so are right. `is_last` is whether none will follow them.
+    pub(crate) fn on_decoded(&self, start: u64, ends: &[u64], is_last: bool) {
+        #[cfg(feature = "net")]
+        if let TakeSource::Remote(file) = self {
+            file.keep(start, ends, is_last);
+        }
+    }
+
+    /// Takes in that a part cannot be decoded: it may be of another version.
+    pub(crate) fn on_undecodable(&self) {
+        #[cfg(feature = "net")]
+        if let TakeSource::Remote(file) = self {
+            file.look_for_replacement();
+        }
+    }
+
+    /// What to say of a file that begins with `head`, and is no package.
+    pub(crate) fn format_reason(&self, head: &[u8]) -> String {
+        const FIELDS: [&str; 6] = ["ply", "splatv", "spz", "splat", "sog", "glb"];
+        let remedy = match self {
+            #[cfg(feature = "net")]
+            TakeSource::Remote(_) if is_web_page(head) => return WEB_PAGE.into(),
+            TakeSource::File(file) => {
+                let extension = file.path.extension().and_then(|extension| extension.to_str());
+                let is_field =
+                    |extension: &str| FIELDS.iter().any(|field| extension.eq_ignore_ascii_case(field));
+                match extension.is_some_and(is_field) {
+                    true => "make one of this field with aarc-studio package",
+                    false => "name a file that aarc-studio package made",
+                }
+            }
+            _ => self.remedy(),
+        };
+        format!("{}: {remedy}", FormatError::Magic)
+    }
+}
+
+/// The bytes of a file in `range`; fewer at its end.
+fn part(bytes: &[u8], range: Range<u64>) -> Vec<u8> {
+    let [start, end] = [range.start, range.end].map(|at| at.min(bytes.len() as u64) as usize);
+    bytes[start..end.max(start)].to_vec()
 }
 
 fn unreadable(path: &Path, error: &io::Error) -> Fault {

@@ -15,7 +15,7 @@ struct Blob {
     color: DVec3,
 }
 
-/// Draws `fields` at clip time `t` over black, each behind those before it: red, green, blue and alpha of each pixel, row by
+/// Draws `fields` at clip time `t` over black, the first field in front: red, green, blue and alpha of each pixel, row by
 /// row.
 pub(crate) fn draw(fields: &[&Field], camera: &Camera, t: f64) -> Vec<[f64; 4]> {
     let mut blobs = Vec::new();

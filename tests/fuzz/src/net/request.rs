@@ -74,7 +74,7 @@ impl Script {
         }
     }
 
-    /// Whether the server names versions so that parts of two are told apart.
+    /// Whether the server names its versions, so that a part of another version is noticed.
     pub(super) fn tells_versions(&self) -> bool {
         self.tags() == Tags::Strong
     }
