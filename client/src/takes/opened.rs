@@ -242,7 +242,8 @@ impl OpenTake {
         codec::poster(&start, &self.limits).ok().flatten()
     }
 
-    /// The upright frame of the take at its start. Found by the first call, which belongs on a thread that loads.
+    /// The upright frame of the take at its start. Found by the first call, which may read: it belongs on a thread that
+    /// loads, before [`TakePlayer`](super::TakePlayer) does.
     pub(crate) fn subject(&self) -> Subject {
         *self.subject.get_or_init(|| Subject::new(&self.take.info, &self.surroundings()))
     }

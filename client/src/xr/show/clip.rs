@@ -35,11 +35,13 @@ impl ClipTarget for HeadsetTarget {
             .gpu
             .upgrade()
             .ok_or_else(|| Fault::Device("the graphics device is gone: open the clip again".into()))?;
+        // Before its loader waits for the server with what is left to read.
+        let subject = opened.subject();
         let layout = FrameLayout { format: self.format.drawn(), eyes: 2, foveated: true };
         // A frame of the headset follows in any case: it needs nothing to wake it.
         let (renderer, take) = TakePlayer::begin(&gpu, opened.clone(), layout, beginning, || ())?;
         Ok(Box::new(ReadyClip {
-            subject: opened.subject(),
+            subject,
             layer_ends: opened.layer_ends(),
             renderer: Some(renderer),
             take: Some(take),
