@@ -10,7 +10,7 @@ use glam::UVec2;
 use program::generate::Generated;
 use program::{Lens, Standpoint};
 
-use crate::clips::SourceOptions;
+use crate::content::SourceOptions;
 use crate::gpu::{ChannelDepth, Cutoff, Level, RenderSettings, SortOrder};
 
 /// The text of `--version`: versions of the program and of the packages that it plays.

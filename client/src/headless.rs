@@ -13,19 +13,17 @@ use program::images::{ImageOutput, tiled};
 use program::{Fault, output, read_camera};
 
 use crate::args::Args;
-use crate::clips::{
-    Beginning, Change, ClipController, ClipTarget, Entry, LoadEvent, LoadOptions, Wait, cache_dir, playlist,
-    redacted, too_few_layers,
-};
+use crate::clips::{Change, ClipController, ClipTarget, Entry, LoadOptions, playlist, too_few_layers};
+use crate::content::{OpenEvent, OpenTake, Wait, cache_dir, open, redacted};
 use crate::gpu::{
     ChannelDepth, DEVICE_REPLACED, FrameCounts, FrameLayout, Gpu, Offscreen, Pixels, RenderSettings,
     Renderer, choose_f16,
 };
+use crate::player::{Beginning, Extent, TakePlayer};
 use crate::stats::{FrameStats, LoadingStats, Stats, Summary, TakeStats};
-use crate::takes::{Extent, OpenTake, TakePlayer};
 use crate::terminal::Reporter;
 use crate::view::View;
-use crate::{clips, viewpoint};
+use crate::viewpoint;
 
 /// Default size of images.
 const DEFAULT_SIZE: UVec2 = uvec2(1280, 720);
@@ -91,7 +89,7 @@ impl Device {
             return Err(fault);
         }
         *self = Device::open(self.target)?;
-        Reporter::new().print(&LoadEvent::Note(DEVICE_REPLACED.into()));
+        Reporter::new().print(&OpenEvent::Note(DEVICE_REPLACED.into()));
         Ok(())
     }
 }
@@ -162,7 +160,7 @@ impl<'a> ClipRenderer<'a> {
         let DeviceState { image, renderer, take, .. } = &mut self.state;
         take.wait(&self.device.gpu, renderer, time_s, Extent::All)?;
         let mut reporter = Reporter::new();
-        take.take_notes().into_iter().for_each(|note| reporter.print(&LoadEvent::Note(note)));
+        take.take_notes().into_iter().for_each(|note| reporter.print(&OpenEvent::Note(note)));
         image.render(&self.device.gpu, renderer, t, &self.views, &self.settings)
     }
 
@@ -297,7 +295,7 @@ fn run_playlist(args: &Args, list: &str, output: &ImageOutput) -> Result<(), Fau
     let mut failed: Option<Fault> = None;
     while let Some((entry, clip)) = next_clip(&mut clips, &mut reporter)? {
         if let Some(fault) = failed.take() {
-            reporter.print(&LoadEvent::Note(format!("{fault}; skipped")));
+            reporter.print(&OpenEvent::Note(format!("{fault}; skipped")));
         }
         let times = run.take_times(&clip)?;
         if !run.pending.is_empty() {
@@ -311,7 +309,7 @@ fn run_playlist(args: &Args, list: &str, output: &ImageOutput) -> Result<(), Fau
     }
     match (run.last.take(), failed) {
         (Some(clip), failed) => {
-            failed.inspect(|fault| reporter.print(&LoadEvent::Note(format!("{fault}; skipped"))));
+            failed.inspect(|fault| reporter.print(&OpenEvent::Note(format!("{fault}; skipped"))));
             run.render_end(clip)
         }
         (None, Some(fault)) => Err(fault),
@@ -427,8 +425,8 @@ fn next_clip(
         match clips.follow().or_else(|| clips.wait()) {
             None => return Ok(None),
             Some(Change::Show { entry, clip, .. }) => return Ok(Some((entry, clip))),
-            Some(Change::Progress(progress)) => reporter.print(&LoadEvent::Progress(progress)),
-            Some(Change::Note(note)) => reporter.print(&LoadEvent::Note(note)),
+            Some(Change::Progress(progress)) => reporter.print(&OpenEvent::Progress(progress)),
+            Some(Change::Note(note)) => reporter.print(&OpenEvent::Note(note)),
             Some(Change::Failed(fault)) => return Err(fault),
             Some(Change::Waiting | Change::Idle) => {}
         }
@@ -447,13 +445,12 @@ fn load(args: &Args) -> Result<Loaded, Fault> {
     let start = Instant::now();
     let elapsed_ms = || start.elapsed().as_secs_f64() * 1e3;
     let (mut reporter, mut playable_ms) = (Reporter::new(), None);
-    let clip =
-        clips::open(args.clip.as_deref(), &args.source(cache_dir()))?.wait(Wait::Complete, |event| {
-            if let LoadEvent::Take(_) = event {
-                playable_ms.get_or_insert_with(elapsed_ms);
-            }
-            reporter.print(event);
-        })?;
+    let clip = open(args.clip.as_deref(), &args.source(cache_dir()))?.wait(Wait::Complete, |event| {
+        if let OpenEvent::Take(_) = event {
+            playable_ms.get_or_insert_with(elapsed_ms);
+        }
+        reporter.print(event);
+    })?;
     let poster = args.poster.then(|| clip.poster()).flatten();
     let whole_ms = elapsed_ms();
     let stats = LoadingStats { playable_ms: playable_ms.unwrap_or(whole_ms), whole_ms };

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::takes::TakeCounts;
+use crate::player::TakeCounts;
 
 /// Counts and timings of a run.
 #[derive(Clone, Debug, Serialize)]

@@ -6,7 +6,7 @@
 use std::collections::HashSet;
 use std::io::{IsTerminal, Write, stderr};
 
-use crate::clips::LoadEvent;
+use crate::content::OpenEvent;
 
 /// Clears the line and returns to its start.
 const CLEAR_LINE: &str = "\r\x1b[K";
@@ -33,24 +33,24 @@ impl Reporter {
     }
 
     /// Prints an event.
-    pub(crate) fn print(&mut self, event: &LoadEvent) {
+    pub(crate) fn print(&mut self, event: &OpenEvent) {
         let text = self.text(event);
         // Nothing can be reported if standard error is closed.
         let _ = stderr().write_all(text.as_bytes());
     }
 
-    fn text(&mut self, event: &LoadEvent) -> String {
+    fn text(&mut self, event: &OpenEvent) -> String {
         match event {
-            LoadEvent::Progress(progress) if self.is_terminal => {
+            OpenEvent::Progress(progress) if self.is_terminal => {
                 self.has_line = true;
                 format!("{CLEAR_LINE}{}", progress.text())
             }
-            LoadEvent::Progress(progress) => {
+            OpenEvent::Progress(progress) => {
                 let is_new = progress.trouble.is_some() && progress.trouble != self.trouble;
                 self.trouble.clone_from(&progress.trouble);
                 if is_new { format!("{}\n", progress.text()) } else { String::new() }
             }
-            LoadEvent::Note(note) if self.notes.insert(note.clone()) => format!("{}{note}\n", self.clear()),
+            OpenEvent::Note(note) if self.notes.insert(note.clone()) => format!("{}{note}\n", self.clear()),
             _ => String::new(),
         }
     }
@@ -74,11 +74,11 @@ impl Drop for Reporter {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::clips::Progress;
+    use crate::content::Progress;
 
-    fn progress(trouble: Option<&str>) -> LoadEvent {
+    fn progress(trouble: Option<&str>) -> OpenEvent {
         let trouble = trouble.map(String::from);
-        LoadEvent::Progress(Progress { received: 1_000_000, trouble, ..Progress::default() })
+        OpenEvent::Progress(Progress { received: 1_000_000, trouble, ..Progress::default() })
     }
 
     fn reporter(is_terminal: bool) -> Reporter {
@@ -93,7 +93,7 @@ mod tests {
         let troubles = [None, Some("a"), Some("a"), None, Some("a"), Some("b")];
         let text: String = troubles.map(|trouble| reporter.text(&progress(trouble))).concat();
         assert_eq!(text, "1.0 MB: a\n1.0 MB: a\n1.0 MB: b\n");
-        let notes = ["c", "d", "c"].map(|note| reporter.text(&LoadEvent::Note(note.into())));
+        let notes = ["c", "d", "c"].map(|note| reporter.text(&OpenEvent::Note(note.into())));
         assert_eq!(notes, ["c\n", "d\n", ""], "once");
     }
 
@@ -102,7 +102,7 @@ mod tests {
         let mut reporter = reporter(true);
         assert_eq!(reporter.text(&progress(None)), format!("{CLEAR_LINE}1.0 MB"));
         assert_eq!(reporter.text(&progress(Some("a"))), format!("{CLEAR_LINE}1.0 MB: a"));
-        assert_eq!(reporter.text(&LoadEvent::Note("c".into())), format!("{CLEAR_LINE}c\n"));
+        assert_eq!(reporter.text(&OpenEvent::Note("c".into())), format!("{CLEAR_LINE}c\n"));
         assert_eq!(reporter.clear(), "");
     }
 }

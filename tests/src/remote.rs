@@ -10,8 +10,8 @@ use std::time::{Duration, Instant};
 
 use glam::{Quat, Vec2, Vec3};
 
-use client::xr::interaction::Pose;
-use client::xr::panel::{PanelQuad, SIZE};
+use client::headset::interaction::Pose;
+use client::headset::panel::{PanelQuad, SIZE};
 
 /// Pose of the head, which looks along -z, and position of the right hand, in metres of the stage.
 const HEAD: Pose = Pose { position: Vec3::new(0.0, 1.6, 0.0), orientation: Quat::IDENTITY };

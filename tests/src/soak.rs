@@ -12,12 +12,12 @@ use std::num::NonZero;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use client::clips::LoadEvent;
+use client::clock::{Clock, SPEED_RANGE};
+use client::content::transfer::{CACHE_BYTES, Cache, Options, RetryPolicy};
+use client::content::{Download, OpenEvent};
 use client::gpu::{
     ChannelDepth, Cutoff, FrameLayout, Gpu, GpuClip, Offscreen, RenderSettings, Renderer, SortOrder,
 };
-use client::net::{CACHE_BYTES, Cache, Download, Options, RetryPolicy};
-use client::player::{Player, SPEED_RANGE};
 use client::view::View;
 use codec::{Clip, Limits, decode_parallel};
 use fastrand::Rng;
@@ -265,7 +265,7 @@ impl Shelf {
         let mut latest = None;
         let url = self.server.url(&format!("{which}"));
         for event in Download::new(&url, Options { cache, retry, ..Options::default() }) {
-            if let LoadEvent::Take(take) = event.map_err(|fault| fault.to_string())? {
+            if let OpenEvent::Take(take) = event.map_err(|fault| fault.to_string())? {
                 latest = Some(take);
             }
         }
@@ -281,7 +281,7 @@ const INSET_MAX: f32 = 0.5;
 /// A clip on a device, and how it is watched.
 struct Watched {
     renderer: Renderer,
-    player: Player,
+    clock: Clock,
     eyes: usize,
     depth: ChannelDepth,
     size: UVec2,
@@ -299,7 +299,7 @@ impl Watched {
         let image = Offscreen::new(gpu, size, eyes as u32, depth)?;
         Ok(Watched {
             renderer: Renderer::new(gpu, on_gpu, FrameLayout { format: depth.format(), eyes, foveated })?,
-            player: Player::new(f64::from(clip.info.duration_s), f64::from(clip.info.fps)),
+            clock: Clock::new(f64::from(clip.info.duration_s), f64::from(clip.info.fps)),
             eyes,
             depth,
             size,
@@ -312,8 +312,8 @@ impl Watched {
     fn play(&mut self, gpu: &Gpu, rng: &mut Rng, account: &mut Account) -> Result<(), Fault> {
         for frame in 0..FRAMES {
             self.act(gpu, rng, account)?;
-            self.player.advance(FRAME_S);
-            account.played_s += FRAME_S * self.player.speed();
+            self.clock.advance(FRAME_S);
+            account.played_s += FRAME_S * self.clock.speed();
             let place = [Place::Whole, Place::Near, Place::Far, Place::Edge][rng.usize(..4)];
             let seen = camera(place, self.size.x, self.size.y);
             let cameras = if self.eyes == 2 { seen.stereo_pair(0.065).to_vec() } else { vec![seen] };
@@ -324,7 +324,7 @@ impl Watched {
                 layers: [None, Some(1)][rng.usize(..2)],
                 inset: [None, Some(0.3), Some(INSET_MAX)][rng.usize(..3)].filter(|_| self.foveated),
             };
-            let t = self.player.clip_time();
+            let t = self.clock.clip_time();
             self.image.render(gpu, &mut self.renderer, t, &views, &settings)?;
             account.frames += 1;
             if frame % 16 == 15 {
@@ -339,20 +339,20 @@ impl Watched {
     fn act(&mut self, gpu: &Gpu, rng: &mut Rng, account: &mut Account) -> Result<(), Fault> {
         let action = rng.u8(..16);
         account.seeks += u64::from(action < 4);
-        let player = &mut self.player;
+        let clock = &mut self.clock;
         match action {
-            0 => player.seek(rng.f64() * player.duration_s()),
-            1 => player.step_forward(),
-            2 => player.step_back(),
-            3 => player.toggle_playing(),
-            4 => player.set_speed(SPEED_RANGE.0 + (SPEED_RANGE.1 - SPEED_RANGE.0) * rng.f64()),
-            5 => player.set_looping(rng.bool()),
+            0 => clock.seek(rng.f64() * clock.duration_s()),
+            1 => clock.step_forward(),
+            2 => clock.step_back(),
+            3 => clock.toggle_playing(),
+            4 => clock.set_speed(SPEED_RANGE.0 + (SPEED_RANGE.1 - SPEED_RANGE.0) * rng.f64()),
+            5 => clock.set_looping(rng.bool()),
             6 if !self.foveated => {
                 self.size = random_size(rng);
                 self.image = Offscreen::new(gpu, self.size, self.eyes as u32, self.depth)?;
                 account.resizes += 1;
             }
-            _ => player.set_playing(true),
+            _ => clock.set_playing(true),
         }
         Ok(())
     }

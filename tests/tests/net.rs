@@ -10,11 +10,10 @@ use std::time::{Duration, Instant};
 
 use aarc_tests::scene::{Motion, Recipe, packaged};
 use aarc_tests::server::{Answer, Request, Server};
-use client::clips::LoadEvent;
-use client::clips::playlist::{self, Playlist};
-use client::clips::{Progress, SourceOptions};
-use client::net::{Cache, Download, Options, RetryPolicy};
-use client::takes::OpenTake;
+use client::clips::playlist;
+use client::clips::playlist::Playlist;
+use client::content::transfer::{Cache, Options, RetryPolicy};
+use client::content::{Download, OpenEvent, OpenTake, Progress, SourceOptions};
 use codec::{Clip, Limits, contents, decode};
 use program::Fault;
 
@@ -92,10 +91,9 @@ fn collect(url: &str, options: &Options) -> Events {
         let mut takes = Vec::new();
         for event in Download::new(url, options.clone()) {
             match event {
-                Ok(LoadEvent::Take(take)) => takes.push(take),
-                Ok(LoadEvent::Note(note)) => events.notes.push(note),
-                Ok(LoadEvent::Progress(progress)) => events.progress.push(progress),
-                Ok(event) => panic!("a download reports {event:?}"),
+                Ok(OpenEvent::Take(take)) => takes.push(take),
+                Ok(OpenEvent::Note(note)) => events.notes.push(note),
+                Ok(OpenEvent::Progress(progress)) => events.progress.push(progress),
                 Err(fault) => events.fault = Some(fault),
             }
             assert!(start.elapsed() < Duration::from_secs(60), "it does not end: {events:?}");
@@ -172,7 +170,7 @@ fn layers_play_before_the_rest_is_sent() {
     let retry = RetryPolicy { read_timeout: Duration::from_secs(30), ..RETRY };
     let mut layers_played = Vec::new();
     for event in Download::new(&server.url("clip.aarc"), Options { retry, ..Options::default() }) {
-        let LoadEvent::Take(take) = event.unwrap() else { continue };
+        let OpenEvent::Take(take) = event.unwrap() else { continue };
         for layers in 1..=take.layers()[0] {
             // Waits for the layer.
             assert_eq!(take.segment(0, layers).unwrap(), decoded(&file[..ends[layers - 1]]));
@@ -560,8 +558,8 @@ fn progress_has_bytes_rate_and_remaining_time() {
     let mut reports = Vec::new();
     for event in Download::new(&server.url("clip.aarc"), options()) {
         match event.unwrap() {
-            LoadEvent::Progress(progress) => reports.push(progress),
-            LoadEvent::Take(take) => assert_eq!(take.segment(0, 1).unwrap(), decoded(&file[..total])),
+            OpenEvent::Progress(progress) => reports.push(progress),
+            OpenEvent::Take(take) => assert_eq!(take.segment(0, 1).unwrap(), decoded(&file[..total])),
             event => panic!("{event:?}"),
         }
     }
@@ -810,7 +808,7 @@ fn a_dropped_download_closes_its_connection_within_a_second() {
     });
     for path in ["mute", "clip.aarc"] {
         let mut download = Download::new(&server.url(path), Options::default());
-        assert!(matches!(download.next(), Some(Ok(LoadEvent::Progress(_)))));
+        assert!(matches!(download.next(), Some(Ok(OpenEvent::Progress(_)))));
         is_answered.recv_timeout(Duration::from_secs(60)).unwrap();
         std::thread::sleep(Duration::from_millis(100));
         let dropped = Instant::now();
@@ -833,7 +831,7 @@ fn a_dropped_download_closes_its_connection() {
         done.lock().unwrap().send(is_complete).unwrap();
     });
     let mut download = Download::new(&server.url("clip.aarc"), Options::default());
-    assert!(matches!(download.next(), Some(Ok(LoadEvent::Progress(_)))));
+    assert!(matches!(download.next(), Some(Ok(OpenEvent::Progress(_)))));
     drop(download);
     assert_eq!(ended.recv_timeout(Duration::from_secs(60)), Ok(false), "the connection was closed");
 }

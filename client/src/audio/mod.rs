@@ -2,14 +2,14 @@
 //!
 //! ```text
 //!            frame thread                sound thread                        device's thread
-//! player --> timing --commands--> filler <-- packets <-- track   ring --> output --> device
+//! clock ---> timing --commands--> filler <-- packets <-- track   ring --> output --> device
 //!               ^                    |                     ^                  |
 //!               |                    +-- anchor --+        +------------------+
 //!               +-------- link <------------------+-------- heard ------------+
 //! ```
 //!
 //! The audio device is the master clock while a clip plays forward at its captured rate: `timing` turns what is heard
-//! into the seconds by which a frame advances the player. At other speeds, backwards, and while the timeline is held,
+//! into the seconds by which a frame advances the clock. At other speeds, backwards, and while the timeline is held,
 //! nothing is heard and the display's clock counts. `packets` decodes, `filler` keeps a ring of samples filled ahead, on
 //! the thread of `parts`, `output` is the callback of the device: it fades, places and measures, and neither locks nor
 //! allocates. `binaural` is a source as the ears of a head hear it, by the `responses` of a measured one, and `placing`

@@ -1,4 +1,4 @@
-//! [`Speaker`]: the sound of the clip on display: its track, volume and place, and the clock that it gives the player.
+//! [`Speaker`]: the sound of the clip on display: its track, volume and place, and the pace that it gives the clock.
 
 use std::path::PathBuf;
 
@@ -8,7 +8,7 @@ use glam::DVec3;
 use super::parts::Parts;
 use super::track::SoundTrack;
 use super::volume::Volume;
-use crate::player::Player;
+use crate::clock::Clock;
 
 /// The sound of a display.
 pub(crate) struct Speaker {
@@ -54,20 +54,20 @@ impl Speaker {
         }
     }
 
-    /// Seconds by which a frame advances the player: the seconds of the display's clock.
-    pub(crate) fn step(&mut self, _: &Player, _: bool, elapsed_s: f64, _: f64) -> f64 {
+    /// Seconds by which a frame advances the clock: the seconds of the display.
+    pub(crate) fn step(&mut self, _: &Clock, _: bool, elapsed_s: f64, _: f64) -> f64 {
         elapsed_s
     }
 
     /// Does nothing: there is nothing to silence.
     #[cfg(feature = "window")]
-    pub(crate) fn rest(&mut self, _: &Player, _: bool) {}
+    pub(crate) fn rest(&mut self, _: &Clock, _: bool) {}
 
     /// Does nothing: there is nothing to silence.
     pub(crate) fn stop(&mut self) {}
 
     /// Does nothing: there is nothing to place.
-    pub(crate) fn place(&mut self, _: &Player, _: impl Fn(DVec3) -> DVec3) {}
+    pub(crate) fn place(&mut self, _: &Clock, _: impl Fn(DVec3) -> DVec3) {}
 
     /// What there is to say: nothing.
     pub(crate) fn take_note(&mut self) -> Option<String> {
@@ -86,9 +86,9 @@ impl Speaker {
         }
     }
 
-    /// Takes in the player before a frame that is seen `ahead_s` seconds from now, `elapsed_s` after the frame before
-    /// by the display's clock. Returns the seconds by which the frame advances the player.
-    pub(crate) fn step(&mut self, player: &Player, is_scrubbing: bool, elapsed_s: f64, ahead_s: f64) -> f64 {
+    /// Takes in the clock before a frame that is seen `ahead_s` seconds from now, `elapsed_s` after the frame before
+    /// by the display. Returns the seconds by which the frame advances the clock.
+    pub(crate) fn step(&mut self, clock: &Clock, is_scrubbing: bool, elapsed_s: f64, ahead_s: f64) -> f64 {
         if !self.track.is_empty() {
             self.parts.start_thread();
         }
@@ -97,15 +97,15 @@ impl Speaker {
         self.parts.link.set_frame_at_s(now_s);
         let frame = super::timing::FrameTime { elapsed_s, seen_at_s: now_s + ahead_s };
         let Parts { timing, link, .. } = &mut self.parts;
-        let (elapsed_s, command) = timing.step(player, is_scrubbing, &self.track, link, frame);
+        let (elapsed_s, command) = timing.step(clock, is_scrubbing, &self.track, link, frame);
         self.parts.send(command);
         elapsed_s
     }
 
-    /// Falls silent if the player has paused since [`Speaker::step`], or plays otherwise than at the captured rate.
+    /// Falls silent if the clock has paused since [`Speaker::step`], or runs otherwise than at the captured rate.
     #[cfg(feature = "window")]
-    pub(crate) fn rest(&mut self, player: &Player, is_scrubbing: bool) {
-        let command = self.parts.timing.rest(player, is_scrubbing);
+    pub(crate) fn rest(&mut self, clock: &Clock, is_scrubbing: bool) {
+        let command = self.parts.timing.rest(clock, is_scrubbing);
         self.parts.send(command);
     }
 
@@ -115,10 +115,10 @@ impl Speaker {
         self.parts.send(command);
     }
 
-    /// Places the sound at the position of `player`, before [`Speaker::step`]. `hears` turns a point of the clip into
+    /// Places the sound at the position of `clock`, before [`Speaker::step`]. `hears` turns a point of the clip into
     /// metres from the listener: x to the right, y up, z backwards.
-    pub(crate) fn place(&mut self, player: &Player, hears: impl Fn(DVec3) -> DVec3) {
-        let position = self.track.position_at(player.position_s());
+    pub(crate) fn place(&mut self, clock: &Clock, hears: impl Fn(DVec3) -> DVec3) {
+        let position = self.track.position_at(clock.position_s());
         self.parts.link.set_source_m(position.map(|position| hears(DVec3::from(position.map(f64::from)))));
     }
 

@@ -14,7 +14,7 @@ use super::output::RingOutput;
 use super::packets::{Frame, PacketReader};
 use super::timing::{FrameTime, SoundTiming};
 use super::track::{SoundTrack, samples};
-use crate::player::Player;
+use crate::clock::Clock;
 
 /// Most seconds between sound and picture.
 const OFFSET_MAX_S: f64 = 0.02;
@@ -72,7 +72,7 @@ struct Simulation {
     output: RingOutput,
     timing: SoundTiming,
     track: SoundTrack,
-    player: Player,
+    clock: Clock,
     now_s: f64,
     /// Seconds of the device in a second of the display.
     device_speed: f64,
@@ -88,7 +88,7 @@ struct Simulation {
 }
 
 impl Simulation {
-    fn new(track: SoundTrack, player: Player, rate_hz: u32) -> Simulation {
+    fn new(track: SoundTrack, clock: Clock, rate_hz: u32) -> Simulation {
         let link = Arc::new(Link::default());
         let (producer, consumer) = rtrb::RingBuffer::new((RING_S * f64::from(rate_hz)) as usize);
         link.set_open(true);
@@ -102,7 +102,7 @@ impl Simulation {
             link,
             timing: SoundTiming::default(),
             track,
-            player,
+            clock,
             now_s: 0.0,
             device_speed: 1.0,
             rate_hz,
@@ -135,14 +135,14 @@ impl Simulation {
         self.now_s += elapsed_s;
         self.play_device(self.now_s);
         let frame = FrameTime { elapsed_s, seen_at_s: self.now_s };
-        let (step_s, command) = self.timing.step(&self.player, is_scrubbing, &self.track, &self.link, frame);
+        let (step_s, command) = self.timing.step(&self.clock, is_scrubbing, &self.track, &self.link, frame);
         if let Some(command) = command {
             self.filler.take(command);
         }
         if !is_scrubbing {
-            self.player.advance(step_s);
+            self.clock.advance(step_s);
         }
-        self.seen.push((self.now_s, self.player.position_s()));
+        self.seen.push((self.now_s, self.clock.position_s()));
     }
 
     /// Frames at `rate_hz` for `seconds`.
@@ -207,11 +207,11 @@ fn largest(offsets: &[f64]) -> f64 {
     offsets.iter().fold(0.0, |a: f64, b| a.max(b.abs()))
 }
 
-/// A track of one sound, and a player of its clip in a loop.
-fn looping(sound: Sound, duration_s: f64) -> (SoundTrack, Player) {
+/// A track of one sound, and a clock of its clip in a loop.
+fn looping(sound: Sound, duration_s: f64) -> (SoundTrack, Clock) {
     let track = SoundTrack::default();
     track.insert(sound, 0, 0.0);
-    (track, Player::new(duration_s, 30.0))
+    (track, Clock::new(duration_s, 30.0))
 }
 
 #[test]
@@ -222,8 +222,8 @@ fn ten_minutes_of_a_loop_are_in_time_whatever_the_two_clocks_do() {
     for (device_speed, rate_hz, frames_hz) in
         [(1.0002, 48_000, 60.0), (0.9998, 48_000, 90.0), (1.0002, 44_100, 72.0)]
     {
-        let (track, player) = looping(sound.clone(), duration_s);
-        let mut simulation = Simulation::new(track, player, rate_hz);
+        let (track, clock) = looping(sound.clone(), duration_s);
+        let mut simulation = Simulation::new(track, clock, rate_hz);
         simulation.device_speed = device_speed;
         simulation.run(600.0, frames_hz);
         let offsets = simulation.offsets_s(&claps_s);
@@ -252,8 +252,8 @@ fn what_comes_from_a_place_is_heard_when_it_is_seen() {
     let sound = clapping(duration_s, &claps_s);
     for rate_hz in [48_000, 44_100] {
         let [plain, placed] = [None, Some(DVec3::new(-1.2, 0.0, -0.3))].map(|source_m| {
-            let (track, player) = looping(sound.clone(), duration_s);
-            let mut simulation = Simulation::new(track, player, rate_hz);
+            let (track, clock) = looping(sound.clone(), duration_s);
+            let mut simulation = Simulation::new(track, clock, rate_hz);
             simulation.link.set_source_m(source_m);
             simulation.run(30.0, 60.0);
             let offsets = simulation.offsets_s(&claps_s);
@@ -302,7 +302,7 @@ fn a_take_of_many_segments_is_one_sound_in_time() {
         );
         assert!(error < 0.02, "from {from}: {error}");
     }
-    let mut simulation = Simulation::new(track, Player::new(60.0, 30.0), 48_000);
+    let mut simulation = Simulation::new(track, Clock::new(60.0, 30.0), 48_000);
     simulation.run(59.0, 60.0);
     let claps: Vec<f64> = (0..30).map(|second| 0.7 + 2.0 * f64::from(second)).collect();
     let offsets = simulation.offsets_s(&claps);
@@ -353,8 +353,8 @@ fn after_a_thousand_seeks_it_is_in_time_and_none_of_them_clicks() {
     // A low tone, whose own steps are small: 0.4 * 110 Hz * 2 pi / 48 kHz = 0.006.
     let duration_s = 8.0;
     let claps_s: Vec<f64> = (0..16).map(|i| 0.25 + 0.5 * f64::from(i)).collect();
-    let (track, player) = looping(clapping(duration_s, &claps_s), duration_s);
-    let mut simulation = Simulation::new(track, player, 48_000);
+    let (track, clock) = looping(clapping(duration_s, &claps_s), duration_s);
+    let mut simulation = Simulation::new(track, clock, 48_000);
     let mut random = 1u64;
     let mut uniform = |high: f64| {
         random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
@@ -362,19 +362,19 @@ fn after_a_thousand_seeks_it_is_in_time_and_none_of_them_clicks() {
     };
     let mut count = 0;
     for seek in 0..1000 {
-        simulation.player.seek(uniform(duration_s));
+        simulation.clock.seek(uniform(duration_s));
         match seek % 10 {
             // Held in between, paused, and played at another speed.
             3 => (0..5).for_each(|_| simulation.frame(1.0 / 60.0, true)),
             5 => {
-                simulation.player.set_playing(false);
+                simulation.clock.set_playing(false);
                 simulation.run(0.05, 60.0);
-                simulation.player.set_playing(true);
+                simulation.clock.set_playing(true);
             }
             7 => {
-                simulation.player.set_speed(2.0);
+                simulation.clock.set_speed(2.0);
                 simulation.run(0.1, 60.0);
-                simulation.player.set_speed(1.0);
+                simulation.clock.set_speed(1.0);
             }
             _ => {}
         }
@@ -399,14 +399,14 @@ fn after_a_thousand_seeks_it_is_in_time_and_none_of_them_clicks() {
 
     let tone = packets(duration_s, |i| 0.4 * (i as f64 * 110.0 * TAU / 48_000.0).sin() as f32);
     let tone = part(&tone, 0, 0, samples(duration_s) as usize, 0);
-    let (track, player) = looping(tone.clone(), duration_s);
-    let mut simulation = Simulation::new(track, player, 48_000);
+    let (track, clock) = looping(tone.clone(), duration_s);
+    let mut simulation = Simulation::new(track, clock, 48_000);
     for seek in 0..200 {
-        simulation.player.seek(uniform(duration_s));
+        simulation.clock.seek(uniform(duration_s));
         if seek % 4 == 1 {
-            simulation.player.set_playing(false);
+            simulation.clock.set_playing(false);
             simulation.run(0.03, 60.0);
-            simulation.player.set_playing(true);
+            simulation.clock.set_playing(true);
         }
         if seek % 4 == 2 {
             simulation.link.set_gain(if seek % 8 == 2 { 0.0 } else { 1.0 });
@@ -420,7 +420,7 @@ fn after_a_thousand_seeks_it_is_in_time_and_none_of_them_clicks() {
         }
         simulation.run(0.1 + uniform(0.2), 60.0);
     }
-    simulation.player.seek(duration_s - 0.1);
+    simulation.clock.seek(duration_s - 0.1);
     simulation.run(0.5, 60.0);
     // A fade of 5 ms from 0.4 takes steps of 0.0017 more.
     assert!(simulation.largest_step() < 0.012, "{}", simulation.largest_step());
@@ -430,12 +430,12 @@ fn after_a_thousand_seeks_it_is_in_time_and_none_of_them_clicks() {
 fn other_speeds_backwards_and_scrubbing_are_silent_and_follow_the_display() {
     let duration_s = 2.0;
     let loud = packets(duration_s, |i| 0.5 * (i as f64 * 300.0 * TAU / 48_000.0).sin() as f32);
-    let (track, player) = looping(part(&loud, 0, 0, 96_000, 0), duration_s);
-    let mut simulation = Simulation::new(track, player, 48_000);
+    let (track, clock) = looping(part(&loud, 0, 0, 96_000, 0), duration_s);
+    let mut simulation = Simulation::new(track, clock, 48_000);
     let level = |simulation: &mut Simulation, seconds: f64, is_scrubbing: bool| {
         (0..20).for_each(|_| simulation.frame(1.0 / 60.0, is_scrubbing));
         simulation.calls.clear();
-        let before = simulation.player.position_s();
+        let before = simulation.clock.position_s();
         let frames = (seconds * 60.0) as usize;
         (0..frames).for_each(|_| simulation.frame(1.0 / 60.0, is_scrubbing));
         let played = simulation
@@ -444,35 +444,35 @@ fn other_speeds_backwards_and_scrubbing_are_silent_and_follow_the_display() {
             .flat_map(|(_, frames)| frames)
             .map(|frame| frame[0].abs())
             .fold(0.0, f32::max);
-        (played, (simulation.player.position_s() - before).rem_euclid(duration_s))
+        (played, (simulation.clock.position_s() - before).rem_euclid(duration_s))
     };
     let (played, moved) = level(&mut simulation, 0.5, false);
     assert!(played > 0.4 && (moved - 0.5).abs() < 0.01, "{played} {moved}");
-    simulation.player.set_speed(0.5);
+    simulation.clock.set_speed(0.5);
     let (played, moved) = level(&mut simulation, 0.5, false);
     assert!(played < 1e-3 && (moved - 0.25).abs() < 1e-6, "{played} {moved}");
-    simulation.player.set_speed(1.0);
-    simulation.player.set_reversed(true);
+    simulation.clock.set_speed(1.0);
+    simulation.clock.set_reversed(true);
     let (played, moved) = level(&mut simulation, 0.5, false);
     assert!(played < 1e-3 && (moved - 1.5).abs() < 1e-6, "{played} {moved}");
-    simulation.player.set_reversed(false);
+    simulation.clock.set_reversed(false);
     assert!(level(&mut simulation, 0.5, true).0 < 1e-3, "held");
     assert!(level(&mut simulation, 0.5, false).0 > 0.4, "and on");
-    simulation.player.set_playing(false);
+    simulation.clock.set_playing(false);
     assert!(level(&mut simulation, 0.5, false).0 < 1e-3, "paused");
 }
 
 #[test]
 fn a_device_that_stops_or_is_lost_holds_the_picture_for_half_a_second_at_most() {
-    let (track, player) = looping(clapping(2.0, &[0.7]), 2.0);
-    let mut simulation = Simulation::new(track, player, 48_000);
+    let (track, clock) = looping(clapping(2.0, &[0.7]), 2.0);
+    let mut simulation = Simulation::new(track, clock, 48_000);
     simulation.run(1.0, 60.0);
     // The device asks for no more samples, without an error.
     simulation.next_call_s = f64::INFINITY;
     simulation.run(1.0, 60.0);
-    let before = simulation.player.position_s();
+    let before = simulation.clock.position_s();
     simulation.run(0.5, 60.0);
-    assert!(((simulation.player.position_s() - before).rem_euclid(2.0) - 0.5).abs() < 0.02);
+    assert!(((simulation.clock.position_s() - before).rem_euclid(2.0) - 0.5).abs() < 0.02);
     // It is called again: sound comes back after a while.
     simulation.next_call_s = simulation.now_s;
     simulation.run(10.0, 60.0);
@@ -481,21 +481,21 @@ fn a_device_that_stops_or_is_lost_holds_the_picture_for_half_a_second_at_most() 
     // One that is lost is not waited for at all.
     simulation.link.set_open(false);
     simulation.next_call_s = f64::INFINITY;
-    let before = simulation.player.position_s();
+    let before = simulation.clock.position_s();
     simulation.run(0.5, 60.0);
-    assert!(((simulation.player.position_s() - before).rem_euclid(2.0) - 0.5).abs() < 0.02);
+    assert!(((simulation.clock.position_s() - before).rem_euclid(2.0) - 0.5).abs() < 0.02);
 }
 
 #[test]
 fn the_next_clip_begins_without_a_break_of_the_picture() {
-    let (track, mut player) = looping(clapping(2.0, &[0.7]), 2.0);
-    player.set_has_next(true);
-    let mut simulation = Simulation::new(track, player, 48_000);
+    let (track, mut clock) = looping(clapping(2.0, &[0.7]), 2.0);
+    clock.set_has_next(true);
+    let mut simulation = Simulation::new(track, clock, 48_000);
     simulation.run(1.5, 60.0);
-    while simulation.player.overrun_s().is_none() {
+    while simulation.clock.overrun_s().is_none() {
         simulation.frame(1.0 / 60.0, false);
     }
-    simulation.player.continue_with(2.0, 30.0);
+    simulation.clock.continue_with(2.0, 30.0);
     let next = SoundTrack::default();
     next.insert(clapping(2.0, &[0.3, 1.3]), 0, 0.0);
     simulation.track = next;

@@ -8,7 +8,7 @@
 use super::filler::{SoundCommand, Start};
 use super::link::Link;
 use super::track::SoundTrack;
-use crate::player::Player;
+use crate::clock::Clock;
 
 /// Share of a difference that a frame takes in, and the most by which it is faster or slower for it.
 const TAKES_IN: f64 = 0.1;
@@ -27,7 +27,7 @@ const SAME_S: f64 = 1e-3;
 /// Seconds before the end in which what is ahead was already decoded as for another end.
 const NEAR_END_S: f64 = 0.5;
 
-/// Follows a player with sound.
+/// Follows a clock with sound.
 #[derive(Default)]
 pub(super) struct SoundTiming {
     run: Option<TimedRun>,
@@ -48,7 +48,7 @@ struct TimedRun {
     loops: bool,
     /// Seconds by which frames advanced since the start.
     elapsed_s: f64,
-    /// Where they left the player.
+    /// Where they left the clock.
     position_s: f64,
     /// Seconds for which frames have waited.
     held_s: f64,
@@ -73,17 +73,17 @@ impl SoundTiming {
         }
     }
 
-    /// Seconds by which a frame advances `player`, and what the sound thread is to do.
+    /// Seconds by which a frame advances `clock`, and what the sound thread is to do.
     pub(super) fn step(
         &mut self,
-        player: &Player,
+        clock: &Clock,
         is_scrubbing: bool,
         track: &SoundTrack,
         link: &Link,
         frame: FrameTime,
     ) -> (f64, Option<SoundCommand>) {
         let is_audible = link.is_open() && !track.is_empty() && frame.seen_at_s >= self.left_out_until_s;
-        if !is_audible || !is_heard(player, is_scrubbing) {
+        if !is_audible || !is_heard(clock, is_scrubbing) {
             self.follows &= self.run.is_none();
             return (frame.elapsed_s, self.run.take().map(|_| SoundCommand::Stop));
         }
@@ -91,22 +91,22 @@ impl SoundTiming {
             // The sound thread has stopped, as no frame came for a while.
             self.run = None;
         }
-        let loops = player.starts_over();
-        let position_s = player.position_s();
+        let loops = clock.starts_over();
+        let position_s = clock.position_s();
         let mut command = None;
         match &mut self.run {
-            Some(run) if is_same(run.position_s, position_s, player.duration_s()) => {
-                let is_near_end = player.duration_s() - position_s < NEAR_END_S;
+            Some(run) if is_same(run.position_s, position_s, clock.duration_s()) => {
+                let is_near_end = clock.duration_s() - position_s < NEAR_END_S;
                 if run.loops != loops && !is_near_end {
                     run.loops = loops;
                     command = Some(SoundCommand::Loop(loops));
                 } else if run.loops != loops {
-                    command = Some(self.start(player, track, frame, true));
+                    command = Some(self.start(clock, track, frame, true));
                 }
             }
             _ => {
                 let holds = !std::mem::take(&mut self.follows);
-                command = Some(self.start(player, track, frame, holds));
+                command = Some(self.start(clock, track, frame, holds));
             }
         }
         let elapsed_s = self.elapsed_s(link, frame);
@@ -124,24 +124,24 @@ impl SoundTiming {
     /// What the sound thread is to do after the viewer's input of a frame: to be silent as
     /// soon as the clip pauses, which may be the last frame for long.
     #[cfg(feature = "window")]
-    pub(super) fn rest(&mut self, player: &Player, is_scrubbing: bool) -> Option<SoundCommand> {
-        if is_heard(player, is_scrubbing) {
+    pub(super) fn rest(&mut self, clock: &Clock, is_scrubbing: bool) -> Option<SoundCommand> {
+        if is_heard(clock, is_scrubbing) {
             return None;
         }
         self.follows &= self.run.is_none();
         self.run.take().map(|_| SoundCommand::Stop)
     }
 
-    fn start(&mut self, player: &Player, track: &SoundTrack, frame: FrameTime, holds: bool) -> SoundCommand {
+    fn start(&mut self, clock: &Clock, track: &SoundTrack, frame: FrameTime, holds: bool) -> SoundCommand {
         self.number += 1;
-        let (number, loops, position_s) = (self.number, player.starts_over(), player.position_s());
+        let (number, loops, position_s) = (self.number, clock.starts_over(), clock.position_s());
         self.run =
             Some(TimedRun { number, holds, is_heard: false, loops, elapsed_s: 0.0, position_s, held_s: 0.0 });
         SoundCommand::Start(Start {
             number,
             track: track.clone(),
             position_s,
-            duration_s: player.duration_s(),
+            duration_s: clock.duration_s(),
             loops,
             holds,
             at_s: frame.seen_at_s - frame.elapsed_s,
@@ -181,10 +181,10 @@ impl SoundTiming {
     }
 }
 
-/// Whether sound is heard with what the player does: playing forward at the captured rate.
-fn is_heard(player: &Player, is_scrubbing: bool) -> bool {
-    let is_normal = player.speed() == 1.0 && !player.is_reversed() && player.overrun_s().is_none();
-    is_normal && !is_scrubbing && player.is_advancing() && !player.is_waiting()
+/// Whether sound is heard with what the clock does: running forward at the captured rate.
+fn is_heard(clock: &Clock, is_scrubbing: bool) -> bool {
+    let is_normal = clock.speed() == 1.0 && !clock.is_reversed() && clock.overrun_s().is_none();
+    is_normal && !is_scrubbing && clock.is_advancing() && !clock.is_waiting()
 }
 
 /// Whether two positions are the same in a clip of `duration_s` seconds whose end may be its start.

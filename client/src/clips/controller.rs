@@ -10,9 +10,9 @@ use super::folder::Direction;
 use super::loader::{ClipTarget, LoadOptions, LoadRequest, TargetEvent, load};
 use super::queue::Queue;
 use super::state::{Change, QueueState};
-use super::worker::{Report, Worker};
-use crate::clips::redacted;
-use crate::player::Player;
+use crate::clock::Clock;
+use crate::content::redacted;
+use crate::worker::{Report, Worker};
 use program::Fault;
 
 /// The clips of a display.
@@ -70,14 +70,14 @@ impl<T: ClipTarget> ClipController<T> {
 
     /// Opens the clip on display again if its file was replaced, as a [`Refine`](super::state::Transition::Refine).
     /// Returns what to say. Does nothing while another one is about to be shown, and for a while after the last time.
-    pub(crate) fn reopen(&mut self, player: &Player, is_replaced: impl FnOnce() -> bool) -> Option<String> {
-        let is_leaving = self.state.skip_requested() || player.overrun_s().is_some();
+    pub(crate) fn reopen(&mut self, clock: &Clock, is_replaced: impl FnOnce() -> bool) -> Option<String> {
+        let is_leaving = self.state.skip_requested() || clock.overrun_s().is_some();
         let is_early = self.state.is_loading() || Instant::now() < self.reopens_at;
         if is_leaving || is_early || !is_replaced() {
             return None;
         }
         let name = self.state.reopen()?;
-        self.position_s = player.position_s();
+        self.position_s = clock.position_s();
         self.reopens_at = Instant::now() + self.reopens_after;
         self.reopens_after *= 2;
         self.send_request();
@@ -100,7 +100,7 @@ impl<T: ClipTarget> ClipController<T> {
         named: Option<String>,
         entry: super::queue::Entry,
         queue: Option<Queue>,
-        rest: super::source::Arrival,
+        rest: crate::content::Arrival,
     ) {
         self.target = Some(target);
         self.state.adopt(named, entry, queue, rest);
@@ -144,13 +144,13 @@ impl<T: ClipTarget> ClipController<T> {
 
     /// Takes in the clock of the clip on display, once a frame: at its end, unless the viewer has paused, or
     /// after a skip, goes to the next clip as soon as it is ready.
-    pub(crate) fn advance(&mut self, player: &mut Player) -> Option<Change<T::Ready>> {
-        if player.take_started_over() {
+    pub(crate) fn advance(&mut self, clock: &mut Clock) -> Option<Change<T::Ready>> {
+        if clock.take_started_over() {
             self.state.start_over();
             self.send_request();
             return None;
         }
-        let is_over = player.overrun_s().is_some() && player.is_playing();
+        let is_over = clock.overrun_s().is_some() && clock.is_playing();
         if is_over || self.state.skip_requested() { self.follow() } else { None }
     }
 
@@ -235,9 +235,10 @@ mod tests {
     use std::sync::mpsc::{Sender, channel};
 
     use super::*;
+    use crate::clips::Entry;
     use crate::clips::state::Transition;
-    use crate::clips::{Beginning, Entry, SourceOptions};
-    use crate::takes::OpenTake;
+    use crate::content::{OpenTake, SourceOptions};
+    use crate::player::Beginning;
 
     const DEMO: &[u8] = include_bytes!("../../../assets/demo.aarc");
 
@@ -335,24 +336,24 @@ mod tests {
         clips.set_target(Display, 0.0);
         clips.open(Some(list.into()));
         assert_eq!(clips.named(), Some(list));
-        let mut player = Player::new(1.0, 10.0);
-        player.set_has_next(true);
+        let mut clock = Clock::new(1.0, 10.0);
+        clock.set_has_next(true);
         let followed = |change| match change {
             Some(Change::Show { entry, transition: Transition::Follow, .. }) => Some(entry.number),
             None => None,
             Some(change) => panic!("{change:?}"),
         };
         while clips.wait().is_some() {}
-        assert_eq!(followed(clips.advance(&mut player)), None, "in the middle of the clip");
-        player.advance(2.0);
-        player.set_playing(false);
-        assert_eq!(followed(clips.advance(&mut player)), None, "paused at the end");
-        player.set_playing(true);
-        assert_eq!(followed(clips.advance(&mut player)), Some(1));
-        player.continue_with(1.0, 10.0);
+        assert_eq!(followed(clips.advance(&mut clock)), None, "in the middle of the clip");
+        clock.advance(2.0);
+        clock.set_playing(false);
+        assert_eq!(followed(clips.advance(&mut clock)), None, "paused at the end");
+        clock.set_playing(true);
+        assert_eq!(followed(clips.advance(&mut clock)), Some(1));
+        clock.continue_with(1.0, 10.0);
         while clips.wait().is_some() {}
-        assert_eq!(followed(clips.advance(&mut player)), None, "in the middle of the second clip");
+        assert_eq!(followed(clips.advance(&mut clock)), None, "in the middle of the second clip");
         assert!(clips.skip(Direction::Forward).is_none(), "the next clip is shown with the next frame");
-        assert_eq!(followed(clips.advance(&mut player)), Some(0));
+        assert_eq!(followed(clips.advance(&mut clock)), Some(0));
     }
 }

@@ -1,23 +1,19 @@
-//! [`LoadEvent`]: what loading a clip reports, from the network up to the window.
-
-use std::sync::Arc;
+//! [`LoadEvent`]: what loading a clip reports.
 
 use super::folder::Neighbours;
-use super::progress::Progress;
 use super::queue::{Entry, Queue};
-use crate::takes::OpenTake;
+use crate::content::Progress;
 use program::Fault;
 
-/// A report about a take that is being loaded. A source produces the first three; the loader adds the
-/// others.
+/// A report about clips that are being loaded.
 #[derive(Debug)]
-pub enum LoadEvent<C = Arc<OpenTake>> {
+pub(crate) enum LoadEvent<C> {
     /// How much has arrived.
     Progress(Progress),
     /// A remark for the viewer.
     Note(String),
-    /// A take that plays, and loads while it plays. A newer version of it may follow.
-    Take(C),
+    /// A clip that can be shown. A newer version of it may follow.
+    Clip(Version<C>),
     /// The request names this playlist.
     Playlist(Queue),
     /// The request names a clip, and these are beside it in its folder; reported before the clip is read.

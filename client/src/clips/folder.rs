@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use program::output::folder_of;
 
-use super::url::is_url;
+use crate::content::is_url;
 
 /// Which way to go through clips.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -18,7 +18,7 @@ pub(crate) enum Direction {
 
 /// The clips before and after one in its folder, by name: after the last comes the first.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Neighbours {
+pub(crate) struct Neighbours {
     /// All clips of the folder, and the clip that has the neighbours.
     clips: Arc<[String]>,
     /// Number of this clip among them.

@@ -8,27 +8,10 @@ use super::event::{LoadEvent, Version};
 use super::folder::Neighbours;
 use super::playlist;
 use super::queue::{Entry, Queue};
-use super::source::{self, Arrival};
-use super::source_options::SourceOptions;
-use super::url::title;
-use super::worker::Report;
-use crate::takes::OpenTake;
+use crate::content::{Arrival, OpenEvent, OpenTake, SourceOptions, open, title};
+use crate::player::Beginning;
+use crate::worker::Report;
 use program::{Fault, counted};
-
-/// How a clip begins to be shown.
-#[derive(Clone, Copy)]
-#[cfg_attr(
-    not(any(feature = "window", feature = "xr")),
-    allow(dead_code, reason = "a window and a headset begin anywhere, images at the time they show")
-)]
-pub(crate) struct Beginning<'a> {
-    /// Position in seconds, anywhere at all: the clip may be shorter.
-    pub(crate) position_s: f64,
-    /// Whether playback waits for it.
-    pub(crate) is_blocking: bool,
-    /// Whether it is not wanted any more: nothing waits for a network then.
-    pub(crate) is_overtaken: &'a dyn Fn() -> bool,
-}
 
 /// What can show clips: a window, a headset, or images.
 pub(crate) trait ClipTarget: Clone + Send + 'static {
@@ -83,7 +66,7 @@ pub(super) struct LoadRequest<T: ClipTarget> {
 }
 
 /// The events of a loader for the target `T`.
-pub(super) type TargetEvent<T> = LoadEvent<Version<<T as ClipTarget>::Ready>>;
+pub(super) type TargetEvent<T> = LoadEvent<<T as ClipTarget>::Ready>;
 
 /// Whether to go on, or the fault of the clip.
 type Flow = Result<ControlFlow<()>, Fault>;
@@ -144,7 +127,7 @@ impl<T: ClipTarget> Loading<'_, T> {
     fn first_of(&mut self, entries: &[Entry]) -> Flow {
         for (i, entry) in entries.iter().enumerate() {
             let mut is_first = true;
-            let arrival = source::open(entry.name.as_deref(), &self.options.source);
+            let arrival = open(entry.name.as_deref(), &self.options.source);
             match arrival.and_then(|arrival| self.versions(entry, arrival, &mut is_first)) {
                 Err(fault) if is_first && i + 1 < entries.len() => {
                     if (self.report.send)(LoadEvent::Skipped(fault)).is_break() {
@@ -164,7 +147,7 @@ impl<T: ClipTarget> Loading<'_, T> {
         for event in arrival {
             let mut flow = ControlFlow::Continue(());
             match event? {
-                LoadEvent::Take(take) => latest = Some(take),
+                OpenEvent::Take(take) => latest = Some(take),
                 event => flow = self.pass_on(event),
             }
             if flow.is_continue()
@@ -192,15 +175,15 @@ impl<T: ClipTarget> Loading<'_, T> {
         let clip = self.target.prepare(entry, take, beginning)?;
         let version = Version { entry: entry.clone(), is_first: *is_first, clip };
         *is_first = false;
-        Ok((self.report.send)(LoadEvent::Take(version)))
+        Ok((self.report.send)(LoadEvent::Clip(version)))
     }
 
     /// Passes on an event of a source that holds no clip.
-    fn pass_on(&self, event: LoadEvent) -> ControlFlow<()> {
+    fn pass_on(&self, event: OpenEvent) -> ControlFlow<()> {
         match event {
-            LoadEvent::Progress(progress) => (self.report.send)(LoadEvent::Progress(progress)),
-            LoadEvent::Note(note) => (self.report.send)(LoadEvent::Note(note)),
-            _ => ControlFlow::Continue(()),
+            OpenEvent::Progress(progress) => (self.report.send)(LoadEvent::Progress(progress)),
+            OpenEvent::Note(note) => (self.report.send)(LoadEvent::Note(note)),
+            OpenEvent::Take(_) => ControlFlow::Continue(()),
         }
     }
 }
@@ -262,7 +245,7 @@ mod tests {
         let text = RefCell::new(String::new());
         let send = &|event| {
             text.borrow_mut().push_str(&match event {
-                LoadEvent::Take(Version { entry, is_first, .. }) => {
+                LoadEvent::Clip(Version { entry, is_first, .. }) => {
                     format!("{}{}", entry.number, if is_first { "!" } else { "" })
                 }
                 LoadEvent::Skipped(_) => "x".into(),

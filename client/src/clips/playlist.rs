@@ -7,10 +7,14 @@ use std::path::Path;
 use program::Fault;
 use serde::Deserialize;
 
-use super::event::LoadEvent;
-use super::file::read;
-use super::source_options::SourceOptions;
-use super::url::{UNKNOWN_SCHEME, has_user_info, is_secure, is_url, join, redacted, scheme};
+#[cfg(not(feature = "net"))]
+use crate::content::no_net;
+#[cfg(feature = "net")]
+use crate::content::transfer::document;
+use crate::content::url::{UNKNOWN_SCHEME, has_user_info, is_secure, is_url, join, redacted, scheme};
+use crate::content::{OpenEvent, SourceOptions, read_file};
+#[cfg(feature = "net")]
+use crate::content::{Progress, net_options};
 
 /// Most bytes of a playlist.
 pub const BYTES_MAX: usize = 1 << 20;
@@ -62,7 +66,7 @@ pub fn is_playlist(name: &str) -> bool {
 pub fn open(
     name: &str,
     options: &SourceOptions,
-    on_event: &mut dyn FnMut(LoadEvent) -> ControlFlow<()>,
+    on_event: &mut dyn FnMut(OpenEvent) -> ControlFlow<()>,
 ) -> Result<Option<Playlist>, Fault> {
     if is_url(name) {
         return fetch(name, options, on_event);
@@ -70,7 +74,7 @@ pub fn open(
     if scheme(name).is_some() {
         return Err(Fault::Usage(format!("{}: {UNKNOWN_SCHEME}", redacted(name))));
     }
-    let clips = read(Path::new(name), BYTES_MAX).and_then(|bytes| parse(name, &bytes));
+    let clips = read_file(Path::new(name), BYTES_MAX).and_then(|bytes| parse(name, &bytes));
     let clips = clips.map_err(|reason| Fault::Data(format!("{name}: {reason}")))?;
     Ok(Some(Playlist { clips }))
 }
@@ -83,7 +87,7 @@ pub fn open(
 pub(crate) fn wait(
     name: &str,
     options: &SourceOptions,
-    mut on_event: impl FnMut(&LoadEvent),
+    mut on_event: impl FnMut(&OpenEvent),
 ) -> Result<Playlist, Fault> {
     let opened = open(name, options, &mut |event| {
         on_event(&event);
@@ -96,17 +100,16 @@ pub(crate) fn wait(
 fn fetch(
     url: &str,
     options: &SourceOptions,
-    on_event: &mut dyn FnMut(LoadEvent) -> ControlFlow<()>,
+    on_event: &mut dyn FnMut(OpenEvent) -> ControlFlow<()>,
 ) -> Result<Option<Playlist>, Fault> {
-    let progress =
-        &mut |progress: &super::progress::Progress| on_event(LoadEvent::Progress(progress.clone()));
+    let progress = &mut |progress: &Progress| on_event(OpenEvent::Progress(progress.clone()));
     let is_sound = &|bytes: &[u8]| parse(url, bytes).is_ok();
-    let options = super::source::net_options(options);
-    let Some(document) = crate::net::document(url, &options, BYTES_MAX, is_sound, progress)? else {
+    let options = net_options(options);
+    let Some(document) = document(url, &options, BYTES_MAX, is_sound, progress)? else {
         return Ok(None);
     };
     if let Some(note) = document.note
-        && on_event(LoadEvent::Note(note)).is_break()
+        && on_event(OpenEvent::Note(note)).is_break()
     {
         return Ok(None);
     }
@@ -120,9 +123,9 @@ fn fetch(
 fn fetch(
     url: &str,
     _options: &SourceOptions,
-    _on_event: &mut dyn FnMut(LoadEvent) -> ControlFlow<()>,
+    _on_event: &mut dyn FnMut(OpenEvent) -> ControlFlow<()>,
 ) -> Result<Option<Playlist>, Fault> {
-    Err(super::source::no_net(url))
+    Err(no_net(url))
 }
 
 /// Parses the playlist `name`; relative entries start from its folder.

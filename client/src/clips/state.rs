@@ -16,8 +16,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use super::event::{LoadEvent, Version};
 use super::folder::{Direction, Neighbours};
 use super::loader::Selection;
-use super::progress::Progress;
 use super::queue::{Entry, Queue};
+use crate::content::Progress;
 use program::Fault;
 
 /// What a display has to do.
@@ -146,7 +146,7 @@ impl<C> QueueState<C> {
         named: Option<String>,
         entry: Entry,
         queue: Option<Queue>,
-        rest: super::source::Arrival,
+        rest: crate::content::Arrival,
     ) {
         if queue.is_none() {
             self.neighbours = Neighbours::find(named.as_deref());
@@ -261,7 +261,7 @@ impl<C> QueueState<C> {
     }
 
     /// Takes in an event of the loader.
-    pub(super) fn on_event(&mut self, event: LoadEvent<Version<C>>) -> Option<Change<C>> {
+    pub(super) fn on_event(&mut self, event: LoadEvent<C>) -> Option<Change<C>> {
         match event {
             LoadEvent::Progress(progress) => self.shows_progress().then_some(Change::Progress(progress)),
             LoadEvent::Note(note) => Some(Change::Note(note)),
@@ -280,7 +280,7 @@ impl<C> QueueState<C> {
                 }
                 None
             }
-            LoadEvent::Take(version) => self.on_version(version),
+            LoadEvent::Clip(version) => self.on_version(version),
             LoadEvent::Failed(fault) => Some(self.on_failure(fault)),
             LoadEvent::Done => {
                 self.finish();
@@ -481,12 +481,12 @@ mod tests {
 
     type State = QueueState<&'static str>;
 
-    fn clip(number: usize, is_first: bool, clip: &'static str) -> LoadEvent<Version<&'static str>> {
+    fn clip(number: usize, is_first: bool, clip: &'static str) -> LoadEvent<&'static str> {
         let entry = Entry { number, name: Some(number.to_string()) };
-        LoadEvent::Take(Version { entry, is_first, clip })
+        LoadEvent::Clip(Version { entry, is_first, clip })
     }
 
-    fn failed(why: &str) -> LoadEvent<Version<&'static str>> {
+    fn failed(why: &str) -> LoadEvent<&'static str> {
         LoadEvent::Failed(Fault::Data(why.into()))
     }
 

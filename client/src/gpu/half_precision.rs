@@ -9,11 +9,11 @@ use codec::{Camera, Clip, ClipInfo, Field};
 use glam::UVec2;
 use program::Fault;
 
-use super::clip::GpuClip;
 use super::device::Gpu;
 use super::readback::Pixels;
 use super::renderer::{FrameLayout, Renderer};
 use super::settings::RenderSettings;
+use super::stages::clip::GpuClip;
 use super::target::{ChannelDepth, Offscreen};
 use crate::view::View;
 

@@ -7,11 +7,9 @@
 //! Per frame, [`Renderer::prepare`] runs the stages `alive` and `sort` on the CPU, and [`Renderer::record`] records
 //! `evaluate` and `splat`, and for a foveated frame `foveate`, for the GPU.
 
-mod clip;
 mod counts;
 mod device;
 mod division;
-mod drawn_set;
 mod footprint;
 mod foveation;
 mod frame_views;
@@ -39,7 +37,6 @@ mod timing;
 #[cfg(any(feature = "window", feature = "xr"))]
 mod ui;
 
-pub use clip::GpuClip;
 pub use counts::{Coverage, FrameCounts};
 pub(crate) use device::DEVICE_REPLACED;
 pub use device::{Caps, Gpu, LOG_FILTER, PipelineStore};
@@ -53,6 +50,7 @@ pub use segment::{PackedLayers, PackedSegment, PlateLayout, TakeLayout};
 pub use settings::{Cutoff, RenderSettings, SortOrder};
 pub use slots::{SlotId, Slots};
 pub use span::Span;
+pub use stages::clip::GpuClip;
 pub use stages::linear_light::LinearLight;
 pub use stages::sort::{DIGIT_BITS as SORT_DIGIT_BITS, DIGITS as SORT_DIGITS};
 pub use target::{ChannelDepth, Offscreen};

@@ -16,11 +16,11 @@ use codec::{Clip, LayerEnd};
 use program::Fault;
 use shaders::{Features, ROW_BITS, SLOTS};
 
-use super::clip::{GaussianSet, GpuClip, GpuSegment, NO_SLOTS, Slot};
 use super::device::Gpu;
 use super::segment::{PackedLayers, PackedRun, PackedSegment, TakeLayout};
 use super::span::Span;
 use super::stages::alive::{LayerRows, Rows};
+use super::stages::clip::{GaussianSet, GpuClip, GpuSegment, NO_SLOTS, Slot};
 use super::stages::evaluate::Buffers;
 
 // An instant of a take is held by no more segments.

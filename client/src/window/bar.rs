@@ -14,9 +14,9 @@ use super::keys::Command;
 use super::library::{ListedClip, Opening};
 use super::style;
 use crate::audio::Volume;
-use crate::clips::redacted;
+use crate::clock::{Clock, SPEEDS};
+use crate::content::redacted;
 use crate::gpu::{Cutoff, RenderSettings, SortOrder};
-use crate::player::{Player, SPEEDS};
 
 /// What can be opened and changed besides the clip on display.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -31,7 +31,7 @@ pub(crate) struct Choices {
 
 /// The state that the bar shows and changes.
 pub(crate) struct Controls<'a> {
-    pub(crate) player: &'a mut Player,
+    pub(crate) clock: &'a mut Clock,
     pub(crate) settings: &'a mut RenderSettings,
     pub(crate) choices: &'a Choices,
     /// Clips chosen in menus.
@@ -60,14 +60,14 @@ pub(crate) fn show(ui: &mut Ui, mut controls: Controls<'_>, commands: &mut Vec<C
         bottom: 8,
     });
     Panel::bottom("bar").frame(frame).resizable(false).show_separator_line(false).show(ui, |ui| {
-        *controls.is_scrubbing = !controls.is_static && timeline(ui, controls.player, controls.buffered);
+        *controls.is_scrubbing = !controls.is_static && timeline(ui, controls.clock, controls.buffered);
         ui.horizontal(|ui| {
             ui.spacing_mut().item_spacing.x = 2.0;
             neighbours(ui, controls.choices, commands);
             if !controls.is_static {
-                transport(ui, controls.player, commands);
+                transport(ui, controls.clock, commands);
                 if let Some(volume) = controls.volume.take() {
-                    sound(ui, volume, controls.player, commands);
+                    sound(ui, volume, controls.clock, commands);
                 }
             }
             ui.with_layout(Layout::right_to_left(Align::Center), |ui| menus(ui, controls, commands));
@@ -79,19 +79,19 @@ pub(crate) fn show(ui: &mut Ui, mut controls: Controls<'_>, commands: &mut Vec<C
 const BUFFERED_HEIGHT: f32 = 2.0;
 
 /// Shows the slider over the clip, and below it what is `buffered`; returns whether the pointer holds it.
-fn timeline(ui: &mut Ui, player: &mut Player, buffered: &[(f64, f64)]) -> bool {
-    let mut position_s = player.position_s();
-    let has_duration = player.duration_s() > 0.0;
-    let slider = Slider::new(&mut position_s, 0.0..=player.duration_s().max(f64::MIN_POSITIVE))
+fn timeline(ui: &mut Ui, clock: &mut Clock, buffered: &[(f64, f64)]) -> bool {
+    let mut position_s = clock.position_s();
+    let has_duration = clock.duration_s() > 0.0;
+    let slider = Slider::new(&mut position_s, 0.0..=clock.duration_s().max(f64::MIN_POSITIVE))
         .show_value(false)
         .smart_aim(false);
     ui.spacing_mut().slider_width = ui.available_width();
     let response = ui.add_enabled_ui(has_duration, |ui| clickable(ui, slider)).inner;
     if response.changed() {
-        player.seek(position_s);
+        clock.seek(position_s);
     }
     let (track, y) = (response.rect, response.rect.bottom());
-    let x = |seconds: f64| track.left() + track.width() * (seconds / player.duration_s()) as f32;
+    let x = |seconds: f64| track.left() + track.width() * (seconds / clock.duration_s()) as f32;
     for &(from_s, to_s) in buffered.iter().filter(|_| has_duration) {
         let mark = Rect::from_x_y_ranges(x(from_s)..=x(to_s), y - BUFFERED_HEIGHT..=y);
         ui.painter().rect_filled(mark, 0.0, style::ACCENT.gamma_multiply(0.6));
@@ -121,8 +121,8 @@ fn neighbours(ui: &mut Ui, choices: &Choices, commands: &mut Vec<Command>) {
     ui.add_space(6.0);
 }
 
-fn transport(ui: &mut Ui, player: &Player, commands: &mut Vec<Command>) {
-    let (play, hint) = match player.is_playing() {
+fn transport(ui: &mut Ui, clock: &Clock, commands: &mut Vec<Command>) {
+    let (play, hint) = match clock.is_playing() {
         true => (Symbol::Pause, "Pause (Space)"),
         false => (Symbol::Play, "Play (Space)"),
     };
@@ -137,17 +137,17 @@ fn transport(ui: &mut Ui, player: &Player, commands: &mut Vec<Command>) {
         }
     }
     ui.add_space(10.0);
-    time(ui, player);
+    time(ui, clock);
     if ui.available_width() > MENUS_WIDTH + FRAMES_WIDTH {
         ui.add_space(8.0);
-        let frames = format!("frame {} / {}", player.frame(), player.last_frame());
+        let frames = format!("frame {} / {}", clock.frame(), clock.last_frame());
         ui.label(RichText::new(frames).monospace().color(style::QUIET));
     }
 }
 
 /// Shows the position, and the duration where it leaves room for the rest.
-fn time(ui: &mut Ui, player: &Player) {
-    let [position, duration] = time_texts(player);
+fn time(ui: &mut Ui, clock: &Clock) {
+    let [position, duration] = time_texts(clock);
     let font = TextStyle::Monospace.resolve(ui.style());
     let both = format!("{position} / {duration}");
     let galley = ui.painter().layout_no_wrap(both, font.clone(), ui.visuals().text_color());
@@ -170,7 +170,7 @@ const MUTE_WIDTH: f32 = 37.0;
 const VOLUME_WIDTH: f32 = 80.0;
 
 /// Shows whether sound is muted, and how loud it is.
-fn sound(ui: &mut Ui, volume: &mut Volume, player: &Player, commands: &mut Vec<Command>) {
+fn sound(ui: &mut Ui, volume: &mut Volume, clock: &Clock, commands: &mut Vec<Command>) {
     ui.add_space(10.0);
     let (symbol, hint) = match volume.is_muted() {
         true => (Symbol::Muted, "Sound on (M)"),
@@ -185,7 +185,7 @@ fn sound(ui: &mut Ui, volume: &mut Volume, player: &Player, commands: &mut Vec<C
     let mut level = if volume.is_muted() { 0.0 } else { volume.level() };
     ui.spacing_mut().slider_width = VOLUME_WIDTH;
     let slider = clickable(ui, Slider::new(&mut level, 0.0..=1.0).show_value(false));
-    let hint = match player.speed() == 1.0 && !player.is_reversed() {
+    let hint = match clock.speed() == 1.0 && !clock.is_reversed() {
         true => "Volume",
         false => "Sound is heard forward at normal speed",
     };
@@ -196,8 +196,8 @@ fn sound(ui: &mut Ui, volume: &mut Volume, player: &Player, commands: &mut Vec<C
 
 /// Position and duration to hundredths of a second: `1.25`, `10.00 s`; ` 0:59.20`, `11:30.00`. The position is as wide
 /// everywhere in the clip.
-fn time_texts(player: &Player) -> [String; 2] {
-    let (position_s, duration_s) = (player.position_s(), player.duration_s());
+fn time_texts(clock: &Clock) -> [String; 2] {
+    let (position_s, duration_s) = (clock.position_s(), clock.duration_s());
     if duration_s < 60.0 {
         return [format!("{position_s:5.2}"), format!("{duration_s:.2} s")];
     }
@@ -222,27 +222,27 @@ fn menus(ui: &mut Ui, controls: Controls<'_>, commands: &mut Vec<Command>) {
     ui.menu_button("View", |ui| view_menu(ui, &controls, commands));
     ui.menu_button("Clips", |ui| clips_menu(ui, controls.choices, controls.opening, commands));
     if !controls.is_static {
-        playing_menus(ui, controls.player, commands);
+        playing_menus(ui, controls.clock, commands);
     }
 }
 
 /// Loop, speed and direction.
-fn playing_menus(ui: &mut Ui, player: &mut Player, commands: &mut Vec<Command>) {
-    let looping = player.is_looping();
+fn playing_menus(ui: &mut Ui, clock: &mut Clock, commands: &mut Vec<Command>) {
+    let looping = clock.is_looping();
     if ui.selectable_label(looping, "Loop").on_hover_text("Start over at the end (L)").clicked() {
         commands.push(Command::ToggleLoop);
     }
-    let speed = player.speed();
-    let sign = if player.is_reversed() { "-" } else { "" };
+    let speed = clock.speed();
+    let sign = if clock.is_reversed() { "-" } else { "" };
     ui.menu_button(format!("{sign}{}", speed_text(speed)), |ui| {
         for choice in SPEEDS.into_iter().rev() {
             if ui.selectable_label(speed == choice, speed_text(choice)).clicked() {
-                player.set_speed(choice);
+                clock.set_speed(choice);
                 ui.close();
             }
         }
         ui.separator();
-        if ui.selectable_label(player.is_reversed(), "Backwards (B)").clicked() {
+        if ui.selectable_label(clock.is_reversed(), "Backwards (B)").clicked() {
             commands.push(Command::ToggleReverse);
             ui.close();
         }

@@ -31,17 +31,17 @@ use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoopProxy};
 use winit::window::WindowId;
 
 use crate::args::Args;
-use crate::clips::{Arrival, Entry, LoadEvent, Queue, Wait, cache_dir, playlist};
+use crate::clips::{Entry, Queue, playlist};
+use crate::content::{Arrival, OpenEvent, OpenTake, Wait, cache_dir};
 use crate::gpu::DEVICE_REPLACED;
-use crate::takes::OpenTake;
 use crate::terminal::Reporter;
-use crate::{clips, headless, viewpoint};
+use crate::{content, headless, viewpoint};
 use session::{Event, Next, Session, Start};
 
 /// Plays the clip of `args` in a window until it is closed.
 ///
 /// # Errors
-/// As [`clips::open`] and [`viewpoint::find`]; as [`clips::Arrival`] until the first clip plays;
+/// As [`content::open`] and [`viewpoint::find`]; as [`content::Arrival`] until the first clip plays;
 /// [`Fault::Device`] without a display or a graphics device for it.
 pub fn run(args: &Args) -> Result<(), Fault> {
     let mut reporter = Reporter::new();
@@ -78,11 +78,11 @@ struct First {
 fn first_clip(args: &Args, reporter: &mut Reporter) -> Result<First, Fault> {
     let source = args.source(cache_dir());
     let wait = |entry: Entry, queue, reporter: &mut Reporter| -> Result<First, Fault> {
-        let mut rest = clips::open(entry.name.as_deref(), &source)?;
+        let mut rest = content::open(entry.name.as_deref(), &source)?;
         let mut note = None;
         let clip = rest.wait(Wait::Playable, |event| {
             reporter.print(event);
-            if let LoadEvent::Note(text) = event {
+            if let OpenEvent::Note(text) = event {
                 note = Some(text.clone());
             }
         })?;
@@ -96,7 +96,7 @@ fn first_clip(args: &Args, reporter: &mut Reporter) -> Result<First, Fault> {
     let mut last = None;
     for entry in queue.all() {
         if let Some(fault) = last.take() {
-            reporter.print(&LoadEvent::Note(format!("{fault}; skipped")));
+            reporter.print(&OpenEvent::Note(format!("{fault}; skipped")));
         }
         let mut queue = queue.clone();
         queue.go_to(entry.number);
@@ -156,7 +156,7 @@ impl ApplicationHandler<Event> for App {
                     }
                 }
                 Err(fault) => match session.reopen(fault) {
-                    Ok(()) => Reporter::new().print(&LoadEvent::Note(DEVICE_REPLACED.into())),
+                    Ok(()) => Reporter::new().print(&OpenEvent::Note(DEVICE_REPLACED.into())),
                     Err(fault) => self.fail(event_loop, fault),
                 },
             },

@@ -30,13 +30,11 @@ use super::screenshot::Screenshot;
 use super::viewed_clip::ViewedClip;
 use super::viewer::{FrameSeconds, Requests, Viewer};
 use crate::audio::{SoundTrack, Speaker};
-use crate::clips::{
-    Arrival, Beginning, Change, ClipController, ClipTarget, Direction, Entry, LoadEvent, LoadOptions, Queue,
-    SourceOptions, Transition, is_url, title,
-};
+use crate::clips::{Change, ClipController, ClipTarget, Direction, Entry, LoadOptions, Queue, Transition};
+use crate::content::{Arrival, OpenEvent, OpenTake, SourceOptions, is_url, title};
 use crate::folders;
 use crate::gpu::{Format, FrameCounts, FrameLayout, Gpu, Picture, RenderSettings, Renderer, SurfaceFrame};
-use crate::takes::{OpenTake, TakePlayer};
+use crate::player::{Beginning, TakePlayer};
 use crate::terminal::Reporter;
 use crate::view::View;
 use program::Fault;
@@ -346,7 +344,7 @@ impl Session {
         let Some(clip) = self.shown_file().map(Path::to_owned) else { return };
         let change = PosterChange {
             clip,
-            time_s: self.viewer.player.position_s(),
+            time_s: self.viewer.clock.position_s(),
             viewpoint: self.viewer.camera_viewpoint(),
         };
         let proxy = self.proxy.clone();
@@ -399,11 +397,11 @@ impl Session {
             }
             Change::Waiting => self.set_message(Message::Working("Loading another clip".into())),
             Change::Note(note) => {
-                self.reporter.print(&LoadEvent::Note(note.clone()));
+                self.reporter.print(&OpenEvent::Note(note.clone()));
                 self.note(note);
             }
             Change::Failed(fault) => {
-                self.reporter.print(&LoadEvent::Note(fault.to_string()));
+                self.reporter.print(&OpenEvent::Note(fault.to_string()));
                 self.set_message(Message::Error(fault.to_string()));
             }
             Change::Idle => self.clear_progress(),
@@ -470,8 +468,8 @@ impl Session {
         let ctx = self.screen.input.egui_ctx().clone();
         self.library.update();
         self.viewer.choices = self.choices();
-        let looping = self.viewer.player.is_looping();
-        self.viewer.player.set_has_next(self.clips.is_followed(looping));
+        let looping = self.viewer.clock.is_looping();
+        self.viewer.clock.set_has_next(self.clips.is_followed(looping));
         let input = self.screen.input.take_egui_input(&self.window);
         let statistics = self.statistics(frame.size);
         let mut requests = Requests::default();
@@ -480,10 +478,10 @@ impl Session {
         let output = ctx.run_ui(input, |ui| {
             requests = self.viewer.frame(ui, seconds, volume.as_deref_mut(), &statistics);
         });
-        if let Some(change) = self.clips.advance(&mut self.viewer.player) {
+        if let Some(change) = self.clips.advance(&mut self.viewer.clock) {
             self.apply(change);
         }
-        self.speaker.rest(&self.viewer.player, self.viewer.is_scrubbing());
+        self.speaker.rest(&self.viewer.clock, self.viewer.is_scrubbing());
 
         let state = self.picture_state(frame.size);
         let outdated = self.drawn != Some(state);
@@ -544,11 +542,11 @@ impl Session {
         // A frame is seen about as long after it is drawn as frames are apart.
         let ahead_s = elapsed_s.min(AHEAD_MAX_S);
         let camera_from_world = DMat4::from_cols_array_2d(&viewer.camera(1, 1).camera_from_world).transpose();
-        speaker.place(&viewer.player, |point| {
+        speaker.place(&viewer.clock, |point| {
             let seen = playing.metres_per_unit * camera_from_world.transform_point3(point);
             DVec3::new(seen.x, -seen.y, -seen.z)
         });
-        let played_s = speaker.step(&viewer.player, viewer.is_scrubbing(), elapsed_s, ahead_s);
+        let played_s = speaker.step(&viewer.clock, viewer.is_scrubbing(), elapsed_s, ahead_s);
         if let Some(note) = self.speaker.take_note() {
             self.apply(Change::Note(note));
         }
@@ -558,19 +556,19 @@ impl Session {
     /// Brings the segments of a take up to the position, and lets the clock wait for those that are missing there.
     fn update_take(&mut self, now: Instant) {
         let (Some(take), Some(renderer)) = (&mut self.playing.take, &mut self.playing.renderer) else {
-            self.viewer.player.set_waiting(false);
+            self.viewer.clock.set_waiting(false);
             self.loading_since = None;
             return;
         };
-        let player = &mut self.viewer.player;
-        take.update(&self.screen.gpu, renderer, player);
-        let is_missing = take.is_missing(player.position_s());
-        player.set_waiting(is_missing);
+        let clock = &mut self.viewer.clock;
+        take.update(&self.screen.gpu, renderer, clock);
+        let is_missing = take.is_missing(clock.position_s());
+        clock.set_waiting(is_missing);
         if self.drawn.is_none_or(|drawn| drawn.revision != take.revision()) {
             self.viewer.buffered = take.buffered().to_vec();
         }
         let mut notes = take.take_notes();
-        notes.extend(self.clips.reopen(player, || take.is_replaced()));
+        notes.extend(self.clips.reopen(clock, || take.is_replaced()));
         for note in notes {
             self.apply(Change::Note(note));
         }
@@ -598,10 +596,10 @@ impl Session {
 
     /// Normalised time of the picture: of a take, the latest complete one while a part of it is being loaded.
     fn shown_time(&self) -> f64 {
-        let player = &self.viewer.player;
+        let clock = &self.viewer.clock;
         match &self.playing.take {
-            Some(take) if player.duration_s() > 0.0 && !self.playing.viewed.is_static => {
-                take.shown_s(player.position_s()) / player.duration_s()
+            Some(take) if clock.duration_s() > 0.0 && !self.playing.viewed.is_static => {
+                take.shown_s(clock.position_s()) / clock.duration_s()
             }
             _ => self.viewer.clip_time(),
         }
@@ -648,12 +646,12 @@ impl Session {
             return;
         }
         let Some(renderer) = &self.playing.renderer else { return };
-        let player = &self.viewer.player;
+        let clock = &self.viewer.clock;
         let screenshot = Screenshot {
             clip: renderer.clip().clone(),
             name: self.playing.title.clone(),
             t: state.t,
-            time_s: player.position_s(),
+            time_s: clock.position_s(),
             view: state.view,
             settings: state.settings,
         };
@@ -688,7 +686,7 @@ impl Session {
         (self.playing.renderer, self.playing.take) = (None, None);
         self.drawn = None;
         self.last_frame = None;
-        self.clips.set_target(WindowTarget::new(&self.screen, &self.proxy), self.viewer.player.position_s());
+        self.clips.set_target(WindowTarget::new(&self.screen, &self.proxy), self.viewer.clock.position_s());
         self.set_message(Message::Working("Loading the clip for another graphics device".into()));
         Ok(())
     }

@@ -2,7 +2,7 @@
 
 use codec::Viewpoint;
 
-use crate::takes::OpenTake;
+use crate::content::OpenTake;
 
 /// The properties of a clip that its viewer needs.
 #[derive(Clone, Debug, PartialEq)]

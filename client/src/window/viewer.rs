@@ -14,8 +14,8 @@ use super::overlay::{self, Message};
 use super::viewed_clip::ViewedClip;
 use crate::audio::Volume;
 use crate::clips::Direction;
+use crate::clock::Clock;
 use crate::gpu::RenderSettings;
-use crate::player::Player;
 
 /// Points of scrolling per notch of a wheel.
 const POINTS_PER_NOTCH: f64 = 40.0;
@@ -42,7 +42,7 @@ pub(crate) struct Requests {
 
 /// The state of the interface.
 pub(crate) struct Viewer {
-    pub(crate) player: Player,
+    pub(crate) clock: Clock,
     pub(crate) settings: RenderSettings,
     pub(crate) message: Option<Message>,
     pub(crate) choices: Choices,
@@ -67,7 +67,7 @@ impl Viewer {
     /// If there is no such viewpoint.
     pub(crate) fn new(clip: ViewedClip, viewpoint: usize, settings: RenderSettings) -> Viewer {
         Viewer {
-            player: Player::new(clip.duration_s, clip.fps),
+            clock: Clock::new(clip.duration_s, clip.fps),
             settings,
             message: None,
             choices: Choices::default(),
@@ -85,7 +85,7 @@ impl Viewer {
 
     /// Plays another clip from its start, from its first viewpoint, with all its layers.
     pub(crate) fn change_clip(&mut self, clip: ViewedClip) {
-        self.player.change_clip(clip.duration_s, clip.fps);
+        self.clock.change_clip(clip.duration_s, clip.fps);
         self.settings.layers = None;
         self.camera = CameraControl::new(&clip.viewpoints[0], clip.up);
         self.viewpoint = 0;
@@ -95,7 +95,7 @@ impl Viewer {
 
     /// Continues with the next clip of a playlist. The camera stays if both clips have the same viewpoints.
     pub(crate) fn continue_with(&mut self, clip: ViewedClip) {
-        self.player.continue_with(clip.duration_s, clip.fps);
+        self.clock.continue_with(clip.duration_s, clip.fps);
         self.settings.layers = self.settings.layers.filter(|layers| *layers <= clip.layers);
         if (clip.up, &clip.viewpoints) != (self.clip.up, &self.clip.viewpoints) {
             self.camera = CameraControl::new(&clip.viewpoints[0], clip.up);
@@ -127,7 +127,7 @@ impl Viewer {
 
     /// Normalised clip time of the image; always 0 for a static clip.
     pub(crate) fn clip_time(&self) -> f64 {
-        if self.clip.is_static { 0.0 } else { self.player.clip_time() }
+        if self.clip.is_static { 0.0 } else { self.clock.clip_time() }
     }
 
     /// Seconds until the image changes without further input: 0 while it moves, `None` for never. A static clip
@@ -136,9 +136,9 @@ impl Viewer {
         if self.fly_keys.fly().is_flying() {
             return Some(0.0);
         }
-        match (self.player.is_advancing(), self.clip.is_static) {
+        match (self.clock.is_advancing(), self.clip.is_static) {
             (true, false) => Some(0.0),
-            (true, true) => in_playlist.then(|| self.player.remaining_s()),
+            (true, true) => in_playlist.then(|| self.clock.remaining_s()),
             (false, _) => None,
         }
     }
@@ -148,7 +148,7 @@ impl Viewer {
         self.is_scrubbing
     }
 
-    /// Handles the input of a frame, advances player and camera, and shows the controls, with the controls of the
+    /// Handles the input of a frame, advances clock and camera, and shows the controls, with the controls of the
     /// `volume` if the clip has sound. `statistics` are rows of names and values.
     pub(crate) fn frame(
         &mut self,
@@ -163,7 +163,7 @@ impl Viewer {
         let mut requests = Requests::default();
         if self.show_controls {
             let controls = Controls {
-                player: &mut self.player,
+                clock: &mut self.clock,
                 settings: &mut self.settings,
                 choices: &self.choices,
                 opening: &mut requests.open,
@@ -187,7 +187,7 @@ impl Viewer {
             }
         }
         if !self.is_scrubbing {
-            self.player.advance(played_s);
+            self.clock.advance(played_s);
         }
         self.camera.fly(self.fly_keys.fly(), elapsed_s);
 
@@ -250,21 +250,21 @@ impl Viewer {
     }
 
     fn apply(&mut self, command: Command, requests: &mut Requests) {
-        let player = &mut self.player;
+        let clock = &mut self.clock;
         match command {
-            Command::TogglePlaying => player.toggle_playing(),
-            Command::StepBack => player.step_back(),
-            Command::StepForward => player.step_forward(),
-            Command::GoToStart => player.seek(0.0),
-            Command::Slower => player.slower(),
-            Command::Faster => player.faster(),
-            Command::NormalSpeed => player.set_speed(1.0),
+            Command::TogglePlaying => clock.toggle_playing(),
+            Command::StepBack => clock.step_back(),
+            Command::StepForward => clock.step_forward(),
+            Command::GoToStart => clock.seek(0.0),
+            Command::Slower => clock.slower(),
+            Command::Faster => clock.faster(),
+            Command::NormalSpeed => clock.set_speed(1.0),
             // A static clip comes to its end in any case.
             Command::ToggleReverse if self.clip.is_static => {}
-            Command::ToggleReverse => player.set_reversed(!player.is_reversed()),
+            Command::ToggleReverse => clock.set_reversed(!clock.is_reversed()),
             // There is nothing to mute.
             Command::ToggleMuted => {}
-            Command::ToggleLoop => player.set_looping(!player.is_looping()),
+            Command::ToggleLoop => clock.set_looping(!clock.is_looping()),
             Command::GoToViewpoint(number) => self.go_to_viewpoint(number),
             Command::Recentre => self.go_to_viewpoint(self.viewpoint),
             Command::Screenshot => requests.screenshot = true,

@@ -9,12 +9,12 @@ use glam::UVec2;
 use program::{Fault, counted, output};
 use serde::Serialize;
 
-use super::pacing::Pacing;
 use super::runtime::Runtime;
-use super::show::Show;
 use super::tracking::eye;
 use crate::args::Args;
 use crate::gpu::{Coverage, FrameCounts, Gpu, Level, Pixels, RenderSettings};
+use crate::headset::pacing::Pacing;
+use crate::headset::show::Show;
 use crate::stats::{FrameStats, Summary, TakeStats};
 use crate::view::View;
 

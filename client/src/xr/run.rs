@@ -9,13 +9,15 @@ use super::runtime::Runtime;
 use super::runtime::error::{self, Halt};
 use super::session::state::{Action, Renewals, SessionLifecycle};
 use super::session::{Request, Session};
-use super::show::Show;
-use super::show::place::Place;
-use super::show::quality::Quality;
 use crate::args::Args;
 use crate::audio::Speaker;
-use crate::clips::{LoadOptions, SourceOptions};
+use crate::clips::LoadOptions;
+use crate::content::SourceOptions;
 use crate::gpu::{ChannelDepth, DEVICE_REPLACED, Failures, Gpu, VulkanHandles, choose_f16};
+use crate::headset::notify;
+use crate::headset::show::Show;
+use crate::headset::show::place::Place;
+use crate::headset::show::quality::Quality;
 use crate::pipeline_folder::PipelineFolder;
 use program::Fault;
 use program::output;
@@ -26,7 +28,7 @@ const IDLE_POLL: Duration = Duration::from_millis(10);
 /// Plays the clip that `args` name in a headset, until the runtime or the viewer ends it.
 ///
 /// # Errors
-/// [`Fault::Device`] if there is no runtime or headset, or it goes away; as [`crate::clips::open`].
+/// [`Fault::Device`] if there is no runtime or headset, or it goes away; as [`crate::content::open`].
 #[cfg(not(target_os = "android"))]
 pub fn run(args: &Args) -> Result<(), Fault> {
     play(args, &mut System)
@@ -69,7 +71,7 @@ pub(super) fn play(args: &Args, system: &mut System) -> Result<(), Fault> {
                 if !device.gpu.is_worth_replacing(report.frames_drawn() - drawn_before) {
                     return Err(fault);
                 }
-                System::notify(DEVICE_REPLACED);
+                notify(DEVICE_REPLACED);
                 report.lose_session();
                 show.lose_device();
             }
@@ -126,7 +128,7 @@ impl Device {
                     if !renewals.follows(report.frames() - frames_before) {
                         return Err(error::sessions_dropped());
                     }
-                    System::notify("the headset's session was lost: starting another");
+                    notify("the headset's session was lost: starting another");
                     report.lose_session();
                     drop(session);
                     runtime.wait_for_headset(system)?;

@@ -20,7 +20,8 @@ mod trials;
 
 use codec::{Clip, Precision, Sensitivity, Source};
 
-use crate::prune::{Fidelity, Pictures, PosedView};
+use crate::prune::{Fidelity, Pictures};
+use crate::reference::PosedView;
 use crate::reference::sensitivities;
 
 pub use error::CodeError;

@@ -76,3 +76,4 @@ pub mod metrics;
 pub mod prune;
 mod raster;
 pub mod reference;
+mod temporal_median;

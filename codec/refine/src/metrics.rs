@@ -8,7 +8,8 @@ use crate::fit::{Lpips, ssim_and_gradient};
 use crate::image::Image;
 
 pub use crate::color_alignment::ColorSums;
-pub use crate::median::{TemporalMedian, median};
+pub use crate::median::median;
+pub use crate::temporal_median::TemporalMedian;
 
 /// Quality metrics of a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]

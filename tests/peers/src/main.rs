@@ -2,7 +2,6 @@
 //! image sizes. `README.md` describes the comparison.
 
 mod coding;
-mod compared_field;
 mod median_range;
 mod native;
 mod player;
@@ -20,7 +19,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use program::Fault;
 use studio::machine::machine;
 
-use compared_field::ComparedField;
+use coding::ComparedField;
 use player::{PlayerKind, WebGl, web_folder};
 use report::PeerReport;
 use workload::Workload;

@@ -14,8 +14,8 @@ use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use aarc_tests::server::{Answer, Request, Server};
-use client::clips::LoadEvent;
-use client::net::{Download, Options};
+use client::content::transfer::Options;
+use client::content::{Download, OpenEvent};
 
 /// The paper's network, in megabits per second.
 const MBIT: f64 = 58.0;
@@ -197,7 +197,7 @@ fn download(url: &str) -> Result<[f64; 2], String> {
     let elapsed_ms = || start.elapsed().as_secs_f64() * 1e3;
     let mut opened = None;
     for event in Download::new(url, Options::default()) {
-        if let LoadEvent::Take(take) = event.map_err(|fault| fault.to_string())? {
+        if let OpenEvent::Take(take) = event.map_err(|fault| fault.to_string())? {
             opened = Some((take, elapsed_ms()));
         }
     }

@@ -10,10 +10,11 @@ use aarc_tests::gpu::{self, Passes};
 use aarc_tests::scene::{Motion, Place, Recipe, camera, packaged};
 use aarc_tests::server::Server;
 use aarc_tests::take_files::{SegmentFile, take_package};
-use client::clips::{self, LoadEvent, SourceOptions, Wait};
+use client::clock::Clock;
+use client::content;
+use client::content::{OpenEvent, OpenTake, SourceOptions, Wait};
 use client::gpu::{ChannelDepth, FrameLayout, Gpu, Offscreen, Pixels, RenderSettings, Renderer};
-use client::player::Player;
-use client::takes::{Extent, OpenTake, TakeCounts, TakePlayer, UPLOAD_BYTES_MAX};
+use client::player::{Extent, TakeCounts, TakePlayer, UPLOAD_BYTES_MAX};
 use client::view::View;
 use codec::{Limits, Sound, SoundInfo};
 use glam::UVec2;
@@ -89,7 +90,7 @@ struct Played {
     image: Offscreen,
     renderer: Renderer,
     take: TakePlayer,
-    player: Player,
+    clock: Clock,
 }
 
 impl Played {
@@ -103,16 +104,16 @@ impl Played {
         let layout = FrameLayout::plain(ChannelDepth::Eight.format(), 1);
         let (renderer, take) = TakePlayer::new(&gpu, opened, layout, || ()).map_err(text)?;
         let image = Offscreen::new(&gpu, SIZE, 1, ChannelDepth::Eight).map_err(text)?;
-        Ok(Played { gpu, image, renderer, take, player: Player::new(duration_s, 30.0) })
+        Ok(Played { gpu, image, renderer, take, clock: Clock::new(duration_s, 30.0) })
     }
 
     /// A frame, `elapsed_s` seconds after the frame before; whether the clock waited.
     fn frame(&mut self, elapsed_s: f64) -> Result<bool, String> {
-        self.take.update(&self.gpu, &mut self.renderer, &self.player);
-        let is_missing = self.take.is_missing(self.player.position_s());
-        self.player.set_waiting(is_missing);
-        self.player.advance(elapsed_s);
-        self.draw(self.take.shown_s(self.player.position_s()))?;
+        self.take.update(&self.gpu, &mut self.renderer, &self.clock);
+        let is_missing = self.take.is_missing(self.clock.position_s());
+        self.clock.set_waiting(is_missing);
+        self.clock.advance(elapsed_s);
+        self.draw(self.take.shown_s(self.clock.position_s()))?;
         let uploaded = self.take.counts().uploaded_bytes;
         if uploaded > UPLOAD_BYTES_MAX {
             return Err(format!("{uploaded} bytes are uploaded in a frame"));
@@ -125,7 +126,7 @@ impl Played {
 
     fn draw(&mut self, t_s: f64) -> Result<(), String> {
         let views = [View::from_camera(&camera(Place::Whole, SIZE.x, SIZE.y))];
-        let t = t_s / self.player.duration_s();
+        let t = t_s / self.clock.duration_s();
         let settings = RenderSettings::default();
         self.image.render(&self.gpu, &mut self.renderer, t, &views, &settings).map(drop).map_err(text)
     }
@@ -135,7 +136,7 @@ impl Played {
         let start = Instant::now();
         while self.frame(0.0)? || self.take.is_uploading() {
             if start.elapsed() > PATIENCE {
-                return Err(format!("nothing comes at {} s", self.player.position_s()));
+                return Err(format!("nothing comes at {} s", self.clock.position_s()));
             }
             sleep(Duration::from_millis(1));
         }
@@ -156,11 +157,11 @@ fn memory(count: u32) -> Result<[u64; 2], String> {
     let before = HEAP.current_usage();
     let duration_s = UNIT_S * f64::from(count + 1);
     let mut played = Played::open(&path, duration_s)?;
-    played.player.set_looping(false);
+    played.clock.set_looping(false);
     HEAP.reset_peak_usage();
     let start = Instant::now();
     let mut waits = 0;
-    while played.player.is_playing() {
+    while played.clock.is_playing() {
         waits += u32::from(played.frame(FRAME_S)?);
         if start.elapsed() > 4 * PATIENCE {
             return Err(format!("it plays for longer than a minute, {waits} waits"));
@@ -199,11 +200,11 @@ fn storm() -> Result<(), String> {
     played.settle()?;
     for seek in 0..100 {
         // All over the take.
-        played.player.seek(f64::from(seek * 37 % 97) / 97.0 * 33.0);
+        played.clock.seek(f64::from(seek * 37 % 97) / 97.0 * 33.0);
         played.frame(0.0)?;
     }
     let loaded_before = played.take.counts().loaded;
-    played.player.seek(20.4);
+    played.clock.seek(20.4);
     // The same instant without a storm, with all layers.
     let mut calm = Played::open(&path, 33.0 * UNIT_S)?;
     calm.take.wait(&calm.gpu, &mut calm.renderer, 20.4, Extent::All).map_err(text)?;
@@ -231,18 +232,18 @@ fn speeds() -> Result<(), String> {
     let mut played = Played::open(&path, 7.0 * UNIT_S)?;
     played.settle()?;
     for (speed, reversed) in [(0.1, false), (1.0, false), (2.0, false), (0.5, true), (2.0, true)] {
-        played.player.set_speed(speed);
-        played.player.set_reversed(reversed);
+        played.clock.set_speed(speed);
+        played.clock.set_reversed(reversed);
         let (from_s, to_s) = if reversed { (1.1, 6.0) } else { (5.9, 1.0) };
-        played.player.seek(from_s);
+        played.clock.seek(from_s);
         played.settle()?;
         // Over the end, and on from the other one.
-        let (mut rounds, mut last_s) = (0, played.player.position_s());
+        let (mut rounds, mut last_s) = (0, played.clock.position_s());
         let is_there = |position_s: f64| if reversed { position_s < to_s } else { position_s > to_s };
         let start = Instant::now();
-        while rounds < 1 || !is_there(played.player.position_s()) {
+        while rounds < 1 || !is_there(played.clock.position_s()) {
             played.frame(4.0 * FRAME_S / speed.min(1.0))?;
-            let position_s = played.player.position_s();
+            let position_s = played.clock.position_s();
             let turned = if reversed { position_s > last_s } else { position_s < last_s };
             rounds += u32::from(turned);
             last_s = position_s;
@@ -254,11 +255,11 @@ fn speeds() -> Result<(), String> {
             return Err(format!("{speed}x jumps {rounds} times, reversed: {reversed}"));
         }
     }
-    played.player.set_reversed(false);
+    played.clock.set_reversed(false);
     for _ in 0..90 {
-        played.player.step_back();
+        played.clock.step_back();
         played.settle()?;
-        let position_s = played.player.position_s();
+        let position_s = played.clock.position_s();
         if played.take.shown_s(position_s) != position_s {
             return Err(format!("{position_s} s is not shown"));
         }
@@ -297,9 +298,9 @@ fn sound() -> Result<(), String> {
     let mut played = Played::open(&path, duration_s)?;
     played.settle()?;
     let (mut rounds, mut last_s, mut most) = (0, 0.0, 0);
-    while rounds < 1 || played.player.position_s() < 5.0 {
+    while rounds < 1 || played.clock.position_s() < 5.0 {
         played.frame(0.2)?;
-        let position_s = played.player.position_s();
+        let position_s = played.clock.position_s();
         rounds += u32::from(position_s < last_s);
         last_s = position_s;
         let TakeCounts { sounds, resident, .. } = played.take.counts();
@@ -314,7 +315,8 @@ fn sound() -> Result<(), String> {
 
 /// The take on a server.
 fn fetched(server: &Server) -> Result<Arc<OpenTake>, String> {
-    let mut arrival = clips::open(Some(&server.url("take.aarc")), &SourceOptions::default()).map_err(text)?;
+    let mut arrival =
+        content::open(Some(&server.url("take.aarc")), &SourceOptions::default()).map_err(text)?;
     arrival.wait(Wait::Complete, |_| ()).map_err(text)
 }
 
@@ -403,17 +405,17 @@ fn seeks() -> Result<(), String> {
     let rate = Arc::new(AtomicU64::new(BYTES_PER_S));
     let (server, [first, all]) = paced_server(24, 20_000, rate, DELAY);
     let mut played = Played::play(fetched(&server)?, 25.0 * UNIT_S)?;
-    played.player.set_playing(false);
+    played.clock.set_playing(false);
     played.settle()?;
     let mut times: [Vec<f64>; 2] = Default::default();
     for seek in 1..=7 {
         // To other segments than those that were loaded ahead.
-        played.player.seek(1.5 + f64::from(seek * 7 % 23));
+        played.clock.seek(1.5 + f64::from(seek * 7 % 23));
         let start = Instant::now();
         let until = |extent: Extent, played: &mut Played| -> Result<f64, String> {
             loop {
                 // Without drawing, for which a software driver takes longer than for all else.
-                played.take.update(&played.gpu, &mut played.renderer, &played.player);
+                played.take.update(&played.gpu, &mut played.renderer, &played.clock);
                 played.gpu.submit(played.gpu.encoder());
                 if played.take.is_drawn(extent) {
                     return Ok(start.elapsed().as_secs_f64());
@@ -449,9 +451,9 @@ fn hour() -> Result<(), String> {
         let opened = fetched(&server)?;
         times.push(start.elapsed().as_secs_f64());
         requests = server.requests().len() - before;
-        let player = Played::play(opened, 4001.0 * UNIT_S)?;
-        if player.take.counts().segments != 4000 {
-            return Err(format!("{:?}", player.take.counts()));
+        let played = Played::play(opened, 4001.0 * UNIT_S)?;
+        if played.take.counts().segments != 4000 {
+            return Err(format!("{:?}", played.take.counts()));
         }
     }
     times.sort_by(f64::total_cmp);
@@ -477,7 +479,7 @@ fn failing() -> Result<(), String> {
         if start.elapsed() > PATIENCE {
             return Err(format!("it does not ask again: {:?}", server.requests()));
         }
-        played.take.update(&played.gpu, &mut played.renderer, &played.player);
+        played.take.update(&played.gpu, &mut played.renderer, &played.clock);
         notes.extend(played.take.take_notes());
         sleep(Duration::from_millis(20));
     }
@@ -542,13 +544,13 @@ fn silent() -> Result<(), String> {
     // Not even the head comes.
     let nothing = server(0);
     let mut arrival =
-        clips::open(Some(&nothing.url("take.aarc")), &SourceOptions::default()).map_err(text)?;
+        content::open(Some(&nothing.url("take.aarc")), &SourceOptions::default()).map_err(text)?;
     let mut reports = 0;
     while reports < 3 {
         let start = Instant::now();
         match arrival.next() {
-            Some(Ok(LoadEvent::Progress(_))) if !nothing.requests().is_empty() => reports += 1,
-            Some(Ok(LoadEvent::Progress(_))) => {}
+            Some(Ok(OpenEvent::Progress(_))) if !nothing.requests().is_empty() => reports += 1,
+            Some(Ok(OpenEvent::Progress(_))) => {}
             event => return Err(format!("it opens: {event:?}")),
         }
         if start.elapsed() > Duration::from_secs(1) {

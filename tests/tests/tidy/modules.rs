@@ -4,7 +4,7 @@
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 use super::tokens::{self, Kind, Token};
 
@@ -314,7 +314,31 @@ fn defined(item: &[Token<'_>]) -> Option<String> {
     }
 }
 
-/// The groups of files that all use each other, each with a shortest cycle through its first file that
+/// Edges between the rooms of each folder: the files and folders in it. A file is in one room with the folder of its
+/// children. Files outside of the crate's folder are in none.
+pub(crate) fn rooms(edges: &Edges) -> Vec<Edges> {
+    let mut folders: BTreeMap<&Path, Edges> = BTreeMap::new();
+    for (file, used) in edges {
+        for (other, names) in used {
+            if [file, other].iter().any(|path| path.components().any(|part| part == Component::ParentDir)) {
+                continue;
+            }
+            let shared = file.ancestors().find(|folder| other.starts_with(folder)).unwrap();
+            let room = |path: &Path| -> PathBuf {
+                path.ancestors().take_while(|at| *at != shared).last().unwrap().with_extension("")
+            };
+            if room(file) == room(other) {
+                continue;
+            }
+            let folder = folders.entry(shared).or_default();
+            folder.entry(room(other)).or_default();
+            folder.entry(room(file)).or_default().entry(room(other)).or_default().extend(names.clone());
+        }
+    }
+    folders.into_values().collect()
+}
+
+/// The groups of files or rooms that all use each other, each with a shortest cycle through its first one that
 /// lies on one.
 pub(crate) fn cycles(edges: &Edges) -> Vec<(BTreeSet<PathBuf>, Vec<PathBuf>)> {
     let reached: BTreeMap<&PathBuf, BTreeMap<&PathBuf, &PathBuf>> =

@@ -5,12 +5,12 @@ use std::collections::HashSet;
 use program::Fault;
 use shaders::{COUNTS, Purpose, filter_variance};
 
+use super::clip::GpuClip;
+use super::drawn_set::{DrawnPart, DrawnSet};
 use super::quads::Quads;
 use super::splat::{self, PassUniforms};
-use crate::gpu::clip::GpuClip;
 use crate::gpu::counts::Coverage;
 use crate::gpu::device::Gpu;
-use crate::gpu::drawn_set::{DrawnPart, DrawnSet};
 use crate::gpu::frame_views::FrameViews;
 use crate::gpu::settings::Cutoff;
 use crate::view::View;

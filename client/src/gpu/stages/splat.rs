@@ -8,7 +8,7 @@ use shaders::layout::{Frame, ViewUniform};
 use shaders::{FRAME, Features, Purpose, VIEWS, compose};
 
 use super::alive::slope_limits;
-use crate::gpu::clip::GpuClip;
+use super::clip::GpuClip;
 use crate::gpu::device::{Gpu, PipelineParts};
 use crate::gpu::frame_views::EYES_MAX;
 use crate::gpu::settings::Cutoff;

@@ -3,7 +3,8 @@
 use std::collections::HashMap;
 use std::path::is_separator;
 
-use crate::clips::{Direction, redacted, title};
+use crate::clips::Direction;
+use crate::content::{redacted, title};
 
 /// What the viewer wants to see.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -12,7 +12,7 @@ use std::thread::JoinHandle;
 
 use serde::{Deserialize, Serialize};
 
-use crate::clips::{is_url, redacted};
+use crate::content::{is_url, redacted};
 use crate::state_file::StateFile;
 
 /// The file. All names fit it.

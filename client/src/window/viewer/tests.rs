@@ -160,23 +160,23 @@ fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
 fn it_plays_at_once_and_keys_control_the_player() {
     let mut bench = Bench::new();
     bench.frame(0.5, vec![]);
-    assert!((bench.viewer.player.position_s() - 0.5).abs() < 1e-9);
+    assert!((bench.viewer.clock.position_s() - 0.5).abs() < 1e-9);
     bench.press(Key::Space);
     bench.frame(0.5, vec![]);
-    assert!((bench.viewer.player.position_s() - 0.5).abs() < 1e-9);
+    assert!((bench.viewer.clock.position_s() - 0.5).abs() < 1e-9);
     assert_eq!(bench.viewer.next_change_s(false), None);
     bench.press(Key::ArrowRight);
-    assert_eq!(bench.viewer.player.frame(), 6);
+    assert_eq!(bench.viewer.clock.frame(), 6);
     bench.press(Key::L);
     bench.press(Key::ArrowDown);
-    assert!(!bench.viewer.player.is_looping() && bench.viewer.player.speed() == 0.75);
+    assert!(!bench.viewer.clock.is_looping() && bench.viewer.clock.speed() == 0.75);
     bench.press(Key::Home);
-    assert_eq!(bench.viewer.player.position_s(), 0.0);
-    bench.viewer.player.seek(1.0);
+    assert_eq!(bench.viewer.clock.position_s(), 0.0);
+    bench.viewer.clock.seek(1.0);
     bench.press(Key::B);
     bench.press(Key::Space);
     bench.frame(0.4, vec![]);
-    assert!((bench.viewer.player.position_s() - 0.7).abs() < 1e-9, "backwards at a speed of 0.75");
+    assert!((bench.viewer.clock.position_s() - 0.7).abs() < 1e-9, "backwards at a speed of 0.75");
 }
 
 #[test]
@@ -260,13 +260,13 @@ fn the_timeline_seeks_and_pauses_while_held() {
     bench.frame(0.0, vec![Event::PointerMoved(pos2(500.0, y))]);
     bench.frame(0.0, vec![primary(pos2(500.0, y), true)]);
     bench.frame(0.3, vec![Event::PointerMoved(pos2(750.0, y))]);
-    let position_s = bench.viewer.player.position_s();
+    let position_s = bench.viewer.clock.position_s();
     assert!((position_s - 1.5).abs() < 0.05, "{position_s}");
     bench.frame(0.3, vec![]);
-    assert_eq!(bench.viewer.player.position_s(), position_s, "held");
+    assert_eq!(bench.viewer.clock.position_s(), position_s, "held");
     bench.frame(0.0, vec![primary(pos2(750.0, y), false)]);
     bench.frame(0.1, vec![]);
-    assert!((bench.viewer.player.position_s() - position_s - 0.1).abs() < 1e-9, "released, it plays");
+    assert!((bench.viewer.clock.position_s() - position_s - 0.1).abs() < 1e-9, "released, it plays");
 }
 
 #[test]
@@ -275,10 +275,10 @@ fn a_click_within_one_frame_seeks() {
     let at = pos2(750.0, timeline_y(&clip()).expect("a timeline"));
     bench.frame(0.0, vec![Event::PointerMoved(at)]);
     bench.frame(0.0, vec![primary(at, true), primary(at, false)]);
-    let position_s = bench.viewer.player.position_s();
+    let position_s = bench.viewer.clock.position_s();
     assert!((position_s - 1.5).abs() < 0.05 && !bench.viewer.is_scrubbing, "{position_s}");
     bench.frame(0.1, vec![]);
-    assert!((bench.viewer.player.position_s() - position_s - 0.1).abs() < 1e-9, "it plays on");
+    assert!((bench.viewer.clock.position_s() - position_s - 0.1).abs() < 1e-9, "it plays on");
 }
 
 #[test]
@@ -295,7 +295,7 @@ fn a_static_clip_has_no_timeline_and_rests() {
     bench.press(Key::Space);
     bench.viewer.update_clip(ViewedClip { layers: 4, ..clip() });
     assert_eq!(bench.viewer.next_change_s(false), Some(0.0), "its next layer moves");
-    assert!((bench.viewer.player.position_s() - 0.5).abs() < 1e-9);
+    assert!((bench.viewer.clock.position_s() - 0.5).abs() < 1e-9);
 }
 
 #[test]
@@ -372,13 +372,13 @@ fn more_layers_of_a_clip_change_nothing_else() {
     bench.press(Key::Num2);
     bench.frame(0.5, vec![]);
     bench.viewer.settings.layers = Some(1);
-    let (eye, position_s) = (bench.eye(), bench.viewer.player.position_s());
+    let (eye, position_s) = (bench.eye(), bench.viewer.clock.position_s());
     bench.viewer.update_clip(ViewedClip { layers: 4, ..clip() });
     let viewer = &bench.viewer;
     assert_eq!((viewer.clip.layers, viewer.viewpoint, viewer.settings.layers), (4, 1, Some(1)));
-    assert_eq!((viewer.player.position_s(), bench.eye()), (position_s, eye));
+    assert_eq!((viewer.clock.position_s(), bench.eye()), (position_s, eye));
     bench.viewer.update_clip(ViewedClip { duration_s: 7.0, ..clip() });
-    assert_eq!(bench.viewer.player.position_s(), 0.0, "it has changed on the server");
+    assert_eq!(bench.viewer.clock.position_s(), 0.0, "it has changed on the server");
 }
 
 #[test]
@@ -389,13 +389,13 @@ fn the_next_clip_of_a_playlist_keeps_the_settings() {
     bench.drag(PointerButton::Primary, Modifiers::NONE, CENTER, CENTER + vec2(140.0, 0.0));
     bench.viewer.settings.layers = Some(3);
     let eye = bench.eye();
-    bench.viewer.player.seek(1.9);
-    bench.viewer.player.set_has_next(true);
+    bench.viewer.clock.seek(1.9);
+    bench.viewer.clock.set_has_next(true);
     bench.frame(0.2, vec![]);
-    assert!(bench.viewer.player.overrun_s().is_some());
+    assert!(bench.viewer.clock.overrun_s().is_some());
     bench.viewer.continue_with(ViewedClip { duration_s: 7.0, layers: 2, ..clip() });
     let viewer = &bench.viewer;
-    assert!((viewer.player.position_s() - 0.05).abs() < 1e-9 && viewer.player.speed() == 0.75);
+    assert!((viewer.clock.position_s() - 0.05).abs() < 1e-9 && viewer.clock.speed() == 0.75);
     assert!(viewer.viewpoint == 1 && viewer.settings.layers.is_none(), "it has two layers");
     assert_eq!(bench.eye(), eye);
     bench.viewer.continue_with(ViewedClip { viewpoints: clip().viewpoints[1..].to_vec(), ..clip() });
@@ -412,7 +412,7 @@ fn another_clip_starts_at_its_first_viewpoint() {
     let other = ViewedClip { duration_s: 7.0, viewpoints: clip().viewpoints[..1].to_vec(), ..clip() };
     bench.viewer.change_clip(other);
     let viewer = &bench.viewer;
-    assert!(viewer.player.position_s() == 0.0 && viewer.player.duration_s() == 7.0);
+    assert!(viewer.clock.position_s() == 0.0 && viewer.clock.duration_s() == 7.0);
     assert!(viewer.viewpoint == 0 && viewer.settings.layers.is_none());
     assert!(distance(bench.eye(), [0.0, 0.0, 5.0]) < 1e-6);
 }
@@ -423,7 +423,7 @@ fn a_clip_with_sound_goes_on_by_what_is_heard_and_has_a_volume() {
     bench.press(Key::M);
     bench.volume = Some(Volume::open(None));
     bench.frame(1.0, vec![]);
-    assert!((bench.viewer.player.position_s() - 0.5).abs() < 1e-9);
+    assert!((bench.viewer.clock.position_s() - 0.5).abs() < 1e-9);
     let is_muted = |bench: &Bench| bench.volume.as_ref().unwrap().is_muted();
     bench.press(Key::M);
     assert!(is_muted(&bench));
@@ -481,8 +481,8 @@ fn crowded(size: egui::Vec2, duration_s: f64) -> Bench {
     let mut bench = Bench::with(ViewedClip { duration_s, viewpoints, ..clip() });
     bench.size = size;
     bench.volume = Some(Volume::open(None));
-    bench.viewer.player.set_speed(0.25);
-    bench.viewer.player.set_reversed(true);
+    bench.viewer.clock.set_speed(0.25);
+    bench.viewer.clock.set_reversed(true);
     let names = (0..8).map(|i| format!("/clips/clip-{i}.aarc")).collect();
     bench.viewer.choices =
         Choices { has_previous: true, has_next: true, is_package: true, recent: listed(names).into() };

@@ -11,7 +11,7 @@ use program::Fault;
 use super::quad::quad;
 use super::swapchain::{ImageLayout, TargetSwapchain};
 use crate::gpu::{Gpu, LinearLight, Pixels, RuntimeFormat, UiPainter};
-use crate::xr::panel::{PIXELS_PER_POINT, Painting, PanelQuad};
+use crate::headset::panel::{PIXELS_PER_POINT, Painting, PanelQuad};
 use crate::xr::runtime::calls::Stopwatch;
 use crate::xr::runtime::error::{During, Halt};
 

@@ -3,7 +3,7 @@
 use glam::{UVec2, Vec2};
 use openxr as xr;
 
-use crate::xr::interaction::Pose;
+use crate::headset::interaction::Pose;
 
 /// The image of `swapchain` released last, `pixels` in size and premultiplied in linear light, at `pose` in `stage` and
 /// `meters` wide and high.

@@ -8,7 +8,7 @@ use openxr as xr;
 use super::quad::quad;
 use super::swapchain::{ImageLayout, TargetSwapchain};
 use crate::gpu::{Gpu, RuntimeFormat};
-use crate::xr::panel::PointerRay;
+use crate::headset::panel::PointerRay;
 use crate::xr::runtime::calls::Stopwatch;
 use crate::xr::runtime::error::{During, Halt};
 

@@ -20,6 +20,7 @@ use program::Fault;
 
 use super::System;
 use crate::gpu::VulkanRuntime;
+use crate::headset::notify;
 use error::{During, STARTING};
 
 /// View configuration of a headset with two eyes.
@@ -107,7 +108,7 @@ fn find_headset(instance: &xr::Instance, system: &mut System) -> Result<xr::Syst
     let ask = || instance.system(xr::FormFactor::HEAD_MOUNTED_DISPLAY);
     retry(ask, |attempt| {
         if attempt == 0 {
-            System::notify("waiting for the headset: connect it, switch it on, put it on");
+            notify("waiting for the headset: connect it, switch it on, put it on");
         }
         !system.wait(RETRY_DELAY)
     })

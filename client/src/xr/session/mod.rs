@@ -12,7 +12,9 @@ use openxr as xr;
 use program::Fault;
 
 use crate::gpu::{Coverage, Foveation, Gpu, Level, LinearLight, RuntimeFormat, VulkanHandles};
-use crate::xr::interaction::Haptics;
+use crate::headset::interaction::Haptics;
+use crate::headset::show::quality::Pace;
+use crate::headset::show::{Moved, Show, Viewer};
 use crate::xr::layers::canvas::{Canvas, DrawnClip};
 use crate::xr::layers::panel_layer::PanelLayer;
 use crate::xr::layers::passthrough::PassthroughMode;
@@ -21,15 +23,12 @@ use crate::xr::layers::swapchain::{ImageLayout, TargetSwapchain, choose_format};
 use crate::xr::report::{Drawn, EyeImages, Report, Work};
 use crate::xr::runtime::calls::{DisplayClock, DisplayRate, Layers, SessionFrames, Stopwatch};
 use crate::xr::runtime::error::{During, Halt, sessions_dropped};
-use crate::xr::runtime::extensions::performance;
-use crate::xr::runtime::extensions::refresh_rate::{self, Rates};
+use crate::xr::runtime::extensions::refresh_rate::Rates;
+use crate::xr::runtime::extensions::{performance, refresh_rate};
 use crate::xr::runtime::frame::Frames;
 use crate::xr::runtime::{EYES, Runtime, raw};
-use crate::xr::show::quality::Pace;
-use crate::xr::show::{Moved, Show, Viewer};
-use crate::xr::tracking::Tracking;
 use crate::xr::tracking::input::Input;
-use crate::xr::tracking::space;
+use crate::xr::tracking::{Tracking, space};
 use state::{Event, State};
 
 /// A session with a headset.
@@ -296,7 +295,7 @@ impl Session {
         report.on_measured(gpu_ms);
         if is_captured {
             let (pixels, panel) = self.canvas.read(size)?;
-            let position_s = show.player().position_s();
+            let position_s = show.clock().position_s();
             let coverage =
                 show.renderer().map_or(Ok(Coverage::default()), |drawn| drawn.count(&self.canvas.gpu))?;
             report.capture(EyeImages { views, position_s, coverage, pixels, panel });

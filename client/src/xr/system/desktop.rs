@@ -9,8 +9,8 @@ use codec::Limits;
 use openxr as xr;
 use program::Fault;
 
-use crate::xr::interaction::PlacementStore;
-use crate::{clips, folders};
+use crate::headset::interaction::PlacementStore;
+use crate::{content, folders};
 
 /// The operating system, as a player needs it.
 pub(in crate::xr) struct System;
@@ -44,11 +44,6 @@ impl System {
         entry.create_instance(application, extensions, &[], &())
     }
 
-    /// Prints a line where the user of a desktop looks: on the terminal.
-    pub(in crate::xr) fn notify(line: &str) {
-        eprintln!("{line}");
-    }
-
     /// Waits for `time`; returns whether the program has to end now.
     pub(in crate::xr) fn wait(&mut self, time: Duration) -> bool {
         if !time.is_zero() {
@@ -74,7 +69,7 @@ impl System {
 
     /// The folder in which downloads are cached; `None` if the system has no place for them.
     pub(in crate::xr) fn cache_dir(&self) -> Option<PathBuf> {
-        clips::cache_dir()
+        content::cache_dir()
     }
 
     /// The folder for compiled pipelines; `None` if the system has no place for them.

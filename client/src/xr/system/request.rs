@@ -10,7 +10,8 @@ use clap::{CommandFactory, FromArgMatches};
 use program::{Fault, usage_line};
 
 use crate::args::Args;
-use crate::clips::{clips_in, redacted};
+use crate::clips::clips_in;
+use crate::content::redacted;
 
 /// Names of the arguments that every build takes.
 const PLAYBACK: [&str; 9] =
@@ -18,7 +19,7 @@ const PLAYBACK: [&str; 9] =
 
 /// Which options of an intent a build takes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Trust {
+pub(in crate::xr) enum Trust {
     /// All options of the command line: a development build.
     All,
     /// Only those that change how the clip plays.
@@ -27,11 +28,11 @@ pub(super) enum Trust {
 
 /// What an intent asks for.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(super) struct IntentRequest {
+pub(in crate::xr) struct IntentRequest {
     /// A path or URL.
-    pub(super) clip: Option<String>,
+    pub(in crate::xr) clip: Option<String>,
     /// Options of the command line, separated by blanks.
-    pub(super) options: Option<String>,
+    pub(in crate::xr) options: Option<String>,
 }
 
 /// The command line of an intent. An intent without a clip names the first clip, by name, of the first of
@@ -39,7 +40,11 @@ pub(super) struct IntentRequest {
 ///
 /// # Errors
 /// [`Fault::Usage`] if the options cannot be parsed, or this build does not take one of them.
-pub(super) fn command_line(request: IntentRequest, folders: &[PathBuf], trust: Trust) -> Result<Args, Fault> {
+pub(in crate::xr) fn command_line(
+    request: IntentRequest,
+    folders: &[PathBuf],
+    trust: Trust,
+) -> Result<Args, Fault> {
     let options = request.options.unwrap_or_default();
     let fault = |what: &str| {
         let words: Vec<String> = options.split_whitespace().map(redacted).collect();

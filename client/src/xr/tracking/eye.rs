@@ -4,8 +4,8 @@ use codec::Camera;
 use glam::{Quat, UVec2};
 use openxr as xr;
 
+use crate::headset::interaction::{Pose, Similarity};
 use crate::view::{Fov, View};
-use crate::xr::interaction::{Pose, Similarity};
 
 impl From<xr::Fovf> for Fov {
     fn from(fov: xr::Fovf) -> Fov {

@@ -4,7 +4,7 @@ use glam::Vec2;
 use openxr as xr;
 
 use super::eye;
-use crate::xr::interaction::{Hand, Hands, Haptics, Side};
+use crate::headset::interaction::{Hand, Hands, Haptics, Side};
 use crate::xr::runtime::error::{During, Halt};
 
 /// An action of a hand.

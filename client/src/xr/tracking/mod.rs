@@ -8,7 +8,7 @@ pub(super) mod space;
 
 use openxr as xr;
 
-use crate::xr::interaction::{Hands, Haptics, Pose};
+use crate::headset::interaction::{Hands, Haptics, Pose};
 use crate::xr::runtime::EYES;
 use crate::xr::runtime::calls::Stopwatch;
 use crate::xr::runtime::error::{During, Halt};

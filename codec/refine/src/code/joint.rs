@@ -25,7 +25,7 @@ use codec::{ChunkForms, EncodeOptions, Field, Source, encode_rounded};
 
 use super::error::CodeError;
 use crate::fit::{Backend, DeviceError, FrameView, Parameters, Timeline};
-use crate::prune::PosedView;
+use crate::reference::PosedView;
 use numbers::Numbers;
 
 /// Default number of rounds at a precision, with which `package` takes up to about twice as long; see

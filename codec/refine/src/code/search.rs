@@ -215,7 +215,7 @@ mod tests {
     fn the_worst_picture_asks_for_more() {
         let mut search = Search::new(50.0);
         let camera = codec::Camera::look_at([0.0; 3], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0], 1.0, 8, 8);
-        let view = crate::prune::PosedView { camera, t: 0.0 };
+        let view = crate::reference::PosedView { camera, t: 0.0 };
         let mut misses = Vec::new();
         while let Some(precision_db) = search.next() {
             let worst = crate::prune::WorstPicture { psnr_db: precision_db - 10.0, view: view.clone() };

@@ -1,8 +1,8 @@
 //! [`Pictures`]: reference pictures of a scene, which packages of it are compared with.
 
-use super::PosedView;
 use crate::image::{Image, psnr};
 use crate::in_order::for_each_in_order;
+use crate::reference::PosedView;
 use crate::reference::{Order, RenderScene, render};
 
 /// Pictures of a scene from several cameras at several times.

@@ -6,16 +6,7 @@
 use codec::{ALPHA_MIN, Camera, Field, Viewpoint, Visibility};
 use glam::{DQuat, DVec3};
 
-use crate::reference::{Shown, shown};
-
-/// A picture to take.
-#[derive(Clone, Debug, PartialEq)]
-pub struct PosedView {
-    /// From where, and how large.
-    pub camera: Camera,
-    /// When, in clip time.
-    pub t: f64,
-}
+use crate::reference::{PosedView, Shown, shown};
 
 /// Width and height in pixels of the pictures that tell whether a view is informative.
 const PROBE: (u32, u32) = (64, 48);

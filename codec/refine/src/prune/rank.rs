@@ -6,8 +6,8 @@
 use codec::Field;
 use rayon::prelude::*;
 
-use super::PosedView;
 use crate::in_order::for_each_in_order;
+use crate::reference::PosedView;
 use crate::reference::{Contribution, Order, contributions};
 
 /// An importance score.

@@ -139,7 +139,8 @@ fn dot(a: &[[f64; 3]], b: &[[f64; 3]]) -> f64 {
 mod tests {
     use super::*;
     use crate::prune::scenes::{around, balls, cloud};
-    use crate::prune::{PosedView, Ranking, by_importance, posed_views};
+    use crate::prune::{Ranking, by_importance, posed_views};
+    use crate::reference::PosedView;
 
     fn pictures_of(field: &Field, turn: f64, instants: &[f64]) -> Pictures {
         let cameras = around(field, turn, (64, 48));

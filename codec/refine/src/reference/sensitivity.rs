@@ -11,8 +11,8 @@ use super::sort::{self, Order};
 use super::splat::{sum_at, sum_tiles};
 use super::{FieldPrefix, evaluate_all};
 use crate::in_order::for_each_in_order;
-use crate::prune::PosedView;
 use crate::raster::{BLOCKS, Grid, LANES, Lanes, Place, Sink, SplatBlock, Tiles, sum_lanes};
+use crate::reference::PosedView;
 
 /// Mean over all pixels that is added for each Gaussian, for other viewpoints show what no picture does: a weight of 1 in
 /// one pixel of 240 pictures of 640x480, and a tenth of the colour difference. With 10 times as much, packages of the

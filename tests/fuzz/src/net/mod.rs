@@ -1,35 +1,35 @@
 //! Dialogues between the player's transfers and a server that any bytes script. The transfers are the
 //! player's own code; a [`request::Server`], honest or not, replaces HTTP.
 
-#[path = "../../../../client/src/net/cache.rs"]
+#[path = "../../../../client/src/content/transfer/cache.rs"]
 #[allow(dead_code, unreachable_pub, reason = "the player uses the rest")]
 mod cache;
-#[path = "../../../../client/src/net/exchange.rs"]
+#[path = "../../../../client/src/content/transfer/exchange.rs"]
 #[allow(dead_code, unreachable_pub, reason = "the player uses the rest")]
 mod exchange;
-#[path = "../../../../client/src/net/head.rs"]
+#[path = "../../../../client/src/content/transfer/head.rs"]
 #[allow(dead_code, unreachable_pub, reason = "the player uses the rest")]
 mod head;
-#[path = "../../../../client/src/net/meter.rs"]
+#[path = "../../../../client/src/content/transfer/meter.rs"]
 #[allow(dead_code, unreachable_pub, reason = "the player uses the rest")]
 mod meter;
-#[path = "../../../../client/src/net/remote_file.rs"]
+#[path = "../../../../client/src/content/transfer/remote_file.rs"]
 #[allow(dead_code, unreachable_pub, reason = "the player uses the rest")]
 mod remote_file;
 pub(crate) mod request;
-#[path = "../../../../client/src/net/request_error.rs"]
+#[path = "../../../../client/src/content/transfer/request_error.rs"]
 #[allow(dead_code, unreachable_pub, reason = "the player uses the rest")]
 mod request_error;
-#[path = "../../../../client/src/net/retry.rs"]
+#[path = "../../../../client/src/content/transfer/retry.rs"]
 #[allow(dead_code, unreachable_pub, reason = "the player uses the rest")]
 mod retry;
-#[path = "../../../../client/src/net/transfer.rs"]
+#[path = "../../../../client/src/content/transfer/state.rs"]
 #[allow(dead_code, unreachable_pub, reason = "the player uses the rest")]
-mod transfer;
-#[path = "../../../../client/src/net/watch.rs"]
+mod state;
+#[path = "../../../../client/src/content/transfer/watch.rs"]
 #[allow(dead_code, unreachable_pub, reason = "the player uses the rest")]
 mod watch;
-#[path = "../../../../client/src/net/whole_file.rs"]
+#[path = "../../../../client/src/content/transfer/whole_file.rs"]
 #[allow(dead_code, unreachable_pub, reason = "the player uses the rest")]
 mod whole_file;
 

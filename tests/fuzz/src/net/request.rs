@@ -10,7 +10,7 @@ use codec::{EncodeOptions, Source, encode};
 use super::head::Head;
 use super::request_error::RequestError;
 use super::retry::RetryPolicy;
-use super::transfer::FileRequest;
+use super::state::FileRequest;
 use super::watch::Watch;
 use crate::seeds;
 

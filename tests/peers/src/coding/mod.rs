@@ -1,5 +1,6 @@
 //! Compares the files of other coders with this project's packages of the same error.
 
+mod compared_field;
 mod fourdgs;
 mod judge;
 mod peer_file;
@@ -11,8 +12,7 @@ use std::path::Path;
 
 use indicatif::ProgressBar;
 
-use crate::compared_field::ComparedField;
-
+pub(crate) use compared_field::ComparedField;
 pub(crate) use judge::{CoderRow, Judge, SIZE, views_of};
 
 /// Compares all coders on the field and on its instant at clip time `t`. Writes the files to `folder`.

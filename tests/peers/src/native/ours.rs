@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use client::gpu::{ChannelDepth, Cutoff, FrameLayout, Gpu, GpuClip, Offscreen, RenderSettings, Renderer};
-use client::takes::OpenTake;
+use client::content::OpenTake;
 use client::view::View;
 
 use super::renderer::PeerRenderer;

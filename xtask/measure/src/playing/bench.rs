@@ -16,7 +16,7 @@ use image::Rgba32FImage;
 use image::imageops::{FilterType, resize};
 use program::Fault;
 use refine::image::Image;
-use refine::prune::PosedView;
+use refine::reference::PosedView;
 use shaders::CORNERS;
 use shaders::layout::Ranges;
 

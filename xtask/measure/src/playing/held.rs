@@ -7,7 +7,7 @@
 use crate::parameter::{FlowStage, ImageErrors, Parameter, ParameterValue, Quartiles};
 use anyhow::Context;
 use refine::image::Image;
-use refine::prune::PosedView;
+use refine::reference::PosedView;
 use refine::reference::{Order, RenderScene, render, render_held};
 
 use super::errors::Expected;

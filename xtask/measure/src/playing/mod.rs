@@ -26,7 +26,7 @@ use codec::Clip;
 use glam::UVec2;
 use image::{ImageFormat, RgbImage};
 use refine::image::Image;
-use refine::prune::PosedView;
+use refine::reference::PosedView;
 use refine::reference::{self, Order, render};
 
 use crate::parameter::{FlowStage, Parameter};

@@ -2,7 +2,8 @@
 
 use codec::{Camera, Clip};
 use glam::UVec2;
-use refine::prune::{PosedView, steps_aside};
+use refine::prune::steps_aside;
+use refine::reference::PosedView;
 
 /// Number of views for errors, times and counts.
 const PICTURES: usize = 4;

@@ -4,7 +4,7 @@ use client::gpu::SortOrder;
 use codec::{ALPHA_MIN, Camera, Field};
 
 use super::gaussians::{Gaussian, crowd, field, static_crowd};
-use refine::prune::PosedView;
+use refine::reference::PosedView;
 
 use super::case::{DeviationKind, StabilityCase, StabilityScene, at, case, look};
 

@@ -3,7 +3,7 @@
 
 use client::gpu::{SortOrder, Span, TakeLayout};
 use codec::{Camera, Clip, ClipInfo, Field};
-use refine::prune::PosedView;
+use refine::reference::PosedView;
 
 use crate::scene::info;
 

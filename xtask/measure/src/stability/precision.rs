@@ -4,7 +4,7 @@
 use codec::{Camera, Clip, ClipInfo, Field};
 
 use super::gaussians::{Gaussian, crowd, field};
-use refine::prune::PosedView;
+use refine::reference::PosedView;
 
 use super::case::{DeviationKind, PackageExpectation, StabilityCase, StabilityScene, at, case, exact};
 use crate::scene::{Motion, Recipe};

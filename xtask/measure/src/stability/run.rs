@@ -4,13 +4,13 @@ use std::time::Instant;
 
 use super::result::CaseResult;
 use client::gpu::{ChannelDepth, Gpu, GpuClip, RenderSettings, Renderer, SortOrder};
-use client::takes::UPLOAD_BYTES_MAX;
+use client::player::UPLOAD_BYTES_MAX;
 use codec::{Clip, Coder, EncodeOptions, Limits, Source};
 use peak_alloc::PeakAlloc;
 use refine::image::Image;
 use refine::reference::{self, Order, render};
 
-use refine::prune::PosedView;
+use refine::reference::PosedView;
 
 use super::case::{DeviationKind, PackageExpectation, StabilityCase, StabilityScene, field_of};
 use crate::device::Drawing;

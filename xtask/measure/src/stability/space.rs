@@ -4,7 +4,7 @@
 use codec::{Field, PixelFilter};
 
 use super::gaussians::{Gaussian, crowd, field, normalized, static_crowd};
-use refine::prune::PosedView;
+use refine::reference::PosedView;
 
 use super::case::{DISTANCE, StabilityCase, StabilityScene, at, case, look};
 

@@ -9,13 +9,14 @@ use crate::capture::{CaptureFiles, CaptureSound};
 use crate::fit::{self, FitPlan, PlatePlan, Refinement, RefinementReport, TrainingViews};
 use crate::messages::decimal;
 use crate::package::{
-    Coding, Counts, DropPart, LensFragments, PackageReport, PackageSettings, PrefixStep, QUALITY_DB, Snapped,
-    blind_viewpoints, package_with, prefix_quality,
+    Coding, Counts, DropPart, LensFragments, PackageReport, PackageSettings, PrefixStep, QUALITY_DB,
+    SegmentReport, SegmentSources, Snapped, TakeReport, blind_viewpoints, package_take, package_with,
+    prefix_quality,
 };
 use crate::playlist;
 use crate::progress::StagedProgress;
 use crate::scene::Scene;
-use crate::segments::{FieldFolder, SegmentReport, SegmentSources, TakeReport, package_take};
+use crate::segments::FieldFolder;
 use crate::sound::{SoundReport, Soundtrack};
 use crate::takes::{List, ListedTake, OutputState, Record, key};
 use anyhow::bail;

@@ -3,6 +3,8 @@
 //! ```text
 //! scene -> visible -> choose (rank, floor, render, order) -> refine -> snap and encode in layers -> verify
 //! ```
+//!
+//! `take` packages a take, segment by segment.
 
 mod analysis;
 mod choose;
@@ -14,6 +16,7 @@ mod prefix_quality;
 mod report;
 mod settings;
 mod snap;
+mod take;
 mod views;
 mod visible;
 
@@ -28,6 +31,7 @@ pub use prefix_quality::{PrefixStep, prefix_quality};
 pub use report::{Counts, PackageReport, PreservedTopology, Shortfall, TriedCandidate, WorstView};
 pub use settings::{Coding, DropPart, LAYERS, PackageSettings, QUALITY_DB};
 pub use snap::Snapped;
+pub use take::{SegmentReport, SegmentSources, TakeReport, package_take};
 #[cfg(feature = "measure")]
 pub(crate) use views::recolor_views;
 pub(crate) use views::{

@@ -126,7 +126,8 @@ fn refine_field(
 #[cfg(test)]
 mod tests {
     use codec::{Camera, ClipInfo, Limits};
-    use refine::prune::{Pictures, PosedView};
+    use refine::prune::Pictures;
+    use refine::reference::PosedView;
     use refine::reference::RenderScene;
 
     use super::*;

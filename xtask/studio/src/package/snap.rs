@@ -8,7 +8,7 @@
 use codec::{ALPHA_MIN, Camera, Field};
 use glam::{DMat4, DQuat, DVec3, DVec4};
 use rayon::prelude::*;
-use refine::prune::PosedView;
+use refine::reference::PosedView;
 use serde::Serialize;
 
 use super::settings::{Coding, QUALITY_DB};

@@ -6,7 +6,8 @@
 
 use codec::{Camera, Field, StandPoints, unseen_rows};
 use rayon::prelude::*;
-use refine::prune::{PosedView, instants, is_informative, steps_aside};
+use refine::prune::{instants, is_informative, steps_aside};
+use refine::reference::PosedView;
 use refine::reference::RenderScene;
 
 use crate::scene::Scene;

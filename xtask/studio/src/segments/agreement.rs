@@ -8,7 +8,7 @@ const UP_TOLERANCE: f32 = 1e-4;
 
 /// Axes, scale and filters of the segments seen so far.
 #[derive(Debug, Default)]
-pub(super) struct Agreement {
+pub(crate) struct Agreement {
     /// The first segment and its axes, scale and filter.
     first: Option<(String, [f32; 3], f32, PixelFilter)>,
     /// The first segment with a plate, and the filter of that.
@@ -20,7 +20,7 @@ impl Agreement {
     ///
     /// # Errors
     /// [`Fault::Data`] that names both and what differs.
-    pub(super) fn add(
+    pub(crate) fn add(
         &mut self,
         name: &str,
         info: &ClipInfo,

@@ -134,7 +134,7 @@ impl FieldFolder {
     ///
     /// # Errors
     /// Those of [`FieldFolder::scene`].
-    pub(super) fn viewpoints(&self, first: &Scene) -> anyhow::Result<Vec<Viewpoint>> {
+    pub(crate) fn viewpoints(&self, first: &Scene) -> anyhow::Result<Vec<Viewpoint>> {
         if !first.assumed.contains(&"viewpoints") {
             return Ok(first.info.viewpoints.clone());
         }

@@ -80,7 +80,7 @@ pub(super) fn check_spans(take_s: f64, spans: &[Span]) -> Result<(), String> {
 
 /// The numbers of the segments that hold each start, in the order of the starts; segments that begin before the take
 /// begin with it. At one of these instants the most segments, and the most Gaussians, are held.
-pub(super) fn held_at_starts(spans: &[Span]) -> impl Iterator<Item = (f64, Vec<usize>)> {
+pub(crate) fn held_at_starts(spans: &[Span]) -> impl Iterator<Item = (f64, Vec<usize>)> {
     let start_s = |i: usize| spans[i].start_s.max(0.0);
     let mut by_start: Vec<usize> = (0..spans.len()).collect();
     by_start.sort_by(|&a, &b| start_s(a).total_cmp(&start_s(b)));

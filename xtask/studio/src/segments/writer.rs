@@ -15,7 +15,7 @@ use super::span::Span;
 const PIECE_BYTES: u64 = 1 << 20;
 
 /// A take that is being written.
-pub(super) struct TakeWriter {
+pub(crate) struct TakeWriter {
     path: PathBuf,
     scratch: output::Scratch,
     bytes: u64,
@@ -27,7 +27,7 @@ impl TakeWriter {
     ///
     /// # Errors
     /// [`Fault::Usage`] with the path and the reason.
-    pub(super) fn begin(path: &Path) -> Result<TakeWriter, Fault> {
+    pub(crate) fn begin(path: &Path) -> Result<TakeWriter, Fault> {
         let scratch = output::Scratch::beside(path)?;
         Ok(TakeWriter { path: path.to_owned(), scratch, bytes: 0, segments: Vec::new() })
     }
@@ -36,7 +36,7 @@ impl TakeWriter {
     ///
     /// # Errors
     /// [`Fault::Usage`] if it cannot be written.
-    pub(super) fn add(&mut self, span: Span, package: &[u8]) -> anyhow::Result<()> {
+    pub(crate) fn add(&mut self, span: Span, package: &[u8]) -> anyhow::Result<()> {
         let contents = codec::contents(package, &Limits::default())?;
         self.scratch.write(package)?;
         self.bytes += package.len() as u64;
@@ -48,7 +48,7 @@ impl TakeWriter {
     ///
     /// # Errors
     /// [`Fault::Usage`] if it cannot be written; [`Fault::Data`] if the segments make no take.
-    pub(super) fn finish(mut self, info: &ClipInfo, duration_s: f64) -> anyhow::Result<u64> {
+    pub(crate) fn finish(mut self, info: &ClipInfo, duration_s: f64) -> anyhow::Result<u64> {
         let head = head(&self.path, info, duration_s, &self.segments)?;
         let (path, scratch, bytes) = (&self.path, &mut self.scratch, self.bytes);
         output::write_parts(path, |file| {
@@ -69,7 +69,7 @@ impl TakeWriter {
 ///
 /// # Errors
 /// [`Fault::Data`] if they make no take.
-pub(super) fn head(
+pub(crate) fn head(
     path: &Path,
     info: &ClipInfo,
     duration_s: f64,

@@ -9,7 +9,8 @@ use codec::Field;
 use crate::fit::optimizer::Moments;
 use crate::fit::parameters::{Parameters, Timeline};
 use crate::fit::views::TrainingView;
-use crate::prune::{PosedView, by_importance, contributions_to, weight_per_fragment, within_fragments};
+use crate::prune::{by_importance, contributions_to, weight_per_fragment, within_fragments};
+use crate::reference::PosedView;
 
 /// Fraction of the fragments of still Gaussians that stays.
 const FRAGMENTS: f64 = 0.7;

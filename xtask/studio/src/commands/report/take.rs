@@ -19,11 +19,11 @@ use crate::input::{Input, check_one_field};
 use crate::left_out::{LeftOut, TakeLeftOut};
 use crate::machine::machine;
 use crate::messages::decimal;
-use crate::package::PackageSettings;
+use crate::package::{PackageSettings, SegmentSources, package_take};
 use crate::progress::StagedProgress;
 use crate::report::{LayerInstant, TakeFindings, TakeInstant, TakePhotographs, TakeSetup, layers_parameter};
 use crate::scene::name_of;
-use crate::segments::{FieldFolder, SegmentSources, Span, TakeFile, TakeWalk, course, gaps, package_take};
+use crate::segments::{FieldFolder, Span, TakeFile, TakeWalk, course, gaps};
 
 /// Default size of the measured pictures.
 const SIZE: [u32; 2] = [320, 240];

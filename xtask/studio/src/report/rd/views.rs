@@ -1,6 +1,6 @@
 //! The views of the rate-distortion report, which neither rank nor judge.
 
-use refine::prune::PosedView;
+use refine::reference::PosedView;
 
 use crate::package::{Places, views_of};
 use crate::report::subject::ReportSubject;

@@ -1,0 +1,337 @@
+//! [`TakeSource`]: the bytes of a take, read in parts.
+
+use std::borrow::Cow;
+use std::fs::{File, Metadata};
+use std::io::{self, Read, Seek, SeekFrom};
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+#[cfg(feature = "net")]
+use std::sync::Arc;
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use codec::FormatError;
+use program::{Fault, read_error};
+
+use super::progress::Traffic;
+#[cfg(feature = "net")]
+use super::transfer::{RemoteFile, WEB_PAGE, is_web_page};
+
+/// How long a file that takes the place of another must stay as it is to be opened: it may be a copy under way.
+const SETTLED: Duration = Duration::from_secs(1);
+
+/// Where the bytes of a take come from.
+#[derive(Debug)]
+pub(crate) enum TakeSource {
+    /// All of it is in memory, under this name.
+    Memory(String, Cow<'static, [u8]>),
+    /// A file.
+    File(Box<LocalFile>),
+    /// A file on a server.
+    #[cfg(feature = "net")]
+    Remote(Arc<RemoteFile>),
+}
+
+/// A file of this machine. It stays open: after a file that takes its place by renaming, it can still be read.
+#[derive(Debug)]
+pub(crate) struct LocalFile {
+    path: PathBuf,
+    file: Mutex<File>,
+    opened: Version,
+    /// Another version at the path, and since when it is as it is.
+    replacement: Mutex<Option<(Version, Instant)>>,
+}
+
+/// What tells versions of a file apart.
+#[derive(Clone, Debug)]
+struct Version(Metadata);
+
+impl PartialEq for Version {
+    /// Length and time of writing are the same, and so is the number of the file on systems that have one.
+    fn eq(&self, other: &Version) -> bool {
+        let (a, b) = (&self.0, &other.0);
+        #[cfg(unix)]
+        let same_file = std::os::unix::fs::MetadataExt::ino(a) == std::os::unix::fs::MetadataExt::ino(b);
+        #[cfg(not(unix))]
+        let same_file = true;
+        same_file && a.len() == b.len() && a.modified().ok() == b.modified().ok()
+    }
+}
+
+impl LocalFile {
+    /// Looks at the path: how long another version is there as it is now, if one is.
+    fn replaced_for(&self) -> Option<Duration> {
+        // A file that was deleted or renamed plays on.
+        let now = std::fs::metadata(&self.path).ok().map(Version).filter(|now| *now != self.opened);
+        let mut replacement = self.replacement.lock().unwrap_or_else(PoisonError::into_inner);
+        if replacement.as_ref().map(|(version, _)| version) != now.as_ref() {
+            *replacement = now.map(|now| (now, Instant::now()));
+        }
+        replacement.as_ref().map(|(_, since)| since.elapsed())
+    }
+}
+
+impl TakeSource {
+    /// Opens a file.
+    ///
+    /// # Errors
+    /// [`Fault::Data`] if it cannot be opened.
+    pub(crate) fn open(path: &Path) -> Result<TakeSource, Fault> {
+        let file = File::open(path).map_err(|error| unreadable(path, &error))?;
+        let metadata = file.metadata().map_err(|error| unreadable(path, &error))?;
+        Ok(TakeSource::File(Box::new(LocalFile {
+            path: path.to_owned(),
+            file: Mutex::new(file),
+            opened: Version(metadata),
+            replacement: Mutex::default(),
+        })))
+    }
+
+    /// Name of the source for messages.
+    pub(crate) fn name(&self) -> String {
+        match self {
+            TakeSource::Memory(name, _) => name.clone(),
+            TakeSource::File(file) => file.path.display().to_string(),
+            #[cfg(feature = "net")]
+            TakeSource::Remote(file) => file.name(),
+        }
+    }
+
+    /// Length in bytes; `None` if a server does not say, or was not asked.
+    ///
+    /// # Errors
+    /// [`Fault::Data`] if it cannot be read.
+    pub(crate) fn length(&self) -> Result<Option<u64>, Fault> {
+        match self {
+            TakeSource::Memory(_, bytes) => Ok(Some(bytes.len() as u64)),
+            TakeSource::File(local) => {
+                let LocalFile { path, file, .. } = &**local;
+                let file = file.lock().unwrap_or_else(PoisonError::into_inner);
+                file.metadata().map(|metadata| Some(metadata.len())).map_err(|error| unreadable(path, &error))
+            }
+            #[cfg(feature = "net")]
+            TakeSource::Remote(file) => Ok(file.total()),
+        }
+    }
+
+    /// Reads `range`; less at the end of the file.
+    ///
+    /// # Errors
+    /// [`Fault::Data`] if it cannot be read; [`Fault::Network`] if it does not arrive.
+    pub(crate) fn read(&self, range: Range<u64>) -> Result<Vec<u8>, Fault> {
+        match self {
+            TakeSource::Memory(_, bytes) => Ok(part(bytes, range)),
+            TakeSource::File(local) => {
+                let LocalFile { path, file, .. } = &**local;
+                let mut file = file.lock().unwrap_or_else(PoisonError::into_inner);
+                let mut bytes = Vec::new();
+                file.seek(SeekFrom::Start(range.start))
+                    .and_then(|_| (&mut *file).take(range.end - range.start).read_to_end(&mut bytes))
+                    .map_err(|error| unreadable(path, &error))?;
+                Ok(bytes)
+            }
+            #[cfg(feature = "net")]
+            TakeSource::Remote(_) => self.read_parts(range.start, &[range.end]),
+        }
+    }
+
+    /// Reads the parts that follow each other from `start` on, each up to one of `ends`; less at the end of the file.
+    ///
+    /// # Errors
+    /// As [`TakeSource::read`].
+    pub(crate) fn read_parts(&self, start: u64, ends: &[u64]) -> Result<Vec<u8>, Fault> {
+        match self {
+            #[cfg(feature = "net")]
+            TakeSource::Remote(file) => file.read(start, ends).map_err(|fault| fault.about(&file.name())),
+            _ => self.read(start..ends.last().copied().unwrap_or(start)),
+        }
+    }
+
+    /// What came from a server so far.
+    pub(crate) fn traffic(&self) -> Traffic {
+        match self {
+            #[cfg(feature = "net")]
+            TakeSource::Remote(file) => file.traffic(),
+            _ => Traffic::default(),
+        }
+    }
+
+    /// Whether another version has replaced the file since it was opened. Asks the disk, but no server.
+    pub(crate) fn is_replaced(&self) -> bool {
+        match self {
+            TakeSource::File(file) => file.replaced_for().is_some(),
+            #[cfg(feature = "net")]
+            TakeSource::Remote(file) => file.is_replaced(),
+            _ => false,
+        }
+    }
+
+    /// Whether [`TakeSource::is_replaced`] found another version that is complete, as far as can be told.
+    pub(crate) fn has_settled(&self) -> bool {
+        match self {
+            TakeSource::File(file) => {
+                let was_found = file.replacement.lock().is_ok_and(|replacement| replacement.is_some());
+                was_found && file.replaced_for().is_some_and(|elapsed| elapsed >= SETTLED)
+            }
+            #[cfg(feature = "net")]
+            TakeSource::Remote(file) => file.is_replaced(),
+            _ => false,
+        }
+    }
+
+    /// Whether it comes from a server.
+    pub(crate) fn is_remote(&self) -> bool {
+        match self {
+            #[cfg(feature = "net")]
+            TakeSource::Remote(_) => true,
+            _ => false,
+        }
+    }
+
+    /// Whether it comes from a server, part by part.
+    pub(crate) fn has_ranges(&self) -> bool {
+        match self {
+            #[cfg(feature = "net")]
+            TakeSource::Remote(file) => file.has_ranges(),
+            _ => false,
+        }
+    }
+
+    /// What to do about a damaged file.
+    pub(crate) fn remedy(&self) -> &'static str {
+        match self {
+            TakeSource::Memory(..) | TakeSource::File(_) => "copy it again",
+            #[cfg(feature = "net")]
+            TakeSource::Remote(_) => "upload it again",
+        }
+    }
+
+    /// Ends a read that waits for a server, and those that follow, until [`TakeSource::resume`].
+    pub(crate) fn cancel(&self) {
+        match self {
+            #[cfg(feature = "net")]
+            TakeSource::Remote(file) => file.cancel(),
+            _ => {}
+        }
+    }
+
+    /// Ends a read that waits for a server for good.
+    pub(crate) fn close(&self) {
+        match self {
+            #[cfg(feature = "net")]
+            TakeSource::Remote(file) => file.close(),
+            _ => {}
+        }
+    }
+
+    /// Takes back [`TakeSource::cancel`].
+    pub(crate) fn resume(&self) {
+        match self {
+            #[cfg(feature = "net")]
+            TakeSource::Remote(file) => file.resume(),
+            _ => {}
+        }
+    }
+}
+
+/// What a source is told of its package. Only a file on a server has use for it.
+#[cfg_attr(not(feature = "net"), allow(unused_variables, reason = "without servers, nothing is cached"))]
+impl TakeSource {
+    /// Takes in the head of the package. `is_read_on` is whether what follows it is read next.
+    pub(crate) fn set_head(&self, head: &[u8], is_read_on: bool) {
+        #[cfg(feature = "net")]
+        if let TakeSource::Remote(file) = self {
+            file.set_head(head, is_read_on);
+        }
+    }
+
+    /// Takes in that the package was opened, whole or cut short.
+    pub(crate) fn on_opened(&self, is_whole: bool) {
+        #[cfg(feature = "net")]
+        if let TakeSource::Remote(file) = self
+            && is_whole
+        {
+            file.keep_head();
+        }
+    }
+
+    /// Takes in that parts were decoded, and so are right. `is_last` is whether none will follow them.
+    pub(crate) fn on_decoded(&self, start: u64, ends: &[u64], is_last: bool) {
+        #[cfg(feature = "net")]
+        if let TakeSource::Remote(file) = self {
+            file.keep(start, ends, is_last);
+        }
+    }
+
+    /// Takes in that a part cannot be decoded: it may be of another version.
+    pub(crate) fn on_undecodable(&self) {
+        #[cfg(feature = "net")]
+        if let TakeSource::Remote(file) = self {
+            file.look_for_replacement();
+        }
+    }
+
+    /// What to say of a file that begins with `head`, and is no package.
+    pub(crate) fn format_reason(&self, head: &[u8]) -> String {
+        const FIELDS: [&str; 6] = ["ply", "splatv", "spz", "splat", "sog", "glb"];
+        let remedy = match self {
+            #[cfg(feature = "net")]
+            TakeSource::Remote(_) if is_web_page(head) => return WEB_PAGE.into(),
+            TakeSource::File(file) => {
+                let extension = file.path.extension().and_then(|extension| extension.to_str());
+                let is_field =
+                    |extension: &str| FIELDS.iter().any(|field| extension.eq_ignore_ascii_case(field));
+                match extension.is_some_and(is_field) {
+                    true => "make one of this field with aarc-studio package",
+                    false => "name a file that aarc-studio package made",
+                }
+            }
+            _ => self.remedy(),
+        };
+        format!("{}: {remedy}", FormatError::Magic)
+    }
+}
+
+/// The bytes of a file in `range`; fewer at its end.
+fn part(bytes: &[u8], range: Range<u64>) -> Vec<u8> {
+    let [start, end] = [range.start, range.end].map(|at| at.min(bytes.len() as u64) as usize);
+    bytes[start..end.max(start)].to_vec()
+}
+
+fn unreadable(path: &Path, error: &io::Error) -> Fault {
+    Fault::Data(format!("{}: {}", path.display(), read_error(error)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_are_read_and_the_end_is_short() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a");
+        std::fs::write(&path, b"0123456789").unwrap();
+        let source = TakeSource::open(&path).unwrap();
+        assert_eq!(source.length().unwrap(), Some(10));
+        for (range, bytes) in
+            [(0..4, &b"0123"[..]), (7..9, b"78"), (8..20, b"89"), (30..40, b""), (3..3, b"")]
+        {
+            assert_eq!(source.read(range).unwrap(), bytes);
+        }
+        assert!(!source.is_replaced() && !source.has_settled());
+        // A file that takes its place is another one.
+        std::fs::write(folder.path().join("b"), b"abcdefghijk").unwrap();
+        std::fs::rename(folder.path().join("b"), &path).unwrap();
+        assert_eq!((source.read(0..2).unwrap(), source.length().unwrap()), (b"01".to_vec(), Some(10)));
+        assert!(source.is_replaced() && !source.has_settled(), "it may be a copy under way");
+        std::thread::sleep(SETTLED);
+        std::fs::write(&path, b"abcdefghijkl").unwrap();
+        assert!(!source.has_settled(), "which goes on");
+        std::thread::sleep(SETTLED);
+        assert!(source.has_settled());
+        std::fs::remove_file(&path).unwrap();
+        assert!(!source.is_replaced() && !source.has_settled(), "what was deleted plays on");
+        let missing = TakeSource::open(&folder.path().join("c")).unwrap_err();
+        assert!(missing.to_string().contains("c: "), "{missing}");
+    }
+}
