@@ -88,7 +88,7 @@ pub(super) fn assemble(
 }
 
 /// The rows of each segment, by the lives of all rows of a part. A row that was fitted from second `from_s` on counts as
-/// alive until then, because segments that end before are written.
+/// alive until then, because segments that end before are written. A row that is never alive is in none: nobody sees it.
 fn places(
     grid: &SegmentGrid,
     [from_s, duration_s]: [f64; 2],
@@ -96,7 +96,7 @@ fn places(
 ) -> BTreeMap<(u8, u64), Vec<usize>> {
     let mut rows_of: BTreeMap<(u8, u64), Vec<usize>> = BTreeMap::new();
     for (row, life) in lives.iter().enumerate() {
-        let [birth_s, death_s] = life.expect("only those that are alive are written");
+        let Some([birth_s, death_s]) = *life else { continue };
         let within = [birth_s.max(0.0), death_s.max(from_s).min(duration_s)];
         if within[0] <= within[1] {
             rows_of.entry(grid.place(within)).or_default().push(row);
@@ -130,7 +130,7 @@ mod tests {
     fn a_row_that_dies_before_its_part_goes_to_no_segment_that_is_written() {
         let grid = SegmentGrid::new(20.0, 1.0);
         // The part has photographs from second 9.75 on; segments that end before are written.
-        let lives = [Some([2.1, 2.5]), Some([9.0, 9.9]), Some([-3.0, 30.0])];
+        let lives = [Some([2.1, 2.5]), Some([9.0, 9.9]), Some([-3.0, 30.0]), None];
         let rows_of = places(&grid, [9.75, 20.0], &lives);
         for (place, rows) in &rows_of {
             let (start_s, duration_s) = grid.span(place.0, place.1);
