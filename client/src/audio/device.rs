@@ -52,8 +52,8 @@ impl OpenDevice {
         let (binaural, placed) = BinauralSource::new(config.sample_rate);
         let output = RingOutput::new(consumer, placed, link.clone(), config.sample_rate);
         let filler = RingFiller::new(producer, link.clone(), config.sample_rate);
-        let clock = DevicePlayer { device, config, output, lost: link.clone(), epoch };
-        let stream = clock.play(format)?;
+        let player = DevicePlayer { device, config, output, lost: link.clone(), epoch };
+        let stream = player.play(format)?;
         Ok(OpenDevice { filler, binaural, _stream: stream })
     }
 }

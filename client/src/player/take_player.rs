@@ -145,7 +145,7 @@ impl TakePlayer {
         let most = layers.iter().copied().max().unwrap_or(1).max(1);
         let counts = TakeCounts { segments: layers.len(), ..TakeCounts::default() };
         let buffered = Buffered::new(&opened.take, &layers);
-        let mut clock = TakePlayer {
+        let mut player = TakePlayer {
             opened,
             loader,
             layers,
@@ -165,8 +165,8 @@ impl TakePlayer {
             replaced: None,
             counts,
         };
-        clock.replan();
-        Ok((renderer, clock))
+        player.replan();
+        Ok((renderer, player))
     }
 
     /// As [`TakePlayer::new`], with what its first picture needs in GPU memory.

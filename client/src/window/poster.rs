@@ -52,8 +52,8 @@ impl PosterChange {
 /// Path of the host tool: beside this program, else as the system finds it.
 fn studio() -> PathBuf {
     let name = format!("{STUDIO}{}", std::env::consts::EXE_SUFFIX);
-    let clock = std::env::current_exe().ok();
-    let beside = clock.as_deref().and_then(Path::parent).map(|folder| folder.join(&name));
+    let player = std::env::current_exe().ok();
+    let beside = player.as_deref().and_then(Path::parent).map(|folder| folder.join(&name));
     beside.filter(|path| path.is_file()).unwrap_or_else(|| name.into())
 }
 
