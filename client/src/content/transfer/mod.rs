@@ -1,4 +1,4 @@
-//! Transfers: [`RemoteFile`] reads a package on a server in parts, and [`document`] fetches a small file whole.
+//! Transfers: `RemoteFile` reads a package on a server in parts, and `document` fetches a small file whole.
 //!
 //! ```text
 //! Download --- task (a thread) --- RemoteFile <- OpenTake      remote_file: parts of one version, from the cache or not
