@@ -2,7 +2,8 @@
 //!
 //! [`content`] opens what plays, from a file, a server or the program itself. [`player`] keeps the segments of a take in GPU
 //! memory that playing needs, and [`clips`] says which clip plays next. [`gpu`] holds segments and renders frames, `audio`
-//! plays their sound. `headless` writes frames to images, `window` shows them on a screen, `xr` in a headset. Android has `xr` alone, which also holds the library's entry point there.
+//! plays their sound. `headless` writes frames to images, `window` shows them on a screen, `headset` in a headset, whose
+//! runtime is behind `xr`. Android has these two alone; `xr` also holds the library's entry point there.
 //! Only [`gpu`] names the graphics API; it names neither files nor windows.
 
 pub mod args;
