@@ -57,15 +57,25 @@ pub(super) fn play(args: &Args, system: &mut System) -> Result<(), Fault> {
     let place = Place::new(store, standpoint);
     let mut show = Show::new(args.clip.clone(), options, quality, place, speaker, !measures)?;
     let mut report = Report::new(args, started);
+    let ended = run_devices(args, system, &runtime, &mut show, &mut report);
+    show.save();
+    report.write(args, &runtime, &ended?.gpu, &mut show)?;
+    show.outcome()
+}
+
+/// Runs sessions on one device after the other, until one ends that was not lost; returns its device.
+fn run_devices(
+    args: &Args,
+    system: &mut System,
+    runtime: &Runtime,
+    show: &mut Show,
+    report: &mut Report,
+) -> Result<Device, Fault> {
     loop {
-        let device = Device::open(&runtime, system)?;
+        let device = Device::open(runtime, system)?;
         let drawn_before = report.frames_drawn();
-        match device.run_sessions(system, &runtime, args, &mut show, &mut report) {
-            Ok(()) => {
-                show.save();
-                report.write(args, &runtime, &device.gpu, &mut show)?;
-                return show.outcome();
-            }
+        match device.run_sessions(system, runtime, args, show, report) {
+            Ok(()) => return Ok(device),
             Err(fault) => {
                 let fault = device.cause(fault);
                 if !device.gpu.is_worth_replacing(report.frames_drawn() - drawn_before) {
@@ -165,7 +175,7 @@ impl Device {
                     }
                     Some(Action::Leave) => return Ok(()),
                     Some(Action::Renew) => return Err(Halt::SessionLost),
-                    Some(Action::Recentre { at_ns }) => show.recentre_at(at_ns),
+                    Some(Action::ChangeSpace { at_ns, change }) => show.change_space_at(at_ns, change),
                     Some(Action::Fail) => return Err(Halt::Fault(error::instance_lost())),
                 }
             }

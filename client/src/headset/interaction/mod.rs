@@ -27,7 +27,7 @@ pub use command::Command;
 pub use hands::{Button, Hand, Hands, Pose, Side};
 pub use haptics::{Haptics, Pulse};
 pub use inputs::Inputs;
-pub use placement::{Placement, SCALE_RANGE, Similarity};
+pub use placement::{Placement, SCALE_RANGE, Similarity, SpaceChange};
 pub use playback::{BUTTONS, Binding, GESTURES};
 pub use store::PlacementStore;
 
@@ -49,6 +49,8 @@ pub struct Interaction {
     grab: Grab,
     playback: Playback,
     elapsed_s: f64,
+    /// Whether the viewer has moved the clip since [`Interaction::take_moved`].
+    moved: bool,
 }
 
 /// A clip and its placement.
@@ -68,6 +70,7 @@ impl Interaction {
     /// Removes the clip. Buttons and sticks stay active.
     pub fn take_away(&mut self) {
         (self.clip, self.select_holds, self.grab) = (None, [false; 2], Grab::default());
+        self.moved = false;
     }
 
     /// Takes in the hands of a frame of `elapsed_s` seconds. `focused` is whether the runtime gives input to
@@ -98,6 +101,7 @@ impl Interaction {
         self.playback.update(inputs, pushes, pushed, self.elapsed_s, clock, commands);
 
         let Some(Placed { placement, .. }) = &mut self.clip else { return };
+        let before = *placement;
         let right = pushes[Side::Right as usize];
         if let Some(turned) = right.and_then(|push| turn::snap_turn(placement, head, push)) {
             *placement = turned;
@@ -111,12 +115,26 @@ impl Interaction {
             (*by_select || inputs.is_held(side, Button::Squeeze)).then(|| inputs.grip(side)).flatten()
         });
         *placement = self.grab.update(holding, *placement, haptics);
+        self.moved |= *placement != before;
     }
 
-    /// Puts the clip at life size in front of a viewer with the head at `head`, at `standpoint` if there is one.
+    /// Puts the clip, as the viewer asks for, at life size in front of a viewer with the head at `head`, at `standpoint`
+    /// if there is one.
     pub fn recentre(&mut self, head: &Pose, standpoint: Option<Standpoint>) {
         if let Some(Placed { subject, placement }) = &mut self.clip {
-            *placement = Placement::start_at(subject, head, standpoint);
+            *placement = Placement::start_at(subject, head, standpoint, 1.0);
+            self.moved = true;
+        }
+    }
+
+    /// Keeps the clip in the room, or before the viewer, when the stage or the viewer's origin has changed. The head is at
+    /// `head` after the change. The viewer has not moved the clip thereby.
+    pub fn change_space(&mut self, change: SpaceChange, head: &Pose, standpoint: Option<Standpoint>) {
+        if let Some(Placed { subject, placement }) = &mut self.clip {
+            *placement = match change {
+                SpaceChange::Stage { old_from_new } => placement.seen_from(&old_from_new),
+                SpaceChange::Viewer => Placement::start_at(subject, head, standpoint, placement.scale()),
+            };
         }
     }
 
@@ -133,6 +151,11 @@ impl Interaction {
     /// Whether a stick scrubs: the clock must then not advance by itself.
     pub fn is_scrubbing(&self) -> bool {
         self.playback.is_scrubbing()
+    }
+
+    /// Whether the viewer has moved the clip since the last call.
+    pub fn take_moved(&mut self) -> bool {
+        std::mem::take(&mut self.moved)
     }
 
     /// Whether a hand holds the clip.

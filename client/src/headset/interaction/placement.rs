@@ -73,6 +73,13 @@ impl Placement {
         Placement::new(scaled.scale, scaled.yaw, to + arm)
     }
 
+    /// This placement in a stage whose origin is at the pose `old_from_new` of the stage before. Floors are level: the
+    /// origin turns about the vertical only.
+    pub fn seen_from(&self, old_from_new: &Pose) -> Placement {
+        let origin = old_from_new.position.as_dvec3();
+        self.carried(origin, DVec3::ZERO, -old_from_new.heading(), self.scale)
+    }
+
     /// Turns by `angle` about the vertical through `point`, which keeps its place in the clip.
     pub fn turned_about(&self, point: DVec3, angle: f64) -> Placement {
         self.carried(point, point, angle, self.scale)
@@ -93,29 +100,29 @@ impl Placement {
     /// viewer takes the place and direction of the viewpoint, and its height too if that is not an eye height
     /// of people.
     pub fn start(subject: &Subject, head: &Pose) -> Placement {
+        Placement::start_at(subject, head, None, 1.0)
+    }
+
+    /// [`Placement::start`] of a clip of `scale` times life size. With a `standpoint`, the viewer is there instead, and the
+    /// clip's front towards the viewer.
+    pub fn start_at(subject: &Subject, head: &Pose, standpoint: Option<Standpoint>, scale: f64) -> Placement {
         let heading = head.heading();
         let stage_from_upright = DQuat::from_rotation_y(heading);
         let eye = head.position.as_dvec3();
-        let within = subject.eye_m.x.hypot(subject.eye_m.z) < subject.radius_m + 0.5 * START_CLEARANCE_M;
-        let position = if subject.radius_m > IN_FRONT_RADIUS_M || within {
-            let on_eye = eye - stage_from_upright * subject.eye_m;
-            let has_floor = (EYE_HEIGHTS_M.0..=EYE_HEIGHTS_M.1).contains(&subject.eye_m.y);
+        let ahead = |distance_m: f64| DVec3 { y: 0.0, ..eye - stage_from_upright * DVec3::Z * distance_m };
+        let (eye_m, radius_m) = (scale * subject.eye_m, scale * subject.radius_m);
+        // Who makes a room smaller looks at it from outside.
+        let within = scale >= 1.0 && eye_m.x.hypot(eye_m.z) < radius_m + 0.5 * START_CLEARANCE_M;
+        let position = if let Some(standpoint) = standpoint {
+            ahead(standpoint.distance_m())
+        } else if radius_m > IN_FRONT_RADIUS_M || within {
+            let on_eye = eye - stage_from_upright * eye_m;
+            let has_floor = (EYE_HEIGHTS_M.0..=EYE_HEIGHTS_M.1).contains(&eye_m.y);
             DVec3 { y: if has_floor { 0.0 } else { on_eye.y }, ..on_eye }
         } else {
-            let distance = START_M.max(subject.radius_m + START_CLEARANCE_M);
-            let in_front = eye - stage_from_upright * DVec3::Z * distance;
-            DVec3 { y: 0.0, ..in_front }
+            ahead(START_M.max(radius_m + START_CLEARANCE_M))
         };
-        Placement::new(1.0, heading, position)
-    }
-
-    /// The placement of `subject` at which a viewer with the head at `head` is at `standpoint`: life size, feet on the
-    /// floor, the front towards the viewer; [`Placement::start`] without a standpoint.
-    pub fn start_at(subject: &Subject, head: &Pose, standpoint: Option<Standpoint>) -> Placement {
-        let Some(standpoint) = standpoint else { return Placement::start(subject, head) };
-        let (heading, eye) = (head.heading(), head.position.as_dvec3());
-        let center = eye - DQuat::from_rotation_y(heading) * DVec3::Z * standpoint.distance_m();
-        Placement::new(1.0, heading, DVec3 { y: 0.0, ..center })
+        Placement::new(scale, heading, position)
     }
 
     /// The similarity that puts the clip with `subject` into the stage.
@@ -124,6 +131,18 @@ impl Placement {
         let scale = self.scale * subject.metres_per_unit;
         Similarity { scale, rotation, translation: self.position - rotation * subject.ground * scale }
     }
+}
+
+/// A change of the spaces in which a runtime tracks.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum SpaceChange {
+    /// The stage has another origin, at this pose in the stage before: the room stays where it is.
+    Stage {
+        /// The new origin, as the stage before sees it.
+        old_from_new: Pose,
+    },
+    /// The viewer has asked the system for a view that starts here, or nobody knows where the room is now.
+    Viewer,
 }
 
 /// A uniform scale, then a rotation, then a translation.
@@ -230,7 +249,7 @@ mod tests {
         {
             let (subject, head) = (person(), head(0.8));
             let stage_from_clip =
-                Placement::start_at(&subject, &head, Some(standpoint)).stage_from_clip(&subject);
+                Placement::start_at(&subject, &head, Some(standpoint), 1.0).stage_from_clip(&subject);
             let feet = stage_from_clip.point(subject.ground);
             let eye = head.position.as_dvec3();
             let expected = DVec3 { y: 0.0, ..eye } + distance_m * head.forward().as_dvec3();
@@ -239,8 +258,36 @@ mod tests {
             let back = stage_from_clip.point(subject.in_clip(DVec3::NEG_Z)) - feet;
             assert!(back.dot(head.forward().as_dvec3()) > 0.999, "{back}");
         }
+    }
+
+    #[test]
+    fn a_clip_of_another_size_starts_as_near() {
         let (subject, head) = (person(), head(0.8));
-        assert_eq!(Placement::start_at(&subject, &head, None), Placement::start(&subject, &head));
+        for scale in [0.1, 0.5, 2.0] {
+            let placement = Placement::start_at(&subject, &head, None, scale);
+            let stage_from_clip = placement.stage_from_clip(&subject);
+            let ahead = DVec3 { y: 1.6, ..stage_from_clip.point(subject.ground) } - head.position.as_dvec3();
+            assert!(placement.scale() == scale && placement.position().y == 0.0, "{placement:?}");
+            let near_m = ahead.length() - scale * subject.radius_m;
+            assert!(near_m >= 0.99 && ahead.length() < 1.76 + scale, "{scale}: {ahead}");
+        }
+    }
+
+    #[test]
+    fn a_clip_stays_in_the_room_when_the_stage_moves() {
+        let (subject, mut random) = (person(), Random::new(4));
+        for _ in 0..200 {
+            let (placement, point) = (random.placement(), random.point());
+            let heading = random.placement().yaw();
+            let old_from_new = Pose {
+                position: random.point().as_vec3(),
+                orientation: Quat::from_rotation_y(heading as f32),
+            };
+            let old = placement.stage_from_clip(&subject).point(point);
+            let new = placement.seen_from(&old_from_new).stage_from_clip(&subject).point(point);
+            let back = old_from_new.orientation.as_dquat() * new + old_from_new.position.as_dvec3();
+            assert!(back.distance(old) < 1e-4 * old.length().max(1.0), "{back} {old}");
+        }
     }
 
     #[test]

@@ -1,13 +1,13 @@
 //! [`PlacementStore`]: the last placement of each clip, in a small file.
 //!
 //! The file is a convenience: if it is missing or damaged, clips start in front of the viewer, and one line in
-//! the log says why. A thread writes it, so that no frame waits for the disk.
+//! the log says why. A thread writes every change soon after it is made, so that no frame waits for the disk and a
+//! player that is killed loses none. It adds the change to the file as it then is: another player may have written, too.
 
+use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Sender, channel};
+use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::JoinHandle;
 
 use glam::DVec3;
@@ -30,11 +30,8 @@ const KEY_BYTES: usize = 1 << 10;
 #[derive(Debug)]
 pub struct PlacementStore {
     folder: PathBuf,
-    /// In the order of placing.
-    entries: Vec<Entry>,
-    /// Whether the file is out of date.
-    changed: bool,
-    /// From the first save on.
+    entries: Entries,
+    /// From the first change on.
     writer: Option<Writer>,
 }
 
@@ -42,6 +39,10 @@ pub struct PlacementStore {
 struct Contents<E> {
     placements: E,
 }
+
+/// The clips placed last, in the order of placing.
+#[derive(Debug, Default)]
+struct Entries(Vec<Entry>);
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Entry {
@@ -52,8 +53,53 @@ struct Entry {
 }
 
 impl Entry {
+    fn new(clip: &str, placement: &Placement) -> Entry {
+        Entry {
+            clip: clip.into(),
+            scale: placement.scale(),
+            yaw_rad: placement.yaw(),
+            position_m: placement.position().into(),
+        }
+    }
+
     fn placement(&self) -> Placement {
         Placement::new(self.scale, self.yaw_rad, DVec3::from(self.position_m))
+    }
+}
+
+impl Entries {
+    /// Reads the file in `folder`. A missing file is empty, and so is, with a warning, a damaged one.
+    fn read(folder: &Path) -> Entries {
+        let path = FILE.path(folder);
+        match FILE.read::<Contents<Vec<Entry>>>(folder) {
+            Ok(Contents { placements: mut entries }) => {
+                entries.retain(|entry| entry.clip.len() <= KEY_BYTES);
+                entries.drain(..entries.len().saturating_sub(CLIPS));
+                return Entries(entries);
+            }
+            Err(error) if error.kind() == io::ErrorKind::NotFound => {
+                log::info!("{}: not there yet: clips start in front of the viewer", path.display());
+            }
+            Err(error) => warn!("{}: {error}: clips start in front of the viewer", path.display()),
+        }
+        Entries::default()
+    }
+
+    /// Adds a clip, or places it again, as the last one.
+    fn put(&mut self, entry: Entry) {
+        self.0.retain(|other| other.clip != entry.clip);
+        self.0.push(entry);
+        self.0.drain(..self.0.len().saturating_sub(CLIPS));
+    }
+
+    /// Writes these changes to the file in `folder`. They stay if that fails.
+    fn flush(&mut self, folder: &Path) {
+        match add(folder, &self.0) {
+            Ok(()) => self.0.clear(),
+            Err(error) => {
+                warn!("cannot remember where clips stand: {}: {error}", FILE.path(folder).display());
+            }
+        }
     }
 }
 
@@ -61,61 +107,33 @@ impl PlacementStore {
     /// Reads the file in `folder`. A missing file is an empty store, and so is, with a warning, a damaged
     /// one.
     pub fn open(folder: &Path) -> PlacementStore {
-        let path = FILE.path(folder);
-        let entries = match read(folder) {
-            Ok(entries) => entries,
-            Err(error) if error.kind() == io::ErrorKind::NotFound => {
-                log::info!("{}: not there yet: clips start in front of the viewer", path.display());
-                Vec::new()
-            }
-            Err(error) => {
-                warn!("{}: {error}: clips start in front of the viewer", path.display());
-                Vec::new()
-            }
-        };
-        PlacementStore { folder: folder.into(), entries, changed: false, writer: None }
+        PlacementStore { folder: folder.into(), entries: Entries::read(folder), writer: None }
     }
 
     /// Last placement of the clip `key`.
     pub fn get(&self, key: &str) -> Option<Placement> {
-        self.entries.iter().rev().find(|entry| entry.clip == key).map(Entry::placement)
+        self.entries.0.iter().rev().find(|entry| entry.clip == key).map(Entry::placement)
     }
 
-    /// Remembers the placement of the clip `key`, without writing it yet. The store holds 64 clips and forgets the clip
-    /// placed longest ago. Names longer than a kilobyte are ignored.
+    /// Remembers the placement of the clip `key`, and writes it in the background. The store holds 64 clips and forgets
+    /// the clip placed longest ago. Names longer than a kilobyte are ignored. Failures of the disk go to the log; a
+    /// change that could not be written is written with the next one, or when the store is dropped.
     pub fn set(&mut self, key: &str, placement: &Placement) {
         if key.len() > KEY_BYTES || self.get(key).as_ref() == Some(placement) {
             return;
         }
-        self.entries.retain(|entry| entry.clip != key);
-        self.entries.push(Entry {
-            clip: key.into(),
-            scale: placement.scale(),
-            yaw_rad: placement.yaw(),
-            position_m: placement.position().into(),
-        });
-        self.entries.drain(..self.entries.len().saturating_sub(CLIPS));
-        self.changed = true;
-    }
-
-    /// Writes the file in the background, whole or not at all, if something changed or the last attempt
-    /// failed. Failures go to the log.
-    pub fn save(&mut self) {
-        let failed = self.writer.as_ref().is_some_and(|writer| writer.failed.swap(false, Ordering::AcqRel));
-        if !std::mem::take(&mut self.changed) && !failed {
-            return;
-        }
-        let bytes = FILE.encode(&Contents { placements: &self.entries });
+        let entry = Entry::new(key, placement);
+        self.entries.put(entry.clone());
         let folder = &self.folder;
         // The thread ends only with the store.
-        let _ = self.writer.get_or_insert_with(|| Writer::start(folder.clone())).files.send(bytes);
+        let _ = self.writer.get_or_insert_with(|| Writer::start(folder.clone())).changes.send(entry);
     }
 }
 
 impl Drop for PlacementStore {
     fn drop(&mut self) {
-        let Some(Writer { files, thread, .. }) = self.writer.take() else { return };
-        drop(files);
+        let Some(Writer { changes, thread }) = self.writer.take() else { return };
+        drop(changes);
         if let Some(thread) = thread {
             let _ = thread.join();
         }
@@ -125,43 +143,52 @@ impl Drop for PlacementStore {
 /// The thread that writes the file.
 #[derive(Debug)]
 struct Writer {
-    files: Sender<Vec<u8>>,
-    /// Whether the last write failed.
-    failed: Arc<AtomicBool>,
+    changes: Sender<Entry>,
     /// `None` if the system refused a thread.
     thread: Option<JoinHandle<()>>,
 }
 
 impl Writer {
     fn start(folder: PathBuf) -> Writer {
-        let (files, arriving) = channel::<Vec<u8>>();
-        let failed = Arc::new(AtomicBool::new(false));
-        let has_failed = failed.clone();
-        let write_all = move || {
-            for bytes in arriving {
-                if let Err(error) = FILE.write(&folder, &bytes) {
-                    warn!("cannot remember where clips stand: {}: {error}", FILE.path(&folder).display());
-                    has_failed.store(true, Ordering::Release);
-                }
-            }
-        };
-        let thread = std::thread::Builder::new().name("placements".into()).spawn(write_all);
+        let (changes, arriving) = channel();
+        let thread =
+            std::thread::Builder::new().name("placements".into()).spawn(move || write(&folder, &arriving));
         let thread = thread.inspect_err(|error| warn!("cannot remember where clips stand: {error}")).ok();
-        Writer { files, failed, thread }
+        Writer { changes, thread }
     }
 }
 
-fn read(folder: &Path) -> io::Result<Vec<Entry>> {
-    let Contents { placements: mut entries } = FILE.read::<Contents<Vec<Entry>>>(folder)?;
-    entries.retain(|entry| entry.clip.len() <= KEY_BYTES);
-    entries.drain(..entries.len().saturating_sub(CLIPS));
-    Ok(entries)
+/// Writes changes as they arrive, until there are no more to come.
+fn write(folder: &Path, arriving: &Receiver<Entry>) {
+    let mut unwritten = Entries::default();
+    while let Ok(entry) = arriving.recv() {
+        unwritten.put(entry);
+        arriving.try_iter().for_each(|entry| unwritten.put(entry));
+        unwritten.flush(folder);
+    }
+    unwritten.flush(folder);
+}
+
+/// Adds `changes` to the file in `folder`, whole or not at all.
+///
+/// # Errors
+/// If it cannot be written.
+fn add(folder: &Path, changes: &[Entry]) -> io::Result<()> {
+    if changes.is_empty() {
+        return Ok(());
+    }
+    fs::create_dir_all(folder)?;
+    // Another player waits meanwhile. Where folders cannot be locked, the later one of two wins.
+    let lock = File::open(folder).and_then(|folder| folder.lock().map(|()| folder));
+    let mut entries = Entries::read(folder);
+    changes.iter().for_each(|entry| entries.put(entry.clone()));
+    let written = FILE.write(folder, &FILE.encode(&Contents { placements: &entries.0 }));
+    drop(lock);
+    written
 }
 
 #[cfg(test)]
 mod tests {
-    use std::fs;
-
     use glam::dvec3;
 
     use super::super::random::Random;
@@ -189,7 +216,6 @@ mod tests {
         for (number, placement) in placements.iter().enumerate() {
             store.set(&format!("clip \"{number}\"\n\u{e9}"), placement);
         }
-        store.save();
         drop(store);
         let store = PlacementStore::open(&inner);
         for (number, placement) in placements.iter().enumerate() {
@@ -210,12 +236,11 @@ mod tests {
         store.set("0", &placement(-1.0));
         store.set("new", &placement(0.0));
         store.set(&"x".repeat(KEY_BYTES + 1), &placement(0.0));
-        store.save();
         drop(store);
         let store = PlacementStore::open(folder.path());
         assert_eq!(store.get("0"), Some(placement(-1.0)), "it was placed again");
         assert!(store.get("1").is_none() && store.get("2").is_some() && store.get("new").is_some());
-        assert_eq!(store.entries.len(), CLIPS);
+        assert_eq!(store.entries.0.len(), CLIPS);
     }
 
     #[test]
@@ -236,7 +261,6 @@ mod tests {
             let mut store = PlacementStore::open(folder.path());
             assert_eq!(store.get("a"), None);
             store.set("a", &placement(1.0));
-            store.save();
             drop(store);
             assert_eq!(PlacementStore::open(folder.path()).get("a"), Some(placement(1.0)));
         }
@@ -248,23 +272,46 @@ mod tests {
     }
 
     #[test]
-    fn a_folder_that_cannot_be_written_is_tried_again() {
+    fn two_players_keep_the_changes_of_both() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut stores = [0, 1].map(|_| PlacementStore::open(folder.path()));
+        for number in 0..CLIPS / 2 {
+            for (player, store) in stores.iter_mut().enumerate() {
+                store.set(&format!("{player} {number}"), &placement(number as f64));
+            }
+        }
+        drop(stores);
+        let store = PlacementStore::open(folder.path());
+        for (player, number) in [0, 1].into_iter().flat_map(|player| (0..CLIPS / 2).map(move |n| (player, n)))
+        {
+            assert_eq!(store.get(&format!("{player} {number}")), Some(placement(number as f64)), "{player}");
+        }
+    }
+
+    #[test]
+    fn a_change_is_written_while_the_store_is_open() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut store = PlacementStore::open(folder.path());
+        store.set("a", &placement(1.0));
+        let start = std::time::Instant::now();
+        while !FILE.path(folder.path()).exists() {
+            assert!(start.elapsed().as_secs() < 60, "a player that is killed would lose it");
+            std::thread::yield_now();
+        }
+        assert_eq!(PlacementStore::open(folder.path()).get("a"), Some(placement(1.0)));
+    }
+
+    #[test]
+    fn a_change_that_cannot_be_written_is_tried_again() {
         let folder = tempfile::tempdir().unwrap();
         let blocked = folder.path().join("file");
         fs::write(&blocked, "").unwrap();
-        let mut store = PlacementStore::open(&blocked);
-        store.save();
-        assert!(store.writer.is_none(), "there is nothing new");
-        store.set("a", &placement(1.0));
-        store.save();
-        let failed = store.writer.as_ref().unwrap().failed.clone();
-        let start = std::time::Instant::now();
-        while !failed.load(Ordering::Acquire) && start.elapsed().as_secs() < 60 {
-            std::thread::yield_now();
-        }
+        let mut unwritten = Entries(vec![Entry::new("a", &placement(1.0))]);
+        unwritten.flush(&blocked);
+        assert_eq!(unwritten.0.len(), 1);
         fs::remove_file(&blocked).unwrap();
-        store.save();
-        drop(store);
+        unwritten.flush(&blocked);
+        assert_eq!(unwritten.0.len(), 0);
         assert!(PlacementStore::open(&blocked).get("a").is_some());
     }
 }

@@ -101,6 +101,15 @@ impl Panel {
         }
     }
 
+    /// Prepares for another image and painter: the next painting holds everything. The panel stays as it is.
+    pub fn forget_picture(&mut self) {
+        let ctx = Context::default();
+        style::apply(&ctx);
+        self.pointer.leave(&mut self.events);
+        self.events.clear();
+        (self.ctx, self.painted, self.press_lost, self.scrubbing) = (ctx, None, false, false);
+    }
+
     /// Takes in where the hands point; returns which ones, left then right, point at the panel.
     pub fn point(&mut self, inputs: &Inputs, haptics: &mut Haptics) -> [bool; 2] {
         if !self.visible {
@@ -248,7 +257,11 @@ impl Panel {
         let clock = state.clock;
         (self.page, self.leaving_until_s.is_some(), state.title).hash(&mut hasher);
         if state.has_timeline() {
-            ((clock.position_s() * TIMELINE_RATE) as u64, clock.duration_s().to_bits()).hash(&mut hasher);
+            // Nobody reads a number that runs; one that stands is the frame on display.
+            let position_s = clock.position_s();
+            let position =
+                if clock.is_playing() { (position_s * TIMELINE_RATE) as u64 } else { position_s.to_bits() };
+            (position, clock.duration_s().to_bits()).hash(&mut hasher);
             let ends =
                 state.buffered.iter().map(|(from_s, to_s)| [from_s, to_s].map(|end_s| end_s.to_bits()));
             ends.for_each(|ends| ends.hash(&mut hasher));

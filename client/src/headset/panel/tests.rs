@@ -377,6 +377,41 @@ fn the_panel_is_painted_only_after_a_change() {
 }
 
 #[test]
+fn another_session_paints_all_of_a_panel_that_stays_as_it_was() {
+    let mut bench = Bench::new();
+    let at = bench.place("Timeline");
+    bench.aim(Side::Right, at);
+    bench.select(Side::Right, true);
+    bench.panel.apply(Command::ToggleStatistics, &HEAD);
+    bench.panel.forget_picture();
+    assert!(bench.panel.is_visible() && !bench.panel.is_scrubbing());
+    bench.aim_away(Side::Right);
+    bench.frame();
+    assert!(bench.painted && bench.panel.page == Some(Page::Statistics));
+    assert!(bench.commands.is_empty(), "the press was in the session before");
+    bench.panel.apply(Command::TogglePanel, &HEAD);
+    bench.panel.forget_picture();
+    bench.frame();
+    assert!(!bench.painted && !bench.panel.is_visible());
+}
+
+#[test]
+fn a_step_of_a_fast_clip_is_painted() {
+    let mut bench = Bench::new();
+    bench.clock = Clock::new(10.0, 120.0);
+    bench.clock.set_playing(false);
+    for step in 0..8 {
+        for _ in 0..4 {
+            bench.frame();
+        }
+        assert!(!bench.painted);
+        bench.clock.step_forward();
+        bench.frame();
+        assert!(bench.painted, "frame {step}");
+    }
+}
+
+#[test]
 fn a_still_picture_has_no_timeline_to_hold() {
     let mut bench = Bench::new();
     bench.clock = Clock::new(0.0, 30.0);

@@ -19,7 +19,7 @@ use crate::clips::{Change, ClipController, Direction, Entry, LoadOptions, Transi
 use crate::clock::Clock;
 use crate::content::title;
 use crate::gpu::{FrameCounts, Gpu, Level, Renderer, RuntimeFormat, UiPainter};
-use crate::headset::interaction::{Command, Hands, Haptics, Pose, Similarity};
+use crate::headset::interaction::{Command, Hands, Haptics, Pose, Similarity, SpaceChange};
 use crate::headset::pacing::FrameTimer;
 use crate::headset::panel::{Painting, Panel, PanelQuad, PanelState, PointerRay};
 use crate::player::{TakeCounts, TakePlayer};
@@ -53,8 +53,8 @@ pub(crate) struct Show {
     quality: Quality,
     commands: Vec<Command>,
     speaker: Speaker,
-    /// Display time at which to recentre the clip.
-    recentre_at_ns: Option<i64>,
+    /// Changes of the spaces, with the display times at which they take effect.
+    space_changes: Vec<(i64, SpaceChange)>,
     /// Whether the room is seen behind the clip; `None` if the headset cannot show it.
     passthrough: Option<bool>,
     /// Seconds for which a part of the take has been missing at the position.
@@ -128,7 +128,7 @@ impl Show {
             quality,
             commands: Vec::new(),
             speaker,
-            recentre_at_ns: None,
+            space_changes: Vec::new(),
             passthrough: None,
             missing_s: 0.0,
             notices,
@@ -149,7 +149,9 @@ impl Show {
         self.timer = FrameTimer::default();
         self.passthrough = has_passthrough.then(|| self.shows_passthrough());
         // The images of the session before are gone, and with them the picture of the panel.
-        self.panel = None;
+        if let Some(panel) = &mut self.panel {
+            panel.forget_picture();
+        }
         let is_same = |device: &Device| Arc::ptr_eq(&device.gpu, gpu) && device.format == format;
         if !self.device.as_ref().is_some_and(is_same) {
             self.release_device();
@@ -170,7 +172,7 @@ impl Show {
 
     /// Lets go of everything on the device.
     fn release_device(&mut self) {
-        (self.panel, self.painter) = (None, None);
+        self.painter = None;
         if let Some(playing) = &mut self.playing
             && playing.clip.renderer.take().is_some()
         {
@@ -250,9 +252,9 @@ impl Show {
         self.playing = Some(Playing { title, clip });
     }
 
-    /// Recentres the clip in front of the viewer at a display time.
-    pub(crate) fn recentre_at(&mut self, at_ns: i64) {
-        self.recentre_at_ns = Some(at_ns);
+    /// The spaces change at a display time.
+    pub(crate) fn change_space_at(&mut self, at_ns: i64, change: SpaceChange) {
+        self.space_changes.push((at_ns, change));
     }
 
     /// Moves on to the frame seen at `display_ns`: hands, then their commands and the panel's, then the timer.
@@ -260,11 +262,14 @@ impl Show {
         let elapsed_s = self.timer.elapsed_s(display_ns, viewer.attends);
         let mut moved = Moved::default();
         let Some(head) = viewer.head else { return moved };
+        for (_, change) in self.space_changes.extract_if(.., |(at_ns, _)| *at_ns <= display_ns) {
+            self.place.change_space(change, head);
+            if let Some(panel) = &mut self.panel {
+                panel.place(head);
+            }
+        }
         let mut commands = std::mem::take(&mut self.commands);
         let mut scrubbing = self.take_hands(viewer, head, elapsed_s, &mut moved, &mut commands, haptics);
-        if self.recentre_at_ns.take_if(|at_ns| *at_ns <= display_ns).is_some() {
-            commands.push(Command::Recentre);
-        }
         scrubbing |= self.panel.as_ref().is_some_and(Panel::is_scrubbing);
         for &command in &commands {
             moved.leaves |= self.carry_out(command, head);
@@ -348,7 +353,9 @@ impl Show {
         let on_panel = panel.point(interaction.inputs(), haptics);
         interaction.update(head, on_panel, &self.clock, commands, haptics);
         moved.rays = panel.rays(interaction.inputs(), head);
-        was_scrubbing || interaction.is_scrubbing()
+        let scrubs = was_scrubbing || interaction.is_scrubbing();
+        self.place.remember();
+        scrubs
     }
 
     /// A new picture of the panel in the frame seen at `display_ns`, if something on it changed. What is pressed on it
@@ -402,8 +409,8 @@ impl Show {
                     volume.toggle_muted();
                 }
             }
-            Command::Better => self.quality.choose(self.quality.level().better()),
-            Command::Coarser => self.quality.choose(self.quality.level().coarser()),
+            Command::Better => self.quality.improve(),
+            Command::Coarser => self.quality.coarsen(),
             Command::TogglePassthrough => self.passthrough = self.passthrough.map(|visible| !visible),
             Command::Dismiss if !self.clips.is_loading() => self.notices.dismiss(),
             _ => {}
@@ -432,7 +439,7 @@ impl Show {
         gpu_ms
     }
 
-    /// Writes to disk where clips stand, and how loud they are.
+    /// Remembers where clips stand, and how loud they are.
     pub(crate) fn save(&mut self) {
         self.place.save();
         self.speaker.volume.save();

@@ -1,7 +1,9 @@
 //! [`Place`]: where clips stand in the room, as hands move them and as it is remembered.
 
+use sha2::{Digest, Sha256};
+
 use crate::content::{is_url, redacted};
-use crate::headset::interaction::{Interaction, Placement, PlacementStore, Pose};
+use crate::headset::interaction::{Interaction, Placement, PlacementStore, Pose, SpaceChange};
 use program::{Standpoint, Subject};
 
 /// Where the clip on display stands.
@@ -31,7 +33,7 @@ impl Place {
     pub(crate) fn settle(&mut self, subject: Subject, head: &Pose) {
         if self.interaction.placement().is_none() {
             let left = self.store.as_ref().zip(self.key.as_ref()).and_then(|(store, key)| store.get(key));
-            let start = || Placement::start_at(&subject, head, self.standpoint);
+            let start = || Placement::start_at(&subject, head, self.standpoint, 1.0);
             self.interaction.put(subject, left.unwrap_or_else(start));
         }
     }
@@ -41,6 +43,17 @@ impl Place {
         self.interaction.recentre(head, self.standpoint);
     }
 
+    /// Keeps the clip where it is, or in front of the viewer, in changed spaces. A placement that is remembered stays so:
+    /// carried over to another stage, and not where the system's recentring puts the clip.
+    pub(crate) fn change_space(&mut self, change: SpaceChange, head: &Pose) {
+        self.save();
+        self.interaction.change_space(change, head, self.standpoint);
+        let (Some(store), Some(key)) = (&mut self.store, &self.key) else { return };
+        if let (SpaceChange::Stage { old_from_new }, Some(left)) = (change, store.get(key)) {
+            store.set(key, &left.seen_from(&old_from_new));
+        }
+    }
+
     /// Puts the next clip of a playlist where the clip before it stands.
     pub(crate) fn hand_over(&mut self, subject: Subject) {
         if let Some(placement) = self.interaction.placement().copied() {
@@ -48,21 +61,32 @@ impl Place {
         }
     }
 
-    /// Writes the placements to disk.
+    /// Remembers where the viewer has put the clip, once no hand holds it.
+    pub(crate) fn remember(&mut self) {
+        if !self.interaction.is_holding() {
+            self.save();
+        }
+    }
+
+    /// Remembers where the viewer has put the clip, though a hand may hold it.
     pub(crate) fn save(&mut self) {
-        let (Some(store), Some(key)) = (&mut self.store, &self.key) else { return };
+        let is_moved = self.interaction.take_moved();
+        let (Some(store), Some(key)) = (self.store.as_mut().filter(|_| is_moved), &self.key) else { return };
         if let Some(placement) = self.interaction.placement() {
             store.set(key, placement);
         }
-        store.save();
     }
 }
 
-/// Name of a clip in the store, independent of the working directory.
+/// Name of a clip in the store, independent of the working directory. It holds no secrets: a digest stands for what a URL
+/// says beyond its path.
 fn key(name: Option<&str>) -> String {
     name.map_or("demo".into(), |name| {
         if is_url(name) {
-            return redacted(name);
+            let shown = redacted(name);
+            let digest =
+                || Sha256::digest(name).iter().take(8).map(|byte| format!("{byte:02x}")).collect::<String>();
+            return if shown == name { shown } else { format!("{shown} {}", digest()) };
         }
         std::path::absolute(name).map_or(name.into(), |path| path.to_string_lossy().into_owned())
     })
@@ -70,11 +94,83 @@ fn key(name: Option<&str>) -> String {
 
 #[cfg(test)]
 mod tests {
+    use glam::{Quat, Vec3, vec3};
+
     use super::*;
+    use crate::headset::interaction::{Hand, Hands, Haptics};
 
     #[test]
-    fn the_store_holds_no_secrets() {
-        assert_eq!(key(Some("https://ann:pass@host/a.aarc?key")), "https://host/a.aarc");
+    fn the_store_holds_no_secrets_and_tells_urls_apart() {
+        let urls = ["https://host/a.aarc", "https://host/a.aarc?1", "https://ann:pass@host/a.aarc?1"];
+        let keys = urls.map(|url| key(Some(url)));
+        assert!(keys[0] == urls[0] && keys[1] != keys[2], "{keys:?}");
+        assert!(keys.iter().all(|key| key.starts_with(urls[0]) && !key.contains(['?', '@'])), "{keys:?}");
         assert!(key(Some("a.aarc")).ends_with("/a.aarc") && key(None) == "demo");
+    }
+
+    const DEMO: &[u8] = include_bytes!("../../../../assets/demo.aarc");
+    const HEAD: Pose = Pose { position: Vec3::new(0.0, 1.6, 0.0), orientation: Quat::IDENTITY };
+
+    fn subject() -> Subject {
+        Subject::from_clip(&codec::decode(DEMO, &Default::default()).unwrap())
+    }
+
+    /// The place of a clip that has one, remembered in `folder`.
+    fn place(folder: &std::path::Path) -> Place {
+        let mut place = Place::new(Some(PlacementStore::open(folder)), None);
+        place.change(Some("a.aarc"));
+        place.settle(subject(), &HEAD);
+        place
+    }
+
+    /// A frame in which a hand that holds the clip, or not, is at `x`.
+    fn hold(place: &mut Place, squeeze: bool, x: f32) {
+        let grip = Pose { position: vec3(x, 1.2, -0.3), orientation: Quat::IDENTITY };
+        let right = Hand { tracked: true, aim: grip, grip, squeeze, ..Hand::default() };
+        place.interaction.take(&Hands { right, ..Hands::default() }, true, 0.01);
+        let clock = crate::clock::Clock::new(1.0, 30.0);
+        place.interaction.update(&HEAD, [false; 2], &clock, &mut Vec::new(), &mut Haptics::default());
+        place.remember();
+    }
+
+    fn remembered(folder: &std::path::Path) -> Option<Placement> {
+        PlacementStore::open(folder).get(&key(Some("a.aarc")))
+    }
+
+    #[test]
+    fn only_a_clip_that_was_moved_is_remembered_and_from_its_release_on() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut moved = place(folder.path());
+        hold(&mut moved, false, 0.0);
+        moved.save();
+        assert!(moved.store.as_ref().unwrap().get(&key(Some("a.aarc"))).is_none());
+        for (squeeze, x) in [(true, 0.0), (true, 0.2), (true, 0.4)] {
+            hold(&mut moved, squeeze, x);
+        }
+        assert!(moved.store.as_ref().unwrap().get(&key(Some("a.aarc"))).is_none(), "a hand holds it");
+        hold(&mut moved, false, 0.4);
+        let left = *moved.interaction.placement().unwrap();
+        drop(moved);
+        assert_eq!(remembered(folder.path()), Some(left));
+        assert_eq!(place(folder.path()).interaction.placement(), Some(&left));
+    }
+
+    #[test]
+    fn another_stage_carries_what_is_remembered_and_recentring_by_the_system_is_not_remembered() {
+        let folder = tempfile::tempdir().unwrap();
+        PlacementStore::open(folder.path())
+            .set(&key(Some("a.aarc")), &Placement::new(0.25, 0.0, glam::dvec3(1.0, 0.5, -2.0)));
+        let mut placed = place(folder.path());
+        placed.change_space(SpaceChange::Viewer, &HEAD);
+        let recentred = *placed.interaction.placement().unwrap();
+        assert!(recentred.scale() == 0.25 && recentred.position().x.abs() < 1e-9, "{recentred:?}");
+        let origin = Pose { position: vec3(1.0, 0.0, 0.0), orientation: Quat::IDENTITY };
+        placed.change_space(SpaceChange::Stage { old_from_new: origin }, &HEAD);
+        drop(placed);
+        let left = remembered(folder.path()).unwrap();
+        assert!(
+            left.position().distance(glam::dvec3(0.0, 0.5, -2.0)) < 1e-6 && left.scale() == 0.25,
+            "{left:?}"
+        );
     }
 }

@@ -132,9 +132,22 @@ impl Quality {
         self.level > self.chosen || self.pace == Pace::Slow
     }
 
-    /// Changes to this level, the best one from now on.
-    pub(crate) fn choose(&mut self, level: Level) {
-        (self.chosen, self.level, self.pace) = (level, level, Pace::Full);
+    /// Changes to the next better level, for a viewer who wants more than is seen now. What was chosen before stays within
+    /// reach.
+    pub(crate) fn improve(&mut self) {
+        let level = self.level.better();
+        self.choose(level, level.min(self.chosen));
+    }
+
+    /// Changes to the next coarser level, the best one from now on.
+    pub(crate) fn coarsen(&mut self) {
+        let level = self.level.coarser();
+        self.choose(level, level);
+    }
+
+    /// Changes to `level`, and to `chosen` as the best one.
+    fn choose(&mut self, level: Level, chosen: Level) {
+        (self.chosen, self.level, self.pace) = (chosen, level, Pace::Full);
         (self.late, self.room) = (0, 0);
         (self.room_frames, self.climbed) = (ROOM_FRAMES.0, false);
     }
@@ -374,13 +387,31 @@ mod tests {
         let mut quality = quality(Level::Good);
         headset.show(&mut quality, 5000, constant);
         assert!(quality.level() == Level::Good && !quality.is_lowered(), "never better than chosen");
-        quality.choose(Level::Exact);
+        quality.choose(Level::Exact, Level::Exact);
         assert_eq!(quality.settings().cutoff, Cutoff::Exact);
         let mut fixed = Quality::new(RenderSettings::default(), Level::Fair, false);
         let [slow, _] = headsets([99.0; 6]);
         assert_eq!(slow.show(&mut fixed, 5000, constant), 0);
         quality.measure(Punctuality::default());
         assert_eq!(quality.level(), Level::Exact, "without a period nothing changes");
+    }
+
+    #[test]
+    fn better_than_a_lowered_level_is_no_new_ceiling() {
+        let [slow, _] = headsets([99.0, 99.0, 99.0, 99.0, 9.0, 1.0]);
+        let [fast, _] = headsets([1.0; 6]);
+        let mut quality = quality(Level::Fine);
+        slow.show(&mut quality, 300, constant);
+        assert_eq!(quality.level(), Level::Light);
+        quality.improve();
+        assert!(quality.level() == Level::Fair && quality.is_lowered());
+        fast.show(&mut quality, 5000, constant);
+        assert_eq!(quality.level(), Level::Fine);
+        quality.improve();
+        assert!(quality.level() == Level::Exact && !quality.is_lowered(), "the viewer may raise it");
+        quality.coarsen();
+        fast.show(&mut quality, 5000, constant);
+        assert_eq!(quality.level(), Level::Fine, "and lower it");
     }
 
     #[test]

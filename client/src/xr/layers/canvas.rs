@@ -13,7 +13,7 @@ use crate::gpu::{Foveation, FrameCounts, Gpu, LinearLight, Pixels};
 use crate::headset::panel::{Painting, PointerRay};
 use crate::headset::show::Show;
 use crate::view::View;
-use crate::xr::runtime::calls::{Layers, SessionFrames, Stopwatch};
+use crate::xr::runtime::calls::{SessionFrames, Stopwatch};
 use crate::xr::runtime::error::{During, Halt};
 use crate::xr::runtime::extensions::sharpening::Sharpening;
 use crate::xr::runtime::frame::Frame;
@@ -141,7 +141,21 @@ impl Canvas {
         layers.push(&layer);
         layers.extend(panel.as_deref());
         layers.extend(rays.iter().flatten().map(|ray| &**ray));
-        frame.end(Layers { layers: &layers, passthrough }).halt("ending a frame")
+        frame.end(&layers).halt("ending a frame")
+    }
+
+    /// Ends `frame`, in which nobody sees the clip: with the room alone, if it `shows_room`.
+    ///
+    /// # Errors
+    /// See [`Halt`].
+    pub(in crate::xr) fn compose_room(
+        &mut self,
+        frame: Frame<'_, SessionFrames>,
+        shows_room: bool,
+    ) -> Result<(), Halt> {
+        let room = self.passthrough.layer(shows_room);
+        let layers: Option<&xr::CompositionLayerBase<'_, xr::Vulkan>> = room.as_deref();
+        frame.end(layers.as_slice()).halt("ending a frame")
     }
 
     /// Waits for the images of the frame drawn last: `size` pixels of each eye, and the panel if it is

@@ -42,14 +42,8 @@ pub(in crate::xr) struct Timing {
     pub(in crate::xr) visible: bool,
 }
 
-/// What a frame shows.
-#[derive(Default)]
-pub(in crate::xr) struct Layers<'a> {
-    /// Back to front.
-    pub(in crate::xr) layers: &'a [&'a xr::CompositionLayerBase<'a, xr::Vulkan>],
-    /// Whether the room shows behind them.
-    pub(in crate::xr) passthrough: bool,
-}
+/// What a frame shows, back to front.
+pub(in crate::xr) type Layers<'a> = &'a [&'a xr::CompositionLayerBase<'a, xr::Vulkan>];
 
 /// Display times of frames, also of those for which the runtime predicts none.
 #[derive(Clone, Copy, Debug, Default)]
@@ -74,6 +68,8 @@ pub(in crate::xr) struct SessionFrames {
     pub(in crate::xr) waiter: xr::FrameWaiter,
     pub(in crate::xr) stream: xr::FrameStream<xr::Vulkan>,
     pub(in crate::xr) blends: Blends,
+    /// Whether the room shows behind the layers, also of frames that end without one.
+    pub(in crate::xr) passthrough: bool,
     pub(in crate::xr) stopwatch: Stopwatch,
     pub(in crate::xr) rate: DisplayRate,
     pub(in crate::xr) clock: DisplayClock,
@@ -115,9 +111,9 @@ impl FrameCalls for SessionFrames {
     }
 
     fn end(&mut self, timing: Timing, layers: Layers<'_>) -> xr::Result<()> {
-        let blend = self.blends.mode(layers.passthrough);
+        let blend = self.blends.mode(self.passthrough);
         let time = xr::Time::from_nanos(timing.display_ns);
-        self.stopwatch.time(|| self.stream.end(time, blend, layers.layers))
+        self.stopwatch.time(|| self.stream.end(time, blend, layers))
     }
 }
 

@@ -12,7 +12,7 @@ use openxr as xr;
 use program::Fault;
 
 use crate::gpu::{Coverage, Foveation, Gpu, Level, LinearLight, RuntimeFormat, VulkanHandles};
-use crate::headset::interaction::Haptics;
+use crate::headset::interaction::{Haptics, Pose};
 use crate::headset::show::quality::Pace;
 use crate::headset::show::{Moved, Show, Viewer};
 use crate::xr::layers::canvas::{Canvas, DrawnClip};
@@ -21,14 +21,15 @@ use crate::xr::layers::passthrough::PassthroughMode;
 use crate::xr::layers::ray_layer::RayLayer;
 use crate::xr::layers::swapchain::{ImageLayout, TargetSwapchain, choose_format};
 use crate::xr::report::{Drawn, EyeImages, Report, Work};
-use crate::xr::runtime::calls::{DisplayClock, DisplayRate, Layers, SessionFrames, Stopwatch};
+use crate::xr::runtime::calls::{DisplayClock, DisplayRate, SessionFrames, Stopwatch};
 use crate::xr::runtime::error::{During, Halt, sessions_dropped};
 use crate::xr::runtime::extensions::refresh_rate::Rates;
 use crate::xr::runtime::extensions::{performance, refresh_rate};
 use crate::xr::runtime::frame::Frames;
 use crate::xr::runtime::{EYES, Runtime, raw};
 use crate::xr::tracking::input::Input;
-use crate::xr::tracking::{Tracking, space};
+use crate::xr::tracking::space::Stage;
+use crate::xr::tracking::{Tracking, eye};
 use state::{Event, State};
 
 /// A session with a headset.
@@ -110,13 +111,14 @@ impl Session {
             },
             tracking: Tracking {
                 input: Input::attach(&session, &runtime.extensions)?,
-                stage: space::open(&session)?,
+                stage: Stage::open(&session)?,
                 stopwatch: stopwatch.clone(),
             },
             frames: Frames::new(SessionFrames {
                 waiter,
                 stream,
                 blends: runtime.blends,
+                passthrough: false,
                 stopwatch: stopwatch.clone(),
                 rate: rate.clone(),
                 clock: DisplayClock::default(),
@@ -154,7 +156,16 @@ impl Session {
                     return Ok(Some(Event::State(state)));
                 }
                 xr::Event::ReferenceSpaceChangePending(change) if change.session() == ours => {
-                    return Ok(Some(Event::SpaceChanges { at_ns: change.change_time().as_nanos() }));
+                    let origin = change
+                        .pose_valid()
+                        .then(|| eye::pose(change.pose_in_previous_space()))
+                        .filter(Pose::is_valid);
+                    let at_ns = change.change_time().as_nanos();
+                    let kind = change.reference_space_type();
+                    log::info!("reference space {kind:?} changes, origin {origin:?}");
+                    if let Some(change) = self.tracking.stage.change(kind, origin) {
+                        return Ok(Some(Event::SpaceChanges { at_ns, change }));
+                    }
                 }
                 xr::Event::InstanceLossPending(_) => return Ok(Some(Event::InstanceLossPending)),
                 xr::Event::DisplayRefreshRateChangedFB(change) => {
@@ -233,6 +244,7 @@ impl Session {
         report: &mut Report,
         has_focus: bool,
     ) -> Result<Request, Halt> {
+        self.frames.calls().passthrough = show.shows_passthrough();
         let frame = self.frames.begin().halt("beginning a frame")?;
         let (start, timing) = (Instant::now(), frame.timing());
         self.stopwatch.take();
@@ -251,7 +263,7 @@ impl Session {
         let request = if leaves || report.is_complete() { Request::Exit } else { Request::Nothing };
         let Some(eyes) = tracked.eyes.filter(|_| timing.visible) else {
             report.on_unseen_frame();
-            frame.end(Layers::default()).halt("ending a frame")?;
+            self.canvas.compose_room(frame, show.shows_passthrough())?;
             return Ok(request);
         };
 
@@ -260,7 +272,7 @@ impl Session {
         let drawn = self.canvas.draw(&eyes, size, show, is_captured)?;
         let painting = show.paint_panel(timing.display_ns);
         self.canvas.paint_panel(show, painting)?;
-        let stage = &self.tracking.stage;
+        let stage = &self.tracking.stage.space;
         self.canvas.compose(frame, stage, &eyes, size, rays, show)?;
 
         let work = Work {

@@ -1,5 +1,7 @@
 //! [`SessionLifecycle`]: the states of a session, as a function from the runtime's events to actions.
 
+use crate::headset::interaction::SpaceChange;
+
 /// The state of a session, as the runtime reports it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(in crate::xr) enum State {
@@ -23,19 +25,18 @@ pub(in crate::xr) enum State {
 }
 
 /// An event of the runtime.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::xr) enum Event {
     /// The session is now in this state.
     State(State),
-    /// At this display time, in nanoseconds, the origin of the stage moves: the viewer recentred the view
-    /// or drew another boundary.
-    SpaceChanges { at_ns: i64 },
+    /// At this display time, in nanoseconds, the spaces change: the viewer recentred the view or drew another boundary.
+    SpaceChanges { at_ns: i64, change: SpaceChange },
     /// The runtime is about to end.
     InstanceLossPending,
 }
 
 /// What an event asks for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::xr) enum Action {
     /// Begin the session: frames run from now on.
     Begin,
@@ -45,8 +46,8 @@ pub(in crate::xr) enum Action {
     Leave,
     /// Destroy it and open another.
     Renew,
-    /// Recentre the clip in front of the viewer at this display time.
-    Recentre { at_ns: i64 },
+    /// Keep the clip where it is, or in front of the viewer, in the spaces of this display time.
+    ChangeSpace { at_ns: i64, change: SpaceChange },
     /// Leave the program with an error.
     Fail,
 }
@@ -66,7 +67,9 @@ impl SessionLifecycle {
     pub(in crate::xr) fn on(self, event: Event) -> (SessionLifecycle, Option<Action>) {
         let state = match event {
             Event::State(state) => state,
-            Event::SpaceChanges { at_ns } => return (self, Some(Action::Recentre { at_ns })),
+            Event::SpaceChanges { at_ns, change } => {
+                return (self, Some(Action::ChangeSpace { at_ns, change }));
+            }
             Event::InstanceLossPending => return (self, Some(Action::Fail)),
         };
         let mut next = SessionLifecycle { state, ..self };
@@ -216,8 +219,11 @@ mod tests {
         for states in [&[][..], &[State::Ready], &[State::Ready, State::Stopping]] {
             let (lifecycle, _) = live(states);
             assert_eq!(lifecycle.on(Event::InstanceLossPending), (lifecycle, Some(Action::Fail)));
-            let moved = Event::SpaceChanges { at_ns: 5 };
-            assert_eq!(lifecycle.on(moved), (lifecycle, Some(Action::Recentre { at_ns: 5 })));
+            let (at_ns, change) = (5, SpaceChange::Viewer);
+            assert_eq!(
+                lifecycle.on(Event::SpaceChanges { at_ns, change }),
+                (lifecycle, Some(Action::ChangeSpace { at_ns, change }))
+            );
         }
     }
 

@@ -13,11 +13,12 @@ use crate::xr::runtime::EYES;
 use crate::xr::runtime::calls::Stopwatch;
 use crate::xr::runtime::error::{During, Halt};
 use input::Input;
+use space::Stage;
 
 /// The tracked space of a session.
 pub(in crate::xr) struct Tracking {
     pub(in crate::xr) input: Input,
-    pub(in crate::xr) stage: xr::Space,
+    pub(in crate::xr) stage: Stage,
     pub(in crate::xr) stopwatch: Stopwatch,
 }
 
@@ -50,7 +51,7 @@ impl Tracking {
         let views = self.stopwatch.time(|| self.views(session, time))?;
         let eyes = views.map(|views| Eyes { poses: [0, 1].map(|i: usize| eye::pose(views[i].pose)), views });
         let hands = if has_focus {
-            self.stopwatch.time(|| self.input.hands(session, &self.stage, time))?
+            self.stopwatch.time(|| self.input.hands(session, &self.stage.space, time))?
         } else {
             Hands::default()
         };
@@ -67,7 +68,7 @@ impl Tracking {
         session: &xr::Session<xr::Vulkan>,
         time: xr::Time,
     ) -> Result<Option<[xr::View; 2]>, Halt> {
-        let (flags, views) = session.locate_views(EYES, time, &self.stage).halt("locating the eyes")?;
+        let (flags, views) = session.locate_views(EYES, time, &self.stage.space).halt("locating the eyes")?;
         let needed = xr::ViewStateFlags::ORIENTATION_VALID | xr::ViewStateFlags::POSITION_VALID;
         Ok(views.try_into().ok().filter(|_| flags.contains(needed)))
     }
