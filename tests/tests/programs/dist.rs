@@ -21,7 +21,7 @@ pub(crate) fn trials() -> Vec<Trial> {
 }
 
 /// Files that the .deb installs.
-const INSTALLED: [&str; 17] = [
+const INSTALLED: [&str; 22] = [
     "usr/bin/aarc",
     "usr/bin/aarc-studio",
     "usr/share/applications/aarc.desktop",
@@ -29,7 +29,12 @@ const INSTALLED: [&str; 17] = [
     "usr/share/bash-completion/completions/aarc-studio",
     "usr/share/doc/aarc/aarc.cdx.json",
     "usr/share/doc/aarc/changelog.gz",
+    "usr/share/doc/aarc/client/README.md",
     "usr/share/doc/aarc/copyright",
+    "usr/share/doc/aarc/xtask/CAPTURE.md",
+    "usr/share/doc/aarc/xtask/FIELD.md",
+    "usr/share/doc/aarc/xtask/PLAYLIST.md",
+    "usr/share/doc/aarc/xtask/README.md",
     "usr/share/fish/vendor_completions.d/aarc.fish",
     "usr/share/fish/vendor_completions.d/aarc-studio.fish",
     "usr/share/icons/hicolor/192x192/apps/aarc.png",

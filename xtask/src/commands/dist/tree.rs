@@ -26,14 +26,17 @@ const COMPLETIONS: [(&str, &str, &str, &str); 3] = [
     ("fish", "share/fish/vendor_completions.d", "", ".fish"),
 ];
 
-/// Files of the repository, and where they go.
-const FILES: [(&str, &str); 6] = [
+/// Files of the repository, and where they go. Documents keep their folders, so their links to each other hold.
+const FILES: [(&str, &str); 9] = [
     ("assets/linux/aarc.desktop", "share/applications/aarc.desktop"),
     ("assets/linux/aarc.xml", "share/mime/packages/aarc.xml"),
     ("assets/linux/aarc.thumbnailer", "share/thumbnailers/aarc.thumbnailer"),
     ("android/icon.png", "share/icons/hicolor/192x192/apps/aarc.png"),
-    ("client/README.md", "share/doc/aarc/aarc.md"),
-    ("xtask/README.md", "share/doc/aarc/aarc-studio.md"),
+    ("client/README.md", "share/doc/aarc/client/README.md"),
+    ("xtask/README.md", "share/doc/aarc/xtask/README.md"),
+    ("xtask/CAPTURE.md", "share/doc/aarc/xtask/CAPTURE.md"),
+    ("xtask/FIELD.md", "share/doc/aarc/xtask/FIELD.md"),
+    ("xtask/PLAYLIST.md", "share/doc/aarc/xtask/PLAYLIST.md"),
 ];
 
 /// Puts all files into the folder `usr`; the programs come from the folder `programs`.
@@ -123,4 +126,26 @@ fn date(path: &Path, epoch: u64) -> anyhow::Result<()> {
     }
     let time = std::time::UNIX_EPOCH + std::time::Duration::from_secs(epoch);
     fs::File::open(path)?.set_modified(time).with_context(|| path.display().to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn manuals_that_a_manual_links_to_are_installed() {
+        let mut links = 0;
+        for (from, _) in FILES.iter().filter(|(from, _)| from.ends_with(".md")) {
+            let (folder, _) = from.split_once('/').expect("a manual lies in a folder");
+            let text = fs::read_to_string(workspace::root().join(from)).expect("a manual is readable");
+            for link in text.split("](").skip(1).filter_map(|rest| rest.split([')', '#']).next()) {
+                let target = link.strip_prefix("../").map_or(format!("{folder}/{link}"), str::to_owned);
+                if target.starts_with("xtask/") && target.ends_with(".md") {
+                    links += 1;
+                    assert!(FILES.iter().any(|(from, _)| *from == target), "{from} links to {target}");
+                }
+            }
+        }
+        assert!(links > 5, "{links} links");
+    }
 }
