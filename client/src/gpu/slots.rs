@@ -164,6 +164,11 @@ impl Slots {
         self.place(packed).is_some()
     }
 
+    /// Whether something still draws a removed segment.
+    pub fn is_any_leaving(&self) -> bool {
+        self.taken.iter().flatten().any(|taken| taken.is_leaving)
+    }
+
     /// Writes at most `budget` bytes of what is not complete, what came first first, for the next submission. Returns the
     /// number of bytes.
     pub fn upload(&mut self, gpu: &Gpu, budget: usize) -> usize {

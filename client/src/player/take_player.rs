@@ -380,21 +380,22 @@ impl TakePlayer {
         let is_held = self.plan.holds(want.segment);
         while !slots.has_room(&packed) {
             let resident: Vec<usize> = self.residents.iter().map(|resident| resident.segment).collect();
+            let fits_alone = is_held && !resident.is_empty() && !slots.is_any_leaving();
             match self.plan.victim(&resident, want.segment) {
                 Some(segment) => self.remove(slots, segment),
                 // Only gaps between segments that are drawn are left. After all are removed there is room for all.
-                None if is_held && !resident.is_empty() && !self.was_cleared => {
+                None if fits_alone && !self.was_cleared => {
                     self.was_cleared = true;
                     resident.into_iter().for_each(|segment| self.remove(slots, segment));
                 }
-                None if is_held && !resident.is_empty() => {
+                None if fits_alone => {
                     let start_s = self.opened.take.segments[want.segment].start_s;
                     let name = self.opened.name();
                     let why = format!("{name}: segment at {start_s:.3} s: does not fit beside the others");
                     return self.give_up(want, self.resident_layers(want.segment), &why);
                 }
                 None => {
-                    // A picture that is being saved may still use the place of a removed segment. What is only needed
+                    // A picture that is being saved may still use the rows of removed segments. What is only needed
                     // later does not keep what is needed now from being loaded.
                     let keeps = is_held || !self.is_missing(self.head.t_s);
                     self.waiting = keeps.then_some((want, packed));

@@ -41,6 +41,9 @@ pub(crate) fn trials() -> Vec<Trial> {
     vec![
         gpu::trial("memory does not depend on the length", Passes::Shared, |_| flat()),
         gpu::trial("after a storm of seeks only the last one counts", Passes::Shared, |_| storm()),
+        gpu::trial("what does not fit beside a picture that is saved comes after it", Passes::Shared, |_| {
+            saved()
+        }),
         gpu::trial("it plays at all speeds, both ways, in a loop, and in steps", Passes::Shared, |_| {
             speeds()
         }),
@@ -143,6 +146,23 @@ impl Played {
         Ok(())
     }
 
+    /// Frames until the picture is the one of a player of the take at `path` that has done nothing else.
+    fn becomes_calm(&mut self, path: &Path) -> Result<(), String> {
+        let position_s = self.clock.position_s();
+        let mut calm = Played::open(path, self.clock.duration_s())?;
+        calm.take.wait(&calm.gpu, &mut calm.renderer, position_s, Extent::All).map_err(text)?;
+        calm.draw(position_s)?;
+        let expected = calm.pixels()?.to_rgb8();
+        let start = Instant::now();
+        while self.frame(0.0)? || self.pixels()?.to_rgb8() != expected {
+            if start.elapsed() > PATIENCE {
+                return Err(format!("another picture at {position_s} s than without anything before"));
+            }
+            sleep(Duration::from_millis(1));
+        }
+        Ok(())
+    }
+
     fn pixels(&self) -> Result<Pixels, String> {
         self.image.read(&self.gpu).map(|mut eyes| eyes.remove(0)).map_err(text)
     }
@@ -205,24 +225,33 @@ fn storm() -> Result<(), String> {
     }
     let loaded_before = played.take.counts().loaded;
     played.clock.seek(20.4);
-    // The same instant without a storm, with all layers.
-    let mut calm = Played::open(&path, 33.0 * UNIT_S)?;
-    calm.take.wait(&calm.gpu, &mut calm.renderer, 20.4, Extent::All).map_err(text)?;
-    calm.draw(20.4)?;
-    let expected = calm.pixels()?.to_rgb8();
-    let start = Instant::now();
-    while played.frame(0.0)? || played.pixels()?.to_rgb8() != expected {
-        if start.elapsed() > PATIENCE {
-            return Err("another picture than without seeks".into());
-        }
-        sleep(Duration::from_millis(1));
-    }
+    played.becomes_calm(&path)?;
     let loaded = played.take.counts().loaded - loaded_before;
     println!("{loaded_before} segments were loaded for 100 seeks, and {loaded} for the last one");
     match loaded > BACKLOG_MAX {
         true => Err(format!("{loaded} segments were loaded for the last seek")),
         false => Ok(()),
     }
+}
+
+/// The rows of segments that are gone are taken for as long as a picture of them is being saved.
+fn saved() -> Result<(), String> {
+    let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
+    let path = folder.path().join("take.aarc");
+    write(&path, 8);
+    let mut played = Played::open(&path, 9.0 * UNIT_S)?;
+    played.clock.set_playing(false);
+    played.clock.seek(1.5);
+    played.settle()?;
+    let picture = played.renderer.clip().clone();
+    played.clock.seek(6.5);
+    let start = Instant::now();
+    while start.elapsed() < Duration::from_secs(1) {
+        played.frame(0.0)?;
+        sleep(Duration::from_millis(1));
+    }
+    drop(picture);
+    played.becomes_calm(&path)
 }
 
 fn speeds() -> Result<(), String> {
