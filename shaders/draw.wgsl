@@ -5,9 +5,9 @@
 
 // Red, green, blue and opacity as 16-bit floats.
 fn carried(place: u32, color: vec3<f32>, opacity: f32) -> vec2<u32> {
-    // The largest finite f16: brighter colours would become infinite.
-    let finite = clamp(color, vec3<f32>(0.0), vec3<f32>(65504.0));
-    return vec2<u32>(pack2x16float(finite.rg), pack2x16float(vec2<f32>(finite.b, opacity)));
+    // Each Gaussian's colour is clamped: what layers in front weaken is then the same on targets of every depth.
+    let shown = clamp(color, vec3<f32>(0.0), vec3<f32>(1.0));
+    return vec2<u32>(pack2x16float(shown.rg), pack2x16float(vec2<f32>(shown.b, opacity)));
 }
 
 @fragment

@@ -126,8 +126,8 @@ fn view_backward(
     return d_view;
 }
 
-// To the spherical harmonics. Returns the gradient with respect to the position. A channel clamped to 0
-// has no gradient.
+// To the spherical harmonics. Returns the gradient with respect to the position. The gradient of a clamped channel is only
+// the part that leads back.
 fn color_backward(
     health: ptr<function, Health>,
     i: u32,
@@ -135,7 +135,9 @@ fn color_backward(
     projected: Projected,
     d_unclamped: vec3<f32>,
 ) -> vec3<f32> {
-    let d_color = select(vec3<f32>(0.0), d_unclamped, projected.splat.color > vec3<f32>(0.0));
+    let color = projected.splat.color;
+    let d_lifted = select(d_unclamped, min(d_unclamped, vec3<f32>(0.0)), color <= vec3<f32>(0.0));
+    let d_color = select(d_lifted, max(d_unclamped, vec3<f32>(0.0)), color >= vec3<f32>(1.0));
     let basis = harmonics(projected.direction);
     let sh = place(uniforms.gaussians, START_SH, COUNT_SH, i);
     var weights = array<f32, 16>();

@@ -212,7 +212,7 @@ fn project_into(row: u32, window: Window, out: ptr<function, Projected>) -> bool
         half_extent,
         footprint.covariance / yy,
         q_max,
-        max(color, vec3<f32>(0.0)),
+        clamp(color, vec3<f32>(0.0), vec3<f32>(1.0)),
         opacity,
         half_extent.x * (footprint.covariance / xx),
         0u,

@@ -135,5 +135,5 @@ fn color(field: &Field, row: usize, d: DVec3) -> DVec3 {
     let count = (usize::from(field.sh_degree) + 1).pow(2);
     let coefficients = &field.sh[row * count..(row + 1) * count];
     let terms = basis.iter().zip(coefficients).map(|(y, c)| *y * DVec3::from_array(c.map(f64::from)));
-    (0.5 + terms.sum::<DVec3>()).max(DVec3::ZERO)
+    (0.5 + terms.sum::<DVec3>()).clamp(DVec3::ZERO, DVec3::ONE)
 }

@@ -143,7 +143,7 @@ impl<T: Real> Projection<T> {
         if !(color.iter().all(|x| x.is_finite()) && distance.is_finite()) {
             return None;
         }
-        let color = color.map(|c| c.max(T::zero()));
+        let color = color.map(|c| c.max(T::zero()).min(T::one()));
         let splat = self.splat(row, view, distance, &footprint, opacity, color)?;
         Some(Projected { splat, direction, view, axes, footprint })
     }

@@ -131,7 +131,8 @@ impl Sink<f64> for Gather {
     }
 }
 
-/// Zeroes the channels that are clamped at 0: they do not depend on the coefficients.
+/// Zeroes the channels that are clamped: they do not depend on the coefficients.
 fn masked(color: [f64; 3], splat: &Splat<f64>) -> [f64; 3] {
-    [0, 1, 2].map(|channel| if splat.color[channel] > 0.0 { color[channel] } else { 0.0 })
+    let is_free = |channel: usize| splat.color[channel] > 0.0 && splat.color[channel] < 1.0;
+    [0, 1, 2].map(|channel| if is_free(channel) { color[channel] } else { 0.0 })
 }

@@ -267,9 +267,17 @@ fn color<T: Real>(
     d_color: [T; 3],
     out: &mut [[T; 3]],
 ) -> [T; 3] {
-    // A channel clamped to 0 has no gradient.
-    let d_color = [0, 1, 2]
-        .map(|channel| if projected.splat.color[channel] > T::zero() { d_color[channel] } else { T::zero() });
+    // The gradient of a clamped channel is only the part that leads back: a colour that starts at white can darken.
+    let d_color = [0, 1, 2].map(|channel| {
+        let (color, d_color) = (projected.splat.color[channel], d_color[channel]);
+        if color <= T::zero() {
+            d_color.min(T::zero())
+        } else if color >= T::one() {
+            d_color.max(T::zero())
+        } else {
+            d_color
+        }
+    });
     let direction = projected.direction;
     let harmonics = basis(direction, out.len());
     for (out, y) in out.iter_mut().zip(harmonics) {
