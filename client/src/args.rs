@@ -40,7 +40,7 @@ Environment:
                         [default: ~/.local/state; macOS: ~/Library/Application Support;
                         Windows: %APPDATA%]
   SSL_CERT_FILE         certificates to trust [default: Mozilla's]
-  HTTPS_PROXY, HTTP_PROXY, NO_PROXY
+  HTTPS_PROXY, HTTP_PROXY, ALL_PROXY, NO_PROXY
                         the proxy for URLs [default: none]
   XR_RUNTIME_JSON       the OpenXR runtime [default: the system's]
   RUST_LOG              what to log, such as \"info\" or \"client=debug\" [default: warnings]

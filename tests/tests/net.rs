@@ -144,9 +144,10 @@ fn answer_with(request: &Request, answer: &mut Answer<'_>, file: &[u8], etag: &s
 fn a_clip_arrives_complete_and_uncompressed() {
     let file = package(1);
     let server = server_of(&file);
-    let events = get(&server.url("a/clip.aarc?key=1"));
+    let events = get(&server.url("a/clip.aarc?key=1").replace("://", "://ann:secret@"));
     assert_eq!(events.clip(), &decoded(&file));
     let [request] = &server.requests()[..] else { panic!("one request is enough") };
+    assert_eq!(request.header("authorization"), None, "a user name and a password are not sent");
     assert_eq!((request.path.as_str(), request.header("range")), ("/a/clip.aarc?key=1", None));
     assert_eq!(request.header("accept-encoding"), Some("identity"));
 }

@@ -45,5 +45,5 @@ pub use progress::Progress;
 pub(crate) use progress::Traffic;
 pub use source_options::SourceOptions;
 #[cfg(feature = "net")]
-pub(crate) use url::{has_user_info, is_secure, resolve};
+pub(crate) use url::{has_user_info, host_name, is_secure, request_url, resolve};
 pub(crate) use url::{is_url, redacted, title};

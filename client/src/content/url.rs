@@ -2,10 +2,17 @@
 
 use std::path::Path;
 
+#[cfg(feature = "net")]
+use percent_encoding::CONTROLS;
 use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, utf8_percent_encode};
 
 /// Characters that are percent-encoded in a path: all but the unreserved ones (RFC 3986, 2.3).
 const RESERVED: &AsciiSet = &NON_ALPHANUMERIC.remove(b'-').remove(b'.').remove(b'_').remove(b'~');
+
+/// Characters that no URL holds, and that are percent-encoded before one is requested, as all beyond ASCII are.
+#[cfg(feature = "net")]
+const FORBIDDEN: &AsciiSet =
+    &CONTROLS.add(b' ').add(b'"').add(b'<').add(b'>').add(b'`').add(b'{').add(b'|').add(b'}');
 
 /// Why a URL of another scheme is not opened.
 pub(crate) const UNKNOWN_SCHEME: &str =
@@ -70,6 +77,29 @@ pub(crate) fn has_user_info(url: &str) -> bool {
     Components::parse(url).is_some_and(|url| url.user_info.is_some())
 }
 
+/// The host of `url`, without its port and the brackets of an address.
+#[cfg(feature = "net")]
+pub(crate) fn host_name(url: &str) -> Option<&str> {
+    let (host, _) = split_port(Components::parse(url)?.host);
+    Some(host.trim_matches(['[', ']']))
+}
+
+/// A host and its port, which may be empty.
+fn split_port(host: &str) -> (&str, &str) {
+    host.rsplit_once(':').filter(|(_, port)| !port.ends_with(']')).unwrap_or((host, ""))
+}
+
+/// The URL under which `url` is requested: without user name, password and fragment, and with blanks and characters
+/// beyond ASCII percent-encoded, as browsers do.
+#[cfg(feature = "net")]
+pub(crate) fn request_url(url: &str) -> String {
+    let Some(Components { scheme, host, path, query, .. }) = Components::parse(url) else {
+        return url.into();
+    };
+    let [path, query] = [path, query].map(|part| utf8_percent_encode(part, FORBIDDEN));
+    format!("{scheme}://{host}{path}{query}")
+}
+
 /// The URL of the path `entry` relative to the folder of the URL `base`, without user name, password, query
 /// and fragment of `base`. The path is written as on disk: characters with a meaning in URLs are encoded.
 pub(crate) fn join(base: &str, entry: &str) -> String {
@@ -128,10 +158,7 @@ pub(crate) fn redacted(name: &str) -> String {
     let Some(Components { scheme, user_info, host, path, .. }) = Components::parse(name) else {
         return name.into();
     };
-    let (host_name, port) = match host.rsplit_once(':') {
-        Some((host_name, port)) if !port.ends_with(']') => (host_name, port),
-        _ => (host, ""),
-    };
+    let (host_name, port) = split_port(host);
     let is_host = host_name.chars().all(|c| c.is_alphanumeric() || ".-_~%[]:".contains(c))
         && (host_name.starts_with('[') || !host_name.contains(':'))
         && port.chars().all(|c| c.is_ascii_digit());
@@ -221,6 +248,27 @@ mod tests {
             assert_eq!(resolved(reference), url, "{reference}");
         }
         assert_eq!(resolve("http://h", "a"), "http://h/a");
+    }
+
+    #[test]
+    #[cfg(feature = "net")]
+    fn a_request_has_no_secrets_and_only_characters_of_urls() {
+        for (url, requested) in [
+            ("https://ann:x@h:8/a%20b?key=1&c=d#e", "https://h:8/a%20b?key=1&c=d"),
+            (
+                "http://h/t\u{e4}nze und mehr.aarc?q={1 2}",
+                "http://h/t%C3%A4nze%20und%20mehr.aarc?q=%7B1%202%7D",
+            ),
+            ("http://h", "http://h"),
+            ("a b", "a b"),
+        ] {
+            assert_eq!(request_url(url), requested, "{url}");
+        }
+        for (url, host) in
+            [("http://ann@h.o:8/a", "h.o"), ("http://[::1]:8/a", "::1"), ("http://[::1]", "::1")]
+        {
+            assert_eq!(host_name(url), Some(host), "{url}");
+        }
     }
 
     #[test]

@@ -270,7 +270,7 @@ impl Exchange {
             // A name that resolved before does not resolve while the network is down.
             RequestError::UnknownHost(why) if has_responded => transfer.on_break(&why),
             RequestError::UnknownHost(why) => Action::GiveUp(format!("{why}: check the URL and the network")),
-            RequestError::Untrusted(why) => Action::GiveUp(why),
+            RequestError::Blocked(why) => Action::GiveUp(why),
             RequestError::Permanent(why) => Action::Refused(why),
         })
     }

@@ -5,7 +5,7 @@
 //!                                   |      |                   whole_file: for servers without ranges
 //! document --- task ---------- exchange  cache                 exchange: requests, streams, what has arrived
 //!                              |      |                        state: what to request next
-//!                            state  request: HTTP                 cache: files of earlier runs, on disk
+//!                            state  request: HTTP, by a proxy     cache: files of earlier runs, on disk
 //! ```
 //!
 //! A `watch` ends a request that was closed, and one whose bytes come too slowly; `wire` asks it below HTTP and TLS.
@@ -19,6 +19,7 @@ mod exchange;
 mod head;
 mod meter;
 mod options;
+mod proxy;
 mod remote_file;
 mod request;
 mod request_error;

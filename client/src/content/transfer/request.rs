@@ -1,8 +1,8 @@
 //! [`Server`]: requests over HTTP and HTTPS, with errors as sentences.
 //!
-//! Only this file and `wire` name the HTTP library. It trusts Mozilla's certificates, which are built in and thus the
-//! same on every system, or the certificates in `SSL_CERT_FILE`, as OpenSSL does. Redirects are followed here, and
-//! their bodies are not read: they may be endless.
+//! Only this file, `proxy` and `wire` name the HTTP library. It trusts Mozilla's certificates, which are built in and
+//! thus the same on every system, or the certificates in `SSL_CERT_FILE`, as OpenSSL does. Redirects are followed here,
+//! and their bodies are not read: they may be endless.
 
 use std::io::{ErrorKind, Read};
 use std::sync::Arc;
@@ -12,16 +12,17 @@ use ureq::http::header;
 use ureq::http::uri::Uri;
 use ureq::tls::{PemItem, RootCerts, TlsConfig, parse_pem};
 use ureq::unversioned::resolver::DefaultResolver;
-use ureq::unversioned::transport::{ConnectProxyConnector, Connector, TcpConnector};
-use ureq::{Agent, Body, Error, Timeout};
+use ureq::unversioned::transport::{ConnectProxyConnector, Connector, SocksConnector, TcpConnector};
+use ureq::{Agent, Body, Error, Proxy, Timeout};
 
 use super::head::Head;
+use super::proxy::{Forward, Proxied, Proxies, ProxyError};
 use super::request_error::RequestError;
 use super::retry::RetryPolicy;
-use super::state::FileRequest;
+use super::state::{FileRequest, PROXY_LOG_IN};
 use super::watch::Watch;
 use super::wire::{HANDSHAKE_RESET, Secure, Wire};
-use crate::content::{has_user_info, is_secure, is_url, resolve};
+use crate::content::{has_user_info, is_secure, is_url, request_url, resolve};
 
 /// Limit on redirects.
 const REDIRECTS_MAX: u32 = 5;
@@ -29,6 +30,7 @@ const REDIRECTS_MAX: u32 = 5;
 /// The server of a URL.
 pub(super) struct Server {
     agent: Agent,
+    proxies: Proxies,
     url: String,
     watch: Arc<Watch>,
 }
@@ -42,7 +44,7 @@ pub(super) struct Response {
 }
 
 impl Server {
-    /// The server of the file at `url`. Requests end when `watch` says so.
+    /// The server of the file at `url`, by the proxies of the environment. Requests end when `watch` says so.
     ///
     /// # Errors
     /// If the certificates to trust cannot be read.
@@ -52,6 +54,7 @@ impl Server {
             .max_redirects(0)
             .user_agent(concat!("aarc/", env!("CARGO_PKG_VERSION")))
             .accept_encoding("identity")
+            .proxy(None)
             .timeout_resolve(Some(retry.response_timeout))
             .timeout_connect(Some(retry.response_timeout))
             .timeout_send_request(Some(retry.response_timeout))
@@ -60,12 +63,15 @@ impl Server {
             .tls_config(TlsConfig::builder().root_certs(certificates()?).build())
             .build();
         let connector =
-            ().chain(ConnectProxyConnector::default())
+            ().chain(Proxied(Forward(config.clone())))
+                .chain(Proxied(ConnectProxyConnector::default()))
+                .chain(Proxied(SocksConnector::default()))
                 .chain(TcpConnector::default())
                 .chain(Wire(watch.clone()))
                 .chain(Secure::default());
         let agent = Agent::with_parts(config, connector, DefaultResolver::default());
-        Ok(Server { agent, url: url.into(), watch: watch.clone() })
+        let proxies = Proxies::new(|name| std::env::var(name).ok());
+        Ok(Server { agent, proxies, url: request_url(url), watch: watch.clone() })
     }
 
     /// Sends a request, follows redirects, and returns the response.
@@ -76,7 +82,8 @@ impl Server {
         self.watch.begin(Instant::now());
         let mut url = self.url.clone();
         for _ in 0..=REDIRECTS_MAX {
-            let (head, body) = self.send(&url, file).map_err(|error| self.request_error(error))?;
+            let proxy = self.proxies.find(&url)?;
+            let (head, body) = self.send(&url, proxy, file).map_err(|error| self.request_error(error))?;
             let Some(location) = &head.location else { return Ok(Response { head, body, url }) };
             url = redirected(&url, location)?;
         }
@@ -85,9 +92,14 @@ impl Server {
         )))
     }
 
-    fn send(&self, url: &str, file: &FileRequest) -> Result<(Head, ResponseBody), Error> {
+    fn send(
+        &self,
+        url: &str,
+        proxy: Option<Proxy>,
+        file: &FileRequest,
+    ) -> Result<(Head, ResponseBody), Error> {
         let uri: Uri = url.parse().map_err(|_| Error::BadUri(String::new()))?;
-        let mut request = self.agent.get(uri);
+        let mut request = self.agent.get(uri).config().proxy(proxy).build();
         if let Some(range) = file.range() {
             request = request.header(header::RANGE, range);
         }
@@ -117,7 +129,13 @@ impl Server {
             let rate = self.watch.least_bytes_per_s();
             return RequestError::Transient(format!("the server sends fewer than {rate} bytes a second"));
         }
-        request_error(error)
+        match error {
+            Error::Other(error) => match error.downcast::<ProxyError>() {
+                Ok(error) => proxy_error(*error),
+                Err(error) => request_error(Error::Other(error), "server"),
+            },
+            error => request_error(error, "server"),
+        }
     }
 }
 
@@ -170,44 +188,67 @@ fn certificates() -> Result<RootCerts, RequestError> {
 
 /// The error of a certificate.
 fn untrusted(error: &dyn std::fmt::Display) -> RequestError {
-    RequestError::Untrusted(format!(
+    RequestError::Blocked(format!(
         "no secure connection: {error}: check the clock and the URL, or name the server's certificate with \
          SSL_CERT_FILE"
     ))
 }
 
-/// An error of the HTTP library as a sentence.
-fn request_error(error: Error) -> RequestError {
-    let transient = |text: &str| RequestError::Transient(text.into());
-    match error {
-        Error::HostNotFound => RequestError::UnknownHost("the server's name is not known".into()),
-        Error::Timeout(Timeout::Resolve) => {
-            RequestError::UnknownHost("the name service does not answer".into())
+/// An error of a proxy as a sentence.
+fn proxy_error(error: ProxyError) -> RequestError {
+    let status = error.status();
+    match (status, error.0) {
+        (Some(407), _) => RequestError::Blocked(PROXY_LOG_IN.into()),
+        (Some(status @ 400..500), _) => {
+            RequestError::Blocked(format!("the proxy refuses ({status}): ask for its rules, or use another"))
         }
-        Error::Timeout(Timeout::Connect | Timeout::RecvResponse) => transient("the server does not answer"),
-        Error::Timeout(_) => transient("the server fell silent"),
+        (Some(status), _) => RequestError::Transient(format!("the proxy answers {status}")),
+        (None, Error::Io(error))
+            if matches!(error.kind(), ErrorKind::PermissionDenied | ErrorKind::InvalidData) =>
+        {
+            RequestError::Blocked(format!("the proxy refuses: {error}"))
+        }
+        (None, Error::Io(error)) if error.kind() == ErrorKind::Other => {
+            RequestError::Transient(format!("the proxy does not connect: {error}"))
+        }
+        (None, error) => request_error(error, "proxy"),
+    }
+}
+
+/// An error of the HTTP library as a sentence about `peer`.
+fn request_error(error: Error, peer: &str) -> RequestError {
+    let transient = |text: &str| RequestError::Transient(format!("the {peer} {text}"));
+    let unknown_host = |text: String| match peer {
+        "server" => RequestError::UnknownHost(text),
+        _ => RequestError::Transient(text),
+    };
+    match error {
+        Error::HostNotFound => unknown_host(format!("the {peer}'s name is not known")),
+        Error::Timeout(Timeout::Resolve) => unknown_host("the name service does not answer".into()),
+        Error::Timeout(Timeout::Connect | Timeout::RecvResponse) => transient("does not answer"),
+        Error::Timeout(_) => transient("fell silent"),
         Error::Io(error) => match error.kind() {
-            ErrorKind::ConnectionRefused => transient("the server takes no connections"),
+            ErrorKind::ConnectionRefused => transient("takes no connections"),
             ErrorKind::HostUnreachable | ErrorKind::NetworkUnreachable => {
-                transient("there is no way to the server")
+                RequestError::Transient(format!("there is no way to the {peer}"))
             }
-            ErrorKind::TimedOut => transient("the server does not answer"),
+            ErrorKind::TimedOut => transient("does not answer"),
             // The standard library has no kind for a name that does not resolve.
             _ if error.to_string().contains("lookup address") => {
-                RequestError::UnknownHost("the server's name is not known".into())
+                unknown_host(format!("the {peer}'s name is not known"))
             }
             // The TLS library reports a refused certificate this way.
             ErrorKind::InvalidData => untrusted(&error),
-            _ => transient("the connection was lost"),
+            _ => RequestError::Transient("the connection was lost".into()),
         },
-        Error::Protocol(error) => RequestError::Transient(format!("the server does not speak HTTP: {error}")),
+        Error::Protocol(error) => transient(&format!("does not speak HTTP: {error}")),
         Error::Rustls(error) => untrusted(&error),
         Error::Tls(HANDSHAKE_RESET) => {
             RequestError::Transient(format!("no secure connection: {HANDSHAKE_RESET}"))
         }
-        Error::Tls(error) => RequestError::Untrusted(format!("no secure connection: {error}")),
+        Error::Tls(error) => RequestError::Blocked(format!("no secure connection: {error}")),
         Error::BadUri(_) | Error::Http(_) => {
-            RequestError::Permanent("not a URL: write it as http://HOST/PATH, with %20 for a blank".into())
+            RequestError::Permanent("not a URL: write it as http://HOST/PATH".into())
         }
         error => RequestError::Transient(error.to_string()),
     }
@@ -215,7 +256,102 @@ fn request_error(error: Error) -> RequestError {
 
 #[cfg(test)]
 mod tests {
+    use std::io::{BufRead, BufReader, Write};
+    use std::net::{Ipv4Addr, TcpListener, TcpStream};
+    use std::thread::JoinHandle;
+
     use super::*;
+
+    /// Serves one connection on a port of this machine.
+    fn serve<T: Send + 'static>(
+        answer: impl FnOnce(&mut TcpStream) -> T + Send + 'static,
+    ) -> (u16, JoinHandle<T>) {
+        let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+        let port = listener.local_addr().unwrap().port();
+        (port, std::thread::spawn(move || answer(&mut listener.accept().unwrap().0)))
+    }
+
+    /// Reads a request and answers it; returns its lines.
+    fn answer(stream: &mut TcpStream, status: &str) -> Vec<String> {
+        let lines = BufReader::new(stream.try_clone().unwrap()).lines().map(Result::unwrap);
+        let lines = lines.take_while(|line| !line.is_empty()).collect();
+        write!(stream, "HTTP/1.1 {status}\r\nContent-Length: 4\r\nConnection: close\r\n\r\nfile").unwrap();
+        lines
+    }
+
+    /// The file at `url` by the proxy that all variables name.
+    fn get(url: &str, proxy: &str) -> Result<Vec<u8>, RequestError> {
+        let retry = RetryPolicy::default();
+        let proxies = Proxies::new(|name| (name == "ALL_PROXY").then(|| proxy.into()));
+        let server = Server { proxies, ..Server::new(url, retry, &Arc::new(Watch::new(&retry)))? };
+        let mut response = server.get(&FileRequest::default())?;
+        let mut bytes = vec![0; 100];
+        let count = server.read(&mut response.body, &mut bytes)?;
+        bytes.truncate(count);
+        Ok(bytes)
+    }
+
+    #[test]
+    fn an_http_proxy_is_asked_for_http_urls_and_tunnels_https() {
+        let (port, proxy) = serve(|stream| answer(stream, "200 OK"));
+        let file =
+            get("http://ann:no@clips.invalid/a?b", &format!("http://bob:k%20y@127.0.0.1:{port}")).unwrap();
+        assert_eq!(file, b"file");
+        let request = proxy.join().unwrap().join("\n").to_ascii_lowercase();
+        assert!(request.starts_with("get http://clips.invalid/a?b http/1.1\n"), "{request}");
+        assert!(request.contains("\nhost: clips.invalid"), "{request}");
+        assert!(request.contains("\nproxy-authorization: basic ym9iomsgeq=="), "{request}");
+        assert!(!request.contains("\nauthorization"), "a user of the server is not sent: {request}");
+
+        for (status, expected) in [
+            ("407 x", RequestError::Blocked(PROXY_LOG_IN.into())),
+            (
+                "403 x",
+                RequestError::Blocked("the proxy refuses (403): ask for its rules, or use another".into()),
+            ),
+            ("502 x", RequestError::Transient("the proxy answers 502".into())),
+        ] {
+            let (port, proxy) = serve(move |stream| answer(stream, status));
+            let refused = get("https://clips.invalid/a", &format!("127.0.0.1:{port}")).unwrap_err();
+            assert_eq!(refused, expected);
+            assert!(proxy.join().unwrap()[0].starts_with("CONNECT clips.invalid:443 "));
+        }
+    }
+
+    #[test]
+    fn a_socks_proxy_connects_or_says_why_not() {
+        for (reply, expected) in [
+            (0, Ok(b"file".to_vec())),
+            (5, Err(RequestError::Transient("the proxy does not connect: connection refused".into()))),
+        ] {
+            let (port, proxy) = serve(move |stream| {
+                let mut greeting = [0; 3];
+                stream.read_exact(&mut greeting).unwrap();
+                stream.write_all(&[5, 0]).unwrap();
+                let mut target = [0; 20];
+                stream.read_exact(&mut target).unwrap();
+                stream.write_all(&[5, reply, 0, 1, 0, 0, 0, 0, 0, 0]).unwrap();
+                let request = if reply == 0 { answer(stream, "200 OK") } else { Vec::new() };
+                (target, request)
+            });
+            assert_eq!(get("http://clips.invalid/a", &format!("socks5h://127.0.0.1:{port}")), expected);
+            let (target, request) = proxy.join().unwrap();
+            assert_eq!(&target[3..], b"\x03\x0dclips.invalid\x00\x50");
+            assert!(reply != 0 || request[0] == "GET /a HTTP/1.1", "{request:?}");
+        }
+    }
+
+    #[test]
+    fn a_proxy_that_is_not_there_is_not_passed_by() {
+        let port = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap().local_addr().unwrap().port();
+        for scheme in ["http", "socks5", "socks5h", "socks4"] {
+            for url in ["http://127.0.0.1:9/a", "https://127.0.0.1:9/a"] {
+                let error = get(url, &format!("{scheme}://127.0.0.1:{port}")).unwrap_err();
+                let expected = RequestError::Transient("the proxy takes no connections".into());
+                assert_eq!(error, expected, "{scheme}: {url}");
+            }
+        }
+    }
 
     #[test]
     fn redirects_lead_to_no_other_scheme_and_no_user() {
@@ -238,7 +374,7 @@ mod tests {
     #[test]
     fn a_refused_certificate_is_not_tried_again() {
         let error = std::io::Error::new(ErrorKind::InvalidData, "invalid peer certificate: Expired");
-        let error = request_error(Error::Io(error));
-        assert!(matches!(&error, RequestError::Untrusted(why) if why.contains("SSL_CERT_FILE")), "{error:?}");
+        let error = request_error(Error::Io(error), "server");
+        assert!(matches!(&error, RequestError::Blocked(why) if why.contains("SSL_CERT_FILE")), "{error:?}");
     }
 }

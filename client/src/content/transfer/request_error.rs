@@ -7,8 +7,9 @@ pub(super) enum RequestError {
     Transient(String),
     /// The server's name does not resolve. Transient if it resolved before.
     UnknownHost(String),
-    /// The peer has no certificate that is trusted on this network at the time of this clock.
-    Untrusted(String),
+    /// On this network, at the time of this clock, nothing leads to the server: its certificate is not trusted, or a
+    /// proxy refuses.
+    Blocked(String),
     /// A retry will not succeed.
     Permanent(String),
 }
@@ -18,7 +19,7 @@ impl RequestError {
     pub(super) fn text(self) -> String {
         let (RequestError::Transient(text)
         | RequestError::UnknownHost(text)
-        | RequestError::Untrusted(text)
+        | RequestError::Blocked(text)
         | RequestError::Permanent(text)) = self;
         text
     }

@@ -21,6 +21,10 @@ const WAIT_MAX: Duration = Duration::from_secs(8);
 /// Longest wait that a server may ask for.
 const RETRY_AFTER_MAX: Duration = Duration::from_secs(30);
 
+/// What to say of a proxy that wants to know its user.
+pub(super) const PROXY_LOG_IN: &str =
+    "the proxy asks for a log-in (407 Proxy Authentication Required): write USER:PASSWORD@ before its host";
+
 /// A request for a file or the rest of it.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct FileRequest {
