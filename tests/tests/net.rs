@@ -654,6 +654,28 @@ fn a_web_page_does_not_replace_a_cached_clip() {
 }
 
 #[test]
+fn what_is_not_to_be_stored_is_not_cached() {
+    let folder = tempfile::tempdir().unwrap();
+    let (old, new) = (package(27), package(28));
+    let files = [old.clone(), new.clone()];
+    let server = Server::start(move |number, request, answer| match number {
+        0 => answer.file(request, &files[0], ETAG),
+        // Says nothing of versions: all of it comes with each request.
+        _ => {
+            let length = files[1].len().to_string();
+            answer.head(200, &[("Content-Length", &length), ("Cache-Control", "private, no-store")]);
+            answer.bytes(&files[1], 0..files[1].len());
+        }
+    });
+    let url = server.url("clip.aarc");
+    assert_eq!(get_cached(&url, folder.path()).clip(), &decoded(&old));
+    let before = entries(folder.path()).len();
+    assert_eq!(get_cached(&url, folder.path()).clips, [decoded(&old), decoded(&new)]);
+    assert_eq!(entries(folder.path()).len(), before - 1, "the old head is gone, and nothing is new");
+    assert_eq!(get_cached(&url, folder.path()).clips, [decoded(&new)]);
+}
+
+#[test]
 fn a_damaged_entry_is_fetched_again() {
     let folder = tempfile::tempdir().unwrap();
     let file = package(19);

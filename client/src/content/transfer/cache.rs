@@ -103,7 +103,7 @@ impl Cache {
     }
 
     /// Removes the entry of `key`.
-    fn remove(&self, key: &str) {
+    pub(super) fn remove(&self, key: &str) {
         let path = self.path(key);
         match fs::remove_file(&path) {
             Err(error) if error.kind() != io::ErrorKind::NotFound => {

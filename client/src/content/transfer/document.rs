@@ -54,11 +54,14 @@ pub(crate) fn document(
         }
     };
     match (fetched, cached) {
-        (Ok(Some(file)), _) => {
+        (Ok(Some((file, is_not_stored))), _) => {
             if let Some(cache) = cache
                 && is_valid(&file.bytes)
             {
-                cache.store(url, &file, &exchange.name());
+                match is_not_stored {
+                    true => cache.remove(url),
+                    false => cache.store(url, &file, &exchange.name()),
+                }
             }
             Ok(Some(Document { bytes: file.bytes, url: file.base, note: None }))
         }
@@ -72,19 +75,20 @@ pub(crate) fn document(
     }
 }
 
-/// Fetches a file whole; `None` if the version `known` is current.
+/// Fetches a file whole, and whether its server forbids to store it; `None` if the version `known` is current.
 fn fetch(
     exchange: &Exchange,
     mut transfer: Transfer,
     known: Option<&str>,
-) -> Result<Option<CachedFile>, Fault> {
+) -> Result<Option<(CachedFile, bool)>, Fault> {
     exchange.begin(0, None);
     loop {
         match receive(exchange, &mut transfer, known) {
             Ok(Some(bytes)) if is_web_page(&bytes) => return Err(Fault::Data(WEB_PAGE.into())),
             Ok(bytes) => {
                 let etag = transfer.etag().unwrap_or_default().into();
-                return Ok(bytes.map(|bytes| CachedFile { etag, base: exchange.base(), bytes }));
+                let file = bytes.map(|bytes| CachedFile { etag, base: exchange.base(), bytes });
+                return Ok(file.map(|file| (file, transfer.is_not_stored())));
             }
             Err(trouble) => exchange.wait(trouble)?,
         }
@@ -119,33 +123,38 @@ mod tests {
     use super::*;
     use crate::content::transfer::Cache;
 
-    /// Answers one request with `body`.
-    fn serve(listener: &TcpListener, body: &'static str) -> std::thread::JoinHandle<()> {
+    /// Answers one request with `body` and these further headers.
+    fn serve(
+        listener: &TcpListener,
+        headers: &'static str,
+        body: &'static str,
+    ) -> std::thread::JoinHandle<()> {
         let listener = listener.try_clone().unwrap();
         std::thread::spawn(move || {
             let (mut stream, _) = listener.accept().unwrap();
             let mut lines = BufReader::new(stream.try_clone().unwrap()).lines();
             while !lines.next().unwrap().unwrap().is_empty() {}
             let length = body.len();
-            write!(stream, "HTTP/1.1 200 OK\r\nContent-Length: {length}\r\nConnection: close\r\n\r\n{body}")
-                .unwrap();
+            let headers = format!("Content-Length: {length}\r\nConnection: close\r\n{headers}");
+            write!(stream, "HTTP/1.1 200 OK\r\n{headers}\r\n{body}").unwrap();
         })
     }
 
     #[test]
-    fn an_invalid_file_does_not_replace_the_cached_one() {
+    fn the_cache_holds_the_last_file_that_is_valid_and_may_be_stored() {
         let folder = tempfile::tempdir().unwrap();
         let cache = Cache::new(folder.path(), 1 << 20);
         let options = Options { cache: Some(cache.clone()), ..Options::default() };
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
         let url = format!("http://{}/list", listener.local_addr().unwrap());
-        for (body, expected, cached) in [
-            ("{one}", "{one}", "{one}"),
-            ("one", "one", "{one}"),
-            ("\n <html>", "{one}", "{one}"),
-            ("{two}", "{two}", "{two}"),
+        for (headers, body, expected, cached) in [
+            ("", "{one}", "{one}", Some("{one}")),
+            ("", "one", "one", Some("{one}")),
+            ("", "\n <html>", "{one}", Some("{one}")),
+            ("", "{two}", "{two}", Some("{two}")),
+            ("Cache-Control: private, no-store\r\n", "{three}", "{three}", None),
         ] {
-            let server = serve(&listener, body);
+            let server = serve(&listener, headers, body);
             let is_valid = &|bytes: &[u8]| bytes.starts_with(b"{");
             let fetched = document(&url, &options, 100, is_valid, &mut |_| ControlFlow::Continue(()));
             server.join().unwrap();
@@ -153,7 +162,7 @@ mod tests {
             assert_eq!(fetched.bytes, expected.as_bytes(), "{body}");
             assert_eq!(fetched.note.is_some(), expected != body, "{:?}", fetched.note);
             assert_eq!(fetched.url, url);
-            assert_eq!(cache.get(&url).unwrap().bytes, cached.as_bytes());
+            assert_eq!(cache.get(&url).map(|file| file.bytes).as_deref(), cached.map(str::as_bytes));
         }
     }
 }

@@ -17,25 +17,30 @@ pub(super) struct Head {
     pub(super) retry_after_s: Option<u64>,
     /// `Location` of a redirect.
     pub(super) location: Option<String>,
+    /// Whether `Cache-Control` forbids to store the response.
+    pub(super) is_not_stored: bool,
 }
 
 impl Head {
-    /// Parses the headers; `header` returns the text of one by its name in lower case. A malformed header
-    /// counts as absent.
-    pub(super) fn parse<'h>(status: u16, header: impl Fn(&'static str) -> Option<&'h str>) -> Head {
-        let text = |name| header(name).map(str::trim);
+    /// Parses the headers; `headers` returns the texts of those with a name in lower case. A malformed header counts as
+    /// absent.
+    pub(super) fn parse<'h>(status: u16, headers: impl Fn(&'static str) -> Vec<&'h str>) -> Head {
+        let text = |name| headers(name).first().copied().map(str::trim);
+        let forbids =
+            |text: &&'h str| text.split(',').any(|part| part.trim().eq_ignore_ascii_case("no-store"));
         Head {
             status,
             length: text("content-length").and_then(|length| length.parse().ok()),
             range: text("content-range").and_then(content_range),
             etag: text("etag")
-                .filter(|etag| etag.starts_with(['"', 'W']) && etag.len() > 1)
+                .filter(|etag| etag.starts_with(['"', 'W']) && etag.len() > 1 && etag.is_ascii())
                 .map(String::from),
             encoding: text("content-encoding")
                 .filter(|encoding| !encoding.eq_ignore_ascii_case("identity"))
                 .map(String::from),
             retry_after_s: text("retry-after").and_then(|time| retry_after_s(time, text("date"))),
             location: text("location").filter(|_| matches!(status, 301..=303 | 307 | 308)).map(String::from),
+            is_not_stored: headers("cache-control").iter().any(forbids),
         }
     }
 
@@ -86,7 +91,9 @@ mod tests {
     use super::*;
 
     fn head(status: u16, headers: &[(&str, &'static str)]) -> Head {
-        Head::parse(status, |name| headers.iter().find(|(other, _)| *other == name).map(|(_, text)| *text))
+        Head::parse(status, |name| {
+            headers.iter().filter(|(other, _)| *other == name).map(|(_, text)| *text).collect()
+        })
     }
 
     #[test]
@@ -100,7 +107,7 @@ mod tests {
 
     #[test]
     fn a_malformed_etag_is_ignored() {
-        for etag in ["", "none", "\""] {
+        for etag in ["", "none", "\"", "\"\u{e4}\""] {
             assert_eq!(head(200, &[("etag", etag)]).etag, None, "{etag}");
         }
     }
@@ -113,6 +120,20 @@ mod tests {
         }
         for status in [200, 201, 300, 304, 404] {
             assert_eq!(head(status, &[("location", "/a")]).location, None);
+        }
+    }
+
+    #[test]
+    fn one_of_several_directives_forbids_to_store() {
+        for (texts, expected) in [
+            (&["no-store"][..], true),
+            (&["private, No-Store ,max-age=0"], true),
+            (&["private", "no-store"], true),
+            (&["no-cache, max-age=0", "no-storeroom"], false),
+            (&[], false),
+        ] {
+            let headers: Vec<_> = texts.iter().map(|text| ("cache-control", *text)).collect();
+            assert_eq!(head(200, &headers).is_not_stored, expected, "{texts:?}");
         }
     }
 

@@ -43,6 +43,8 @@ struct State {
     head: Vec<u8>,
     /// Digest of the head, which names the version.
     version: String,
+    /// Whether the server forbids to store the file.
+    is_not_stored: bool,
     recent: VecDeque<ReadPart>,
     /// The response under way.
     stream: Option<Stream>,
@@ -95,6 +97,7 @@ impl State {
     fn learn(&mut self, transfer: &Transfer) {
         self.etag = transfer.etag().map(String::from);
         self.total = transfer.total();
+        self.is_not_stored |= transfer.is_not_stored();
     }
 }
 
@@ -339,7 +342,9 @@ impl RemoteFile {
     /// Caches the head, so that the file opens without the server.
     pub(crate) fn keep_head(&self) {
         let state = self.lock();
-        if !self.is_offline.load(Ordering::Relaxed) {
+        if let Some(cache) = self.cache.as_ref().filter(|_| state.is_not_stored) {
+            cache.remove(self.exchange.url());
+        } else if !self.is_offline.load(Ordering::Relaxed) {
             self.store(&state, self.exchange.url(), &state.head);
         }
     }
@@ -370,9 +375,9 @@ impl RemoteFile {
         (!state.head.is_empty()).then(|| format!("{}#{start}-{end} {}", self.exchange.url(), state.version))
     }
 
-    /// Caches bytes, if there is a cache.
+    /// Caches bytes, if there is a cache and the server allows it.
     fn store(&self, state: &State, key: &str, bytes: &[u8]) {
-        let Some(cache) = &self.cache else { return };
+        let Some(cache) = self.cache.as_ref().filter(|_| !state.is_not_stored) else { return };
         let etag = state.etag.clone().unwrap_or_default();
         let file = CachedFile { etag, base: self.exchange.base(), bytes: bytes.to_vec() };
         cache.store(key, &file, &self.name());

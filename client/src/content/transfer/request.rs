@@ -111,8 +111,11 @@ impl Server {
         }
         let response = request.call()?;
         let (parts, body) = response.into_parts();
-        let header = |name| parts.headers.get(name).and_then(|value| value.to_str().ok());
-        Ok((Head::parse(parts.status.as_u16(), header), ResponseBody(body)))
+        let headers = |name| {
+            let values = parts.headers.get_all(name).iter();
+            values.filter_map(|value| std::str::from_utf8(value.as_bytes()).ok()).collect()
+        };
+        Ok((Head::parse(parts.status.as_u16(), headers), ResponseBody(body)))
     }
 
     /// Reads a part of `body` into `buffer`; returns the number of bytes, 0 at the end.

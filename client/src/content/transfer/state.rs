@@ -82,6 +82,8 @@ pub(super) struct Transfer {
     etag: Option<String>,
     /// Whether a version is known: by an answer, or from before.
     is_known: bool,
+    /// Whether the server forbids to store what it sends.
+    is_not_stored: bool,
     wrong_parts: u32,
     requests: u32,
     /// Broken connections since the last progress.
@@ -101,6 +103,7 @@ impl Transfer {
             is_known: etag.is_some() || total.is_some(),
             total,
             etag,
+            is_not_stored: false,
             wrong_parts: 0,
             requests: 0,
             breaks: 0,
@@ -144,6 +147,11 @@ impl Transfer {
         self.etag.as_deref()
     }
 
+    /// Whether the server forbids to store what it sends.
+    pub(super) fn is_not_stored(&self) -> bool {
+        self.is_not_stored
+    }
+
     /// Evaluates the response to `request`.
     pub(super) fn on_response(&mut self, request: &FileRequest, head: &Head) -> Action {
         if matches!(head.status, 200 | 206)
@@ -153,6 +161,7 @@ impl Transfer {
                 "the server sends it compressed ({encoding}), which was not requested: switch that off there"
             ));
         }
+        self.is_not_stored |= head.is_not_stored;
         match head.status {
             200 => self.on_whole_file(request, head),
             206 if request.range().is_some() => self.on_range(request, head),

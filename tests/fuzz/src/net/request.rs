@@ -165,7 +165,7 @@ impl Server {
         let sent = body.len().min(breaks.after);
         // With an announced length, an early end is a broken connection.
         let ends = sent == body.len() || breaks.silently && header("content-length").is_none();
-        let head = Head::parse(status, header);
+        let head = Head::parse(status, |name| header(name).into_iter().collect());
         let body = ResponseBody { body: body[..sent].to_vec(), at: 0, piece, ends };
         Ok(Response { head, body, url: String::new() })
     }
