@@ -318,11 +318,17 @@ fn redirects_are_followed_at_most_five_times() {
         }
         "/round" => answer.head(307, &[("Location", "/round"), ("Content-Length", "0")]),
         "/nowhere" => answer.head(302, &[("Content-Length", "0")]),
+        "/words" => {
+            answer.head(302, &[("Location", "/t\u{e4}nze und//mehr.aarc"), ("Content-Length", "0")]);
+        }
         "/file" => answer.head(302, &[("Location", "file:///etc/passwd")]),
         _ => answer.file(request, &sent, ETAG),
     });
     assert_eq!(get(&server.url("old")).clip(), &decoded(&file));
     is_closed.recv_timeout(Duration::from_secs(10)).expect("the connection was closed");
+    assert_eq!(get(&server.url("words")).clip(), &decoded(&file));
+    let led = server.requests().last().map(|request| request.path.clone());
+    assert_eq!(led.as_deref(), Some("/t%C3%A4nze%20und//mehr.aarc"), "as browsers do");
     for (path, sentence) in [
         ("round", "redirects more than 5 times"),
         ("nowhere", "answers 302"),
@@ -629,7 +635,7 @@ fn a_definite_answer_overrules_the_cache() {
     assert!(matches!(gone.fault, Some(Fault::Network(_))), "{gone:?}");
 }
 
-/// A network sends a page until the user logs in.
+/// A network sends a page until the user logs in, and a gateway a status of its own while the server is away.
 #[test]
 fn a_web_page_does_not_replace_a_cached_clip() {
     let folder = tempfile::tempdir().unwrap();
@@ -641,11 +647,12 @@ fn a_web_page_does_not_replace_a_cached_clip() {
             answer.head(200, &[("Content-Type", "text/html")]);
             answer.raw(b"\r\n<!doctype html><title>Welcome</title>");
         }
-        _ => answer.head(511, &[("Content-Length", "0")]),
+        2 => answer.head(511, &[("Content-Length", "0")]),
+        _ => answer.head(522, &[("Content-Length", "0")]),
     });
     let url = server.url("clip.aarc");
     get_cached(&url, folder.path()).clip();
-    for sentence in ["sends a web page", "log-in (511"] {
+    for sentence in ["sends a web page", "log-in (511", "answers 522"] {
         let events = get_cached(&url, folder.path());
         assert_eq!((events.clip(), events.clips.len()), (&decoded(&file), 1));
         let [note] = &events.notes[..] else { panic!("{events:?}") };

@@ -105,8 +105,8 @@ pub(crate) fn request_url(url: &str) -> String {
 pub(crate) fn join(base: &str, entry: &str) -> String {
     let Some(base) = Components::parse(base) else { return entry.into() };
     let folder = if entry.starts_with('/') { "" } else { base.folder() };
-    let entry = entry.split('/').map(|part| match part {
-        "" | "." | ".." => part.into(),
+    let entry = entry.split('/').filter(|part| !part.is_empty()).map(|part| match part {
+        "." | ".." => part.into(),
         part => utf8_percent_encode(part, RESERVED).to_string(),
     });
     let path = format!("{folder}/{}", entry.collect::<Vec<_>>().join("/"));
@@ -137,19 +137,25 @@ pub(crate) fn resolve(base: &str, reference: &str) -> String {
     format!("{scheme}://{host}{path}{query}")
 }
 
-/// An absolute path without empty parts and dot segments (RFC 3986, 5.2.4).
+/// An absolute path without dot segments (RFC 3986, 5.2.4). Empty segments stay.
 fn without_dots(path: &str) -> String {
-    let mut parts = Vec::new();
-    for part in path.split('/') {
-        match part {
-            "" | "." => {}
-            ".." => drop(parts.pop()),
-            part => parts.push(part),
+    let mut kept = Vec::new();
+    let mut segments = path.strip_prefix('/').unwrap_or(path).split('/').peekable();
+    while let Some(segment) = segments.next() {
+        match segment {
+            "." => {}
+            ".." => drop(kept.pop()),
+            segment => {
+                kept.push(segment);
+                continue;
+            }
+        }
+        // It stands for a folder.
+        if segments.peek().is_none() {
+            kept.push("");
         }
     }
-    let is_folder = path.ends_with(['/']) || path.ends_with("/.") || path.ends_with("/..");
-    let end = if is_folder && !parts.is_empty() { "/" } else { "" };
-    format!("/{}{end}", parts.join("/"))
+    format!("/{}", kept.join("/"))
 }
 
 /// The URL `name` for logs, messages and titles: without user name, password, query and fragment, which may be secret;
@@ -244,6 +250,9 @@ mod tests {
             ("?z", "https://h:8/a/b/c?z"),
             ("#f", "https://h:8/a/b/c?q=1"),
             ("ftp://o/d", "ftp://o/d"),
+            // An empty segment is one like any other.
+            ("/proxy/https://o//d/../e/", "https://h:8/proxy/https://o//e/"),
+            ("d//../e/.", "https://h:8/a/b/d/e/"),
         ] {
             assert_eq!(resolved(reference), url, "{reference}");
         }
@@ -278,6 +287,7 @@ mod tests {
             ("a.aarc", "https://h:8/shows/x%20y/a.aarc"),
             ("../b/c d#1.aarc", "https://h:8/shows/b/c%20d%231.aarc"),
             ("/e.aarc", "https://h:8/e.aarc"),
+            ("//e//f.aarc", "https://h:8/e/f.aarc"),
             ("../../../a.aarc", "https://h:8/a.aarc"),
             ("./ä/100%.aarc", "https://h:8/shows/x%20y/%C3%A4/100%25.aarc"),
         ] {

@@ -165,7 +165,7 @@ fn redirected(url: &str, location: &str) -> Result<String, RequestError> {
     if has_user_info(&target) {
         return refused("to a URL with a user name, which is not followed");
     }
-    Ok(target)
+    Ok(request_url(&target))
 }
 
 /// The certificates to trust.
@@ -361,6 +361,7 @@ mod tests {
         let target = |location: &str| redirected("http://a/b?key", location).map_err(RequestError::text);
         assert_eq!(target("c").unwrap(), "http://a/c");
         assert_eq!(target("https://d").unwrap(), "https://d");
+        assert_eq!(target("/t\u{e4}nze 1").unwrap(), "http://a/t%C3%A4nze%201");
         for (location, why) in [
             ("file:///etc", "neither http nor https"),
             ("ftp://a/b", "neither"),

@@ -167,12 +167,14 @@ impl Transfer {
             206 if request.range().is_some() => self.on_range(request, head),
             304 if request.if_none_match.is_some() => Action::Unchanged,
             416 if request.range().is_some() => self.on_wrong_part("the file changed on the server"),
-            408 | 425 | 429 | 500 | 502..=504 => self.on_busy_server(head),
+            407 => Action::GiveUp(PROXY_LOG_IN.into()),
             511 => Action::GiveUp(format!(
                 "the network asks for a log-in ({}): log in with a browser",
                 head.status_text()
             )),
-            401 | 403 | 407 => Action::Refused(format!(
+            // Each 5xx is about the server, also the numbers that gateways invented, and not about the file.
+            408 | 425 | 429 | 500..=599 => self.on_busy_server(head),
+            401 | 403 => Action::Refused(format!(
                 "the server denies access ({}): ask for a URL with access",
                 head.status_text()
             )),
@@ -423,14 +425,16 @@ mod tests {
             let request = transfer.next_request(None);
             transfer.on_response(&request, &Head { status, retry_after_s, ..Head::default() })
         };
-        for status in [400, 401, 403, 404, 410, 418, 206, 304, 416, 501] {
+        for status in [400, 401, 403, 404, 410, 418, 206, 304, 416] {
             let Action::Refused(why) = on_response(status, None) else { panic!("{status} is final") };
             assert!(why.contains(&status.to_string()), "{why}");
         }
-        for status in [408, 425, 429, 500, 502, 503, 504] {
+        for status in [408, 425, 429, 500, 501, 502, 503, 504, 520, 522, 599] {
             assert!(matches!(on_response(status, None), Action::Retry(..)), "{status}");
         }
-        assert!(matches!(on_response(511, None), Action::GiveUp(why) if why.contains("log in")));
+        for (status, sentence) in [(511, "log in"), (407, "the proxy")] {
+            assert!(matches!(on_response(status, None), Action::GiveUp(why) if why.contains(sentence)));
+        }
         let Action::Retry(wait, _) = on_response(503, Some(30)) else { panic!("a wait of 30 s is allowed") };
         assert_eq!(wait.as_secs(), 30);
         let Action::GiveUp(why) = on_response(503, Some(31)) else { panic!("a wait of 31 s is too long") };
