@@ -4,12 +4,14 @@
 use std::net::{Ipv4Addr, TcpListener};
 use std::ops::{ControlFlow, Range};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::channel;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use aarc_tests::scene::{Motion, Recipe, packaged};
 use aarc_tests::server::{Answer, Request, Server};
+use aarc_tests::take_files::{SegmentFile, take_package};
 use client::clips::playlist;
 use client::clips::playlist::Playlist;
 use client::content::transfer::{Cache, Options, RetryPolicy};
@@ -680,6 +682,96 @@ fn what_is_not_to_be_stored_is_not_cached() {
     assert_eq!(get_cached(&url, folder.path()).clips, [decoded(&old), decoded(&new)]);
     assert_eq!(entries(folder.path()).len(), before - 1, "the old head is gone, and nothing is new");
     assert_eq!(get_cached(&url, folder.path()).clips, [decoded(&new)]);
+}
+
+/// A take of three segments, and its segments as they are read from a file.
+fn take(seed: u64) -> (Arc<[u8]>, Vec<Clip>) {
+    let segment = |i: u32| SegmentFile {
+        start_s: f64::from(i),
+        duration_s: 2.0,
+        package: package(seed + u64::from(i)).to_vec(),
+    };
+    let (bytes, _) = take_package(4.0, 30.0, &[0, 1, 2].map(segment));
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("take.aarc");
+    std::fs::write(&path, &bytes).unwrap();
+    let opened = OpenTake::open(&path, &Limits::default()).unwrap();
+    let clips = (0..3).map(|i| opened.segment(i, opened.layers()[i]).unwrap()).collect();
+    (bytes.into(), clips)
+}
+
+/// The take at a URL, open.
+fn open_take(url: &str, folder: &Path) -> Arc<OpenTake> {
+    let options = Options { cache: Some(Cache::new(folder, 1 << 20)), ..options() };
+    let opened = Download::new(url, options).find_map(|event| match event.unwrap() {
+        OpenEvent::Take(take) => Some(take),
+        _ => None,
+    });
+    opened.expect("it opens")
+}
+
+/// All segments of the take at a URL.
+fn segments(url: &str, folder: &Path) -> Vec<Clip> {
+    let opened = open_take(url, folder);
+    (0..3).map(|i| opened.segment(i, opened.layers()[i]).unwrap()).collect()
+}
+
+#[test]
+fn after_one_odd_answer_to_the_request_of_a_part_the_part_is_right_and_so_is_the_cache() {
+    let (file, clips) = take(30);
+    for odd in ["none", "416", "other part", "damaged"] {
+        let (sent, was_odd) = (file.clone(), AtomicBool::new(false));
+        let server = Server::start(move |_, request, answer| {
+            let part = request.part(sent.len()).filter(|part| part.start > 0);
+            let is_odd = part.is_some() && !was_odd.swap(true, Ordering::Relaxed);
+            match (odd, part) {
+                ("416", Some(_)) if is_odd => answer.head(416, &[("Content-Length", "0")]),
+                ("other part", Some(_)) if is_odd => {
+                    let range = format!("bytes 0-99/{}", sent.len());
+                    answer.head(206, &[("Content-Length", "100"), ("Content-Range", &range), ("ETag", ETAG)]);
+                    answer.bytes(&sent, 0..100);
+                }
+                ("damaged", Some(part)) if is_odd => {
+                    let mut damaged = sent.to_vec();
+                    damaged[part.end - 100] ^= 1;
+                    answer.file(request, &damaged, ETAG);
+                }
+                _ => answer_with(request, answer, &sent, ETAG),
+            }
+        });
+        let (folder, url) = (tempfile::tempdir().unwrap(), server.url("take.aarc"));
+        assert!(segments(&url, folder.path()) == clips, "{odd}");
+        server.forget();
+        assert!(segments(&url, folder.path()) == clips, "{odd}, from the cache");
+        assert!(server.sent().is_empty(), "{odd}: {:?}", server.sent());
+    }
+}
+
+#[test]
+fn a_take_that_was_replaced_is_noticed_by_any_version_and_by_none() {
+    let ((old, old_clips), (new, new_clips)) = (take(40), take(50));
+    let longer = old.len().max(new.len());
+    let padded = |file: &[u8]| [file, &vec![0; longer - file.len()]].concat().into();
+    let versions: [[Arc<[u8]>; 2]; 2] = [[old.clone(), new.clone()], [padded(&old), padded(&new)]];
+    for files in versions {
+        for etags in [["\"a\"", "\"b\""], ["W/\"a\"", "W/\"b\""], ["W/\"a\"", "W/\"a\""], ["", ""]] {
+            let is_replaced = Arc::new(AtomicBool::new(false));
+            let (replaced, sent) = (is_replaced.clone(), files.clone());
+            let server = Server::start(move |_, request, answer| {
+                let which = usize::from(replaced.load(Ordering::Relaxed));
+                answer.file(request, &sent[which], etags[which]);
+            });
+            let (folder, url) = (tempfile::tempdir().unwrap(), server.url("take.aarc"));
+            let opened = open_take(&url, folder.path());
+            assert!(opened.segment(0, opened.layers()[0]).unwrap() == old_clips[0]);
+            is_replaced.store(true, Ordering::Relaxed);
+            let fault = opened.segment(1, opened.layers()[1]).unwrap_err();
+            assert!(opened.is_replaced(), "{etags:?}: {fault}");
+            assert!(opened.segment(0, opened.layers()[0]).unwrap() == old_clips[0], "what is cached is old");
+            // Without the cached version, which opens first.
+            assert!(segments(&url, &folder.path().join("new")) == new_clips, "{etags:?}");
+        }
+    }
 }
 
 #[test]

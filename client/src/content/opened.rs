@@ -120,9 +120,8 @@ impl OpenTake {
         if let [layers] = opened.layers[..] {
             let want =
                 Want { segment: 0, from: 0, layers: if opened.source.is_remote() { 1 } else { layers } };
-            let bytes = opened.read(want)?;
+            let (clip, bytes) = opened.read_segment(want)?;
             opened.add_sound(0, &bytes);
-            let clip = opened.decode_segment(want, &bytes)?;
             opened.set_only(&clip);
             opened.decoded = Mutex::new(Some(clip));
         }
@@ -270,8 +269,7 @@ impl OpenTake {
     /// # Panics
     /// If there is no such segment, or it has fewer layers.
     pub fn segment(&self, segment: usize, layers: usize) -> Result<Clip, Fault> {
-        let want = Want { segment, from: 0, layers };
-        self.decode_segment(want, &self.read(want)?)
+        self.read_segment(Want { segment, from: 0, layers }).map(|(clip, _)| clip)
     }
 
     /// The layout in GPU memory.
@@ -337,16 +335,16 @@ impl OpenTake {
             }
         }
         let before = self.source.traffic();
-        let bytes = self.read(want)?;
-        let traffic = self.source.traffic() - before;
-        if want.from == 0 {
-            self.add_sound(want.segment, &bytes);
-        }
         let packed = match want.from {
-            0 => segment(&self.decode_segment(want, &bytes)?),
-            _ => PackedLayers::new(&self.decode_layers(want, &bytes)?, span, layout)
+            0 => {
+                let (clip, bytes) = self.read_segment(want)?;
+                self.add_sound(want.segment, &bytes);
+                segment(&clip)
+            }
+            _ => PackedLayers::new(&self.read_layers(want)?, span, layout)
                 .map(|layers| PackedWant::Layers(Box::new(layers))),
         };
+        let traffic = self.source.traffic() - before;
         Ok(Loaded { want, packed: packed.map_err(named)?, traffic })
     }
 
@@ -376,29 +374,40 @@ impl OpenTake {
         segment.layers[..want.layers].iter().map(|layer| layer_end(segment, layer)).collect()
     }
 
-    fn decode_segment(&self, want: Want, bytes: &[u8]) -> Result<Clip, Fault> {
-        let decoded = self.take.decode_segment(want.segment, bytes, &self.segment_limits(), threads());
-        self.on_decoded(want, decoded)
+    /// Reads and decodes a segment up to the wanted layers; also returns its bytes.
+    fn read_segment(&self, want: Want) -> Result<(Clip, Vec<u8>), Fault> {
+        let limits = self.segment_limits();
+        self.read_decoded(want, |bytes| self.take.decode_segment(want.segment, bytes, &limits, threads()))
     }
 
-    fn decode_layers(&self, want: Want, bytes: &[u8]) -> Result<Layers, Fault> {
-        let Want { segment, from, .. } = want;
-        let decoded =
-            self.take.decode_segment_layers(segment, bytes, from, &self.segment_limits(), threads());
-        self.on_decoded(want, decoded)
+    /// Reads and decodes the wanted layers of a segment alone.
+    fn read_layers(&self, want: Want) -> Result<Layers, Fault> {
+        let (Want { segment, from, .. }, limits) = (want, self.segment_limits());
+        let decode = |bytes: &[u8]| self.take.decode_segment_layers(segment, bytes, from, &limits, threads());
+        self.read_decoded(want, decode).map(|(layers, _)| layers)
     }
 
-    /// Tells the source whether the bytes of the wanted layers are right.
-    fn on_decoded<T>(&self, want: Want, decoded: Result<T, Error>) -> Result<T, Fault> {
+    /// Reads the wanted layers and decodes them, and reads them again where the source says so. Also returns their
+    /// bytes.
+    fn read_decoded<T>(
+        &self,
+        want: Want,
+        decode: impl Fn(&[u8]) -> Result<T, Error>,
+    ) -> Result<(T, Vec<u8>), Fault> {
         let segment = &self.take.segments[want.segment];
-        match &decoded {
-            Ok(_) => {
-                let is_last = want.layers == segment.layers.len();
-                self.source.on_decoded(segment.offset, &self.layer_ends_of(want), is_last);
+        let ends = self.layer_ends_of(want);
+        loop {
+            let bytes = self.read(want)?;
+            match decode(&bytes) {
+                Ok(decoded) => {
+                    let is_last = want.layers == segment.layers.len();
+                    self.source.on_decoded(segment.offset, &ends, want.from, is_last);
+                    return Ok((decoded, bytes));
+                }
+                Err(_) if self.source.on_undecodable(segment.offset, &ends) => {}
+                Err(error) => return Err(self.undecodable(want, &error)),
             }
-            Err(_) => self.source.on_undecodable(),
         }
-        decoded.map_err(|error| self.undecodable(want, &error))
     }
 
     /// The limits of a segment.

@@ -255,19 +255,22 @@ impl TakeSource {
         }
     }
 
-    /// Takes in that parts were decoded, and so are right. `is_last` is whether none will follow them.
-    pub(crate) fn on_decoded(&self, start: u64, ends: &[u64], is_last: bool) {
+    /// Takes in that the parts from number `first` on were decoded, and so are right. `is_last` is whether none will
+    /// follow them.
+    pub(crate) fn on_decoded(&self, start: u64, ends: &[u64], first: usize, is_last: bool) {
         #[cfg(feature = "net")]
         if let TakeSource::Remote(file) = self {
-            file.keep(start, ends, is_last);
+            file.keep(start, ends, first, is_last);
         }
     }
 
-    /// Takes in that a part cannot be decoded: it may be of another version.
-    pub(crate) fn on_undecodable(&self) {
-        #[cfg(feature = "net")]
-        if let TakeSource::Remote(file) = self {
-            file.look_for_replacement();
+    /// Takes in that parts cannot be decoded: they may be of another version, or were damaged on their way. Returns
+    /// whether to read them again, once at most.
+    pub(crate) fn on_undecodable(&self, start: u64, ends: &[u64]) -> bool {
+        match self {
+            #[cfg(feature = "net")]
+            TakeSource::Remote(file) => file.on_undecodable(start, ends),
+            _ => false,
         }
     }
 

@@ -6,7 +6,7 @@
 //! All parts are of one version. The head of a package holds the checksums of all parts, so its own digest names the
 //! version, and a part that was decoded is right. Both are cached: a file whose parts were read before needs no network.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeSet, VecDeque};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -46,6 +46,8 @@ struct State {
     /// Whether the server forbids to store the file.
     is_not_stored: bool,
     recent: VecDeque<ReadPart>,
+    /// Starts of the parts that could not be decoded once.
+    undecodable: BTreeSet<u64>,
     /// The response under way.
     stream: Option<Stream>,
     whole: Option<WholeFile>,
@@ -323,8 +325,26 @@ impl RemoteFile {
         Ok(())
     }
 
-    /// After a part that cannot be decoded: looks whether the file begins in the same way as it did.
-    pub(crate) fn look_for_replacement(&self) {
+    /// Takes in that the part that begins at `start` cannot be decoded, with pieces that end at `ends`. Returns whether
+    /// to read it again: once, unless the file was replaced or the server sends it whole.
+    pub(crate) fn on_undecodable(&self, start: u64, ends: &[u64]) -> bool {
+        self.look_for_replacement();
+        let mut state = self.lock();
+        state.find_part(start);
+        let mut from = start;
+        for &end in ends {
+            if let (Some(cache), Some(key)) = (&self.cache, self.cache_key(&state, from, end)) {
+                cache.remove(&key);
+            }
+            from = end;
+        }
+        let may_be_read =
+            !self.is_offline.load(Ordering::Relaxed) && self.has_ranges() && !self.is_replaced();
+        may_be_read && state.undecodable.insert(start)
+    }
+
+    /// Looks whether the file begins in the same way as it did.
+    fn look_for_replacement(&self) {
         if self.is_offline.load(Ordering::Relaxed) {
             return;
         }
@@ -349,14 +369,15 @@ impl RemoteFile {
         }
     }
 
-    /// Caches the pieces of the part that begins at `start` which end at `ends`, if they were read before. They are known
-    /// to be right. `is_last` is whether no longer part will be read.
-    pub(crate) fn keep(&self, start: u64, ends: &[u64], is_last: bool) {
+    /// Caches the pieces of the part that begins at `start` which end at `ends`, from the piece with the number
+    /// `checked` on, if they were read before: these are known to be right. `is_last` is whether no longer part will be
+    /// read.
+    pub(crate) fn keep(&self, start: u64, ends: &[u64], checked: usize, is_last: bool) {
         let mut state = self.lock();
         let Some(mut part) = state.find_part(start) else { return };
         let mut from = start;
-        for &end in ends {
-            if end > part.cached_to && end <= part.end() {
+        for (number, &end) in ends.iter().enumerate() {
+            if number >= checked && end > part.cached_to && end <= part.end() {
                 if let Some(key) = self.cache_key(&state, from, end) {
                     let [low, high] = [from, end].map(|at| (at - start) as usize);
                     self.store(&state, &key, &part.bytes[low..high]);

@@ -95,7 +95,7 @@ fn read(file: &RemoteFile, known: Option<&str>) -> Result<Option<Vec<u8>>, Fault
         assert!(clip.len() as u64 <= ends[layers - 1], "{} bytes of {}", clip.len(), ends[layers - 1]);
         assert!(clip.starts_with(&before), "what was read changes");
         if clip.len() as u64 == ends[layers - 1] {
-            file.keep(0, &ends[..layers], false);
+            file.keep(0, &ends[..layers], 0, false);
         }
     }
     Ok(Some(clip))
