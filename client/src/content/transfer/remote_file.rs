@@ -19,8 +19,11 @@ use super::state::Transfer;
 use super::whole_file::WholeFile;
 use crate::content::Traffic;
 
-/// Number of parts whose bytes stay in memory for a longer part with the same start: the first layers of what is drawn.
+/// Most parts whose bytes stay in memory for a longer part with the same start, the first layers of what is drawn, and most
+/// bytes of them together: little of the 512 MiB that a headset of 4 GiB has for what arrives. The latest part stays even if
+/// it is larger.
 const RECENT_PARTS: usize = 4;
+const RECENT_BYTES: usize = 8 << 20;
 
 /// A package on a server.
 #[derive(Debug)]
@@ -85,7 +88,10 @@ impl State {
 
     fn put_part(&mut self, part: ReadPart) {
         self.recent.push_back(part);
-        if self.recent.len() > RECENT_PARTS {
+        let bytes = |recent: &VecDeque<ReadPart>| recent.iter().map(|part| part.bytes.len()).sum::<usize>();
+        while self.recent.len() > 1
+            && (self.recent.len() > RECENT_PARTS || bytes(&self.recent) > RECENT_BYTES)
+        {
             self.recent.pop_front();
         }
     }
@@ -406,5 +412,25 @@ impl RemoteFile {
 
     fn lock(&self) -> MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_latest_parts_stay_as_far_as_memory_is_meant_for_them() {
+        let mut state = State::default();
+        let mut kept = |bytes: usize, start: u64| {
+            state.put_part(ReadPart { start, bytes: vec![0; bytes], cached_to: start });
+            state.recent.iter().map(|part| part.start).collect::<Vec<_>>()
+        };
+        (0..4).for_each(|start| drop(kept(1, start)));
+        assert_eq!(kept(1, 4), [1, 2, 3, 4]);
+        assert_eq!(kept(RECENT_BYTES / 2, 5), [2, 3, 4, 5]);
+        assert_eq!(kept(RECENT_BYTES / 2, 6), [5, 6]);
+        assert_eq!(kept(2 * RECENT_BYTES, 7), [7], "what is read on");
+        assert_eq!(kept(1, 8), [8]);
     }
 }
