@@ -102,10 +102,9 @@ impl DevicePlayer {
         let on_error = move |error: cpal::Error| match error.kind() {
             // It goes on, on another device or after a gap.
             ErrorKind::DeviceChanged | ErrorKind::Xrun | ErrorKind::RealtimeDenied => {}
-            _ => {
-                log::warn!("the audio device was lost: {error}");
-                lost.set_lost();
-            }
+            // A device may repeat it until it is closed.
+            _ if lost.set_lost() => log::warn!("the audio device was lost: {error}"),
+            _ => {}
         };
         let stream =
             device.build_output_stream(config, render, on_error, None).map_err(|error| why(&error))?;

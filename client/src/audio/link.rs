@@ -112,6 +112,7 @@ impl Link {
         self.set_skip_to(0);
         self.heard.clear();
         self.set_anchor(None);
+        self.take_lost();
     }
 
     pub(super) fn skip_to(&self) -> u64 {
@@ -165,8 +166,9 @@ impl Link {
         self.is_lost.swap(false, Ordering::AcqRel)
     }
 
-    pub(super) fn set_lost(&self) {
-        self.is_lost.store(true, Ordering::Release);
+    /// Says that the device was lost. Returns whether that was not said yet.
+    pub(super) fn set_lost(&self) -> bool {
+        !self.is_lost.swap(true, Ordering::AcqRel)
     }
 
     pub(super) fn is_open(&self) -> bool {

@@ -1,4 +1,5 @@
-//! [`Parts`]: the clock of the picture, and the thread that keeps a device open and its ring filled.
+//! [`Parts`]: the clock of the picture, and the thread that keeps a device open and its ring filled. [`Retry`] says
+//! when a device is opened again.
 
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
@@ -14,9 +15,14 @@ use super::timing::SoundTiming;
 const FILL_EVERY: Duration = Duration::from_millis(10);
 const LOOK_EVERY: Duration = Duration::from_millis(100);
 
-/// Wait before a device that was lost is looked for again, and where there was none so far.
+/// Wait before a device is looked for again: one that was lost, and one that was never there.
 const LOST_RETRY: Duration = Duration::from_secs(3);
 const ABSENT_RETRY: Duration = Duration::from_secs(60);
+
+/// Devices in a row that may be lost within [`STEADY`] of their opening, and are opened again at once: while it has no
+/// timing yet, ALSA's plugin for PulseAudio reports an error and plays on (alsa-plugins 65).
+const QUICK_LOSSES: u32 = 4;
+const STEADY: Duration = Duration::from_secs(1);
 
 /// Seconds without a frame after which sound stops: the window is hidden, or the headset sleeps.
 const FRAMELESS_S: f64 = 0.25;
@@ -51,8 +57,7 @@ impl Parts {
             link: self.link.clone(),
             epoch: self.epoch,
             device: None,
-            retry_at: Instant::now(),
-            retry_after: ABSENT_RETRY,
+            retry: Retry::new(Instant::now()),
             notes,
             was_said: false,
         };
@@ -80,8 +85,7 @@ struct DeviceKeeper {
     link: Arc<Link>,
     epoch: Instant,
     device: Option<OpenDevice>,
-    retry_at: Instant,
-    retry_after: Duration,
+    retry: Retry,
     notes: Sender<String>,
     /// Whether it was said that there is no sound.
     was_said: bool,
@@ -128,16 +132,20 @@ impl DeviceKeeper {
     fn keep_open(&mut self) {
         if self.link.take_lost() && self.device.take().is_some() {
             self.link.set_open(false);
-            self.retry_at = Instant::now() + self.retry_after;
-            self.say("the audio device was lost");
+            if !self.retry.on_lost(Instant::now()) {
+                self.say("the audio device was lost");
+            }
         }
-        if self.device.is_some() || Instant::now() < self.retry_at {
+        if self.device.is_some() || !self.retry.is_due(Instant::now()) {
             return;
         }
         match OpenDevice::open(&self.link, self.epoch) {
-            Ok(opened) => (self.device, self.retry_after) = (Some(opened), LOST_RETRY),
+            Ok(opened) => {
+                self.retry.on_opened(Instant::now());
+                self.device = Some(opened);
+            }
             Err(why) => {
-                self.retry_at = Instant::now() + self.retry_after;
+                self.retry.on_absent(Instant::now());
                 self.say(&why);
             }
         }
@@ -151,6 +159,43 @@ impl DeviceKeeper {
     }
 }
 
+/// When a device is opened again.
+struct Retry {
+    due_at: Instant,
+    /// When a device was opened last.
+    opened_at: Option<Instant>,
+    quick_losses: u32,
+}
+
+impl Retry {
+    /// Due at `now`, for the first time.
+    fn new(now: Instant) -> Retry {
+        Retry { due_at: now, opened_at: None, quick_losses: 0 }
+    }
+
+    fn is_due(&self, now: Instant) -> bool {
+        now >= self.due_at
+    }
+
+    fn on_opened(&mut self, now: Instant) {
+        self.opened_at = Some(now);
+    }
+
+    /// There is no device.
+    fn on_absent(&mut self, now: Instant) {
+        self.due_at = now + if self.opened_at.is_some() { LOST_RETRY } else { ABSENT_RETRY };
+    }
+
+    /// The device was lost. Returns whether it is opened again at once.
+    fn on_lost(&mut self, now: Instant) -> bool {
+        let is_quick = self.opened_at.is_some_and(|opened_at| now < opened_at + STEADY);
+        self.quick_losses = if is_quick { self.quick_losses + 1 } else { 0 };
+        let is_at_once = self.quick_losses < QUICK_LOSSES;
+        self.due_at = if is_at_once { now } else { now + LOST_RETRY };
+        is_at_once
+    }
+}
+
 impl Drop for DeviceKeeper {
     fn drop(&mut self) {
         self.link.set_open(false);
@@ -158,5 +203,41 @@ impl Drop for DeviceKeeper {
             let why = "the sound stopped because of a defect of the player: report it with the player's log";
             let _ = self.notes.send(why.into());
         }
+    }
+}
+
+#[cfg(test)]
+mod retry_tests {
+    use super::*;
+
+    #[test]
+    fn a_device_is_opened_again_at_once_unless_it_is_lost_again_and_again() {
+        let mut now = Instant::now();
+        let mut retry = Retry::new(now);
+        assert!(retry.is_due(now));
+        let mut lose = |lasted: Duration| {
+            retry.on_opened(now);
+            now += lasted;
+            let is_at_once = retry.on_lost(now);
+            assert_eq!(retry.is_due(now), is_at_once);
+            assert!(retry.is_due(now + LOST_RETRY));
+            is_at_once
+        };
+        assert!(lose(Duration::from_secs(60)), "after a minute");
+        for loss in 1..=6 {
+            let is_at_once = lose(Duration::from_millis(10));
+            assert_eq!(is_at_once, loss < QUICK_LOSSES, "loss {loss}");
+        }
+        assert!(lose(STEADY), "after one that lasted");
+    }
+
+    #[test]
+    fn a_device_that_is_not_there_is_looked_for_after_a_while() {
+        let (now, mut retry) = (Instant::now(), Retry::new(Instant::now()));
+        retry.on_absent(now);
+        assert!(!retry.is_due(now + LOST_RETRY) && retry.is_due(now + ABSENT_RETRY));
+        retry.on_opened(now);
+        retry.on_absent(now);
+        assert!(!retry.is_due(now) && retry.is_due(now + LOST_RETRY), "there was one");
     }
 }
