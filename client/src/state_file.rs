@@ -1,10 +1,14 @@
 //! [`StateFile`]: a small JSON file of what the player remembers from run to run, `{"version": 1, ...}`.
 //!
-//! Each is a convenience: a missing or damaged one, or one of another version, is a fresh start.
+//! Each is a convenience: a missing or damaged one, or one of another version, is a fresh start. A [`StateWriter`]
+//! writes one while the player runs.
 
 use std::fs::File;
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
+use std::sync::mpsc::{Sender, channel};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
 
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -78,6 +82,57 @@ impl StateFile {
         file.as_file().sync_all()?;
         file.persist(self.path(folder))?;
         Ok(())
+    }
+}
+
+/// Wait from a change to its writing, in which further changes arrive: a slider that is dragged has 60 a second.
+const SETTLES: Duration = Duration::from_millis(300);
+
+/// A thread that writes a file soon after it has changed, so that no frame waits for the disk, and little is lost if
+/// the player is killed. Dropping it waits until the file is written.
+#[derive(Debug)]
+pub(crate) struct StateWriter {
+    /// `None` while it is dropped.
+    changes: Option<Sender<Vec<u8>>>,
+    /// `None` if the system refused a thread.
+    thread: Option<JoinHandle<()>>,
+}
+
+impl StateWriter {
+    /// Starts the thread, which writes `file` in `folder`. A failure goes to the log.
+    pub(crate) fn start(file: StateFile, folder: PathBuf) -> StateWriter {
+        let (changes, arriving) = channel::<Vec<u8>>();
+        let write_all = move || {
+            while let Ok(mut bytes) = arriving.recv() {
+                let until = Instant::now() + SETTLES;
+                while let Ok(later) = arriving.recv_timeout(until.saturating_duration_since(Instant::now())) {
+                    bytes = later;
+                }
+                if let Err(error) = file.write(&folder, &bytes) {
+                    log::warn!("{}: {error}: it is not remembered", file.path(&folder).display());
+                }
+            }
+        };
+        let thread = std::thread::Builder::new().name("state".into()).spawn(write_all);
+        let thread = thread.inspect_err(|error| log::warn!("{}: {error}: it is not remembered", file.name));
+        StateWriter { changes: Some(changes), thread: thread.ok() }
+    }
+
+    /// Takes in what the file is to hold, by [`StateFile::encode`].
+    pub(crate) fn write(&self, bytes: Vec<u8>) {
+        if let Some(changes) = &self.changes {
+            // Without a thread, nothing is remembered.
+            let _ = changes.send(bytes);
+        }
+    }
+}
+
+impl Drop for StateWriter {
+    fn drop(&mut self) {
+        self.changes = None;
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
     }
 }
 

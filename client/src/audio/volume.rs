@@ -7,17 +7,20 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use crate::state_file::StateFile;
+use crate::state_file::{StateFile, StateWriter};
 
 /// The file.
 const FILE: StateFile = StateFile { name: "sound.json", version: 1, max_bytes: 4096 };
 
-/// How loud sound is. The part that is remembered is written when it is dropped.
+/// How loud sound is. A change is written soon after it was made, and the last one before this is dropped.
 #[derive(Debug)]
 pub(crate) struct Volume {
     folder: Option<PathBuf>,
     remembered: Loudness,
+    /// What was given to the writer last.
     written: Loudness,
+    /// From the first change on.
+    writer: Option<StateWriter>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -45,7 +48,7 @@ impl Volume {
             }
         });
         let remembered = remembered.unwrap_or_default();
-        Volume { folder, remembered, written: remembered }
+        Volume { folder, remembered, written: remembered, writer: None }
     }
 
     /// From 0 to 1; 1 is as loud as recorded.
@@ -58,6 +61,7 @@ impl Volume {
     pub(crate) fn set_level(&mut self, level: f32) {
         if level.is_finite() {
             self.remembered = Loudness { level: level.clamp(0.0, 1.0), is_muted: false };
+            self.save();
         }
     }
 
@@ -67,6 +71,7 @@ impl Volume {
 
     pub(crate) fn toggle_muted(&mut self) {
         self.remembered.is_muted = !self.remembered.is_muted;
+        self.save();
     }
 
     /// The factor of all samples: the square of the level, which sounds even from 0 to 1.
@@ -75,19 +80,12 @@ impl Volume {
         if self.is_muted() { 0.0 } else { self.level() * self.level() }
     }
 
-    /// Writes the file, whole or not at all, if something changed. A failure goes to the log.
+    /// Writes the file in the background, if something changed.
     pub(crate) fn save(&mut self) {
-        let Some(folder) = self.folder.as_deref().filter(|_| self.remembered != self.written) else { return };
+        let Some(folder) = self.folder.as_ref().filter(|_| self.remembered != self.written) else { return };
         self.written = self.remembered;
-        if let Err(error) = FILE.write(folder, &FILE.encode(&self.remembered)) {
-            log::warn!("cannot remember how loud sound is: {}: {error}", FILE.path(folder).display());
-        }
-    }
-}
-
-impl Drop for Volume {
-    fn drop(&mut self) {
-        self.save();
+        let writer = self.writer.get_or_insert_with(|| StateWriter::start(FILE, folder.clone()));
+        writer.write(FILE.encode(&self.remembered));
     }
 }
 
@@ -101,7 +99,26 @@ fn read(folder: &Path) -> io::Result<Loudness> {
 
 #[cfg(test)]
 mod volume_tests {
+    use std::time::{Duration, Instant};
+
     use super::*;
+
+    #[test]
+    fn a_change_is_remembered_although_the_player_is_killed() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut volume = Volume::open(Some(folder.path().into()));
+        volume.set_level(0.9);
+        volume.set_level(0.25);
+        volume.toggle_muted();
+        let killed_at = Instant::now() + Duration::from_secs(60);
+        let expected = Loudness { level: 0.25, is_muted: true };
+        while read(folder.path()).ok() != Some(expected) {
+            assert!(Instant::now() < killed_at, "{:?}", read(folder.path()));
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        // The file was written while it lives.
+        assert!(volume.is_muted());
+    }
 
     #[test]
     fn the_volume_is_remembered_and_a_damaged_file_is_a_fresh_start() {
