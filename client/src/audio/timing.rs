@@ -3,7 +3,7 @@
 //! While a clip plays forward at its captured rate, a frame advances by what the device has played since the frame
 //! before. The display's clock gives the steps and what is heard their sum: a difference is taken in within some frames,
 //! so that neither the jitter of the device's callbacks is seen nor the drift of two clocks adds up. A picture waits for
-//! sound that begins, and goes on without it if none comes.
+//! sound that begins, and goes on without it if none comes; it does not wait again until some was heard.
 
 use super::filler::{SoundCommand, Start};
 use super::link::Link;
@@ -35,6 +35,8 @@ pub(super) struct SoundTiming {
     number: u64,
     /// Until when there is no sound, after it did not come.
     left_out_until_s: f64,
+    /// Whether the device did not play what was started last: the picture does not wait for it again.
+    is_doubted: bool,
     /// Whether the next start follows another clip without a break.
     follows: bool,
 }
@@ -134,6 +136,7 @@ impl SoundTiming {
 
     fn start(&mut self, clock: &Clock, track: &SoundTrack, frame: FrameTime, holds: bool) -> SoundCommand {
         self.number += 1;
+        let holds = holds && !self.is_doubted;
         let (number, loops, position_s) = (self.number, clock.starts_over(), clock.position_s());
         self.run =
             Some(TimedRun { number, holds, is_heard: false, loops, elapsed_s: 0.0, position_s, held_s: 0.0 });
@@ -162,6 +165,7 @@ impl SoundTiming {
             None => frame.elapsed_s,
             Some(heard_s) => {
                 let is_first = !std::mem::replace(&mut run.is_heard, true);
+                self.is_doubted = false;
                 let difference_s = heard_s - (run.elapsed_s + frame.elapsed_s);
                 if difference_s.abs() > JUMP_S || is_first && run.holds {
                     (heard_s - run.elapsed_s).max(0.0)
@@ -175,6 +179,7 @@ impl SoundTiming {
         run.held_s = if waits { run.held_s + frame.elapsed_s } else { 0.0 };
         if run.held_s > WAITS_S {
             self.run = None;
+            self.is_doubted = true;
             self.left_out_until_s = frame.seen_at_s + LEFT_OUT_S;
         }
         elapsed_s
