@@ -127,20 +127,25 @@ mod placing_tests {
     fn a_source_around_the_head_takes_a_small_part_of_a_callback() {
         let (mut source, arriving) = BinauralSource::new(48_000);
         let mut placing = Placing::new(arriving, 48_000);
-        let begun = std::time::Instant::now();
-        for call in 0..1_000 {
-            let angle = 0.05 * f64::from(call);
-            let source_m = dvec3(angle.sin(), 0.3, angle.cos());
-            source.follow(source_m);
-            let target = Placement::new(Some(source_m));
-            placing.begin(target);
-            (0..480).for_each(|i| {
-                std::hint::black_box(placing.place(wave(i), target));
-            });
-        }
-        let share = begun.elapsed().as_secs_f64() / 10.0;
-        println!("{:.0} us of a callback of 10 ms", share * 1e4);
-        assert!(share < 0.5, "{share}");
+        let mut calls_s: Vec<f64> = (0..1_000)
+            .map(|call| {
+                let begun = std::time::Instant::now();
+                let angle = 0.05 * f64::from(call);
+                let source_m = dvec3(angle.sin(), 0.3, angle.cos());
+                source.follow(source_m);
+                let target = Placement::new(Some(source_m));
+                placing.begin(target);
+                (0..480).for_each(|i| {
+                    std::hint::black_box(placing.place(wave(i), target));
+                });
+                begun.elapsed().as_secs_f64()
+            })
+            .collect();
+        // The median: another program may take the CPU in some of them.
+        calls_s.sort_by(f64::total_cmp);
+        let median_s = calls_s[calls_s.len() / 2];
+        println!("{:.0} us of a callback of 10 ms", 1e6 * median_s);
+        assert!(median_s < 2.5e-4, "{median_s} s");
     }
 
     #[test]

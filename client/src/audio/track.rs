@@ -113,6 +113,11 @@ impl SoundTrack {
     /// Does nothing: there is nothing to drop.
     pub(crate) fn retain(&self, _: impl Fn(usize) -> bool) {}
 
+    /// Whether a segment has a sound: never.
+    pub(crate) fn has(&self, _: usize) -> bool {
+        false
+    }
+
     /// Number of sounds: none.
     pub(crate) fn len(&self) -> usize {
         0
@@ -166,6 +171,11 @@ impl SoundTrack {
         while bytes > BYTES_MAX && sounds.len() > 1 {
             bytes -= sounds.remove(0).bytes();
         }
+    }
+
+    /// Whether the sound of a segment is in memory.
+    pub(crate) fn has(&self, segment: usize) -> bool {
+        self.lock().sounds.iter().any(|placed| placed.segment == segment)
     }
 
     /// Number of sounds in memory.

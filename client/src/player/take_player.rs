@@ -62,6 +62,8 @@ pub struct TakeCounts {
     pub resident: usize,
     /// Number of sounds in memory.
     pub sounds: usize,
+    /// Number of segments in GPU memory whose sound is in memory.
+    pub resident_sounds: usize,
     /// Number of segments that were loaded so far, again ones included.
     pub loaded: usize,
     /// Seconds that play on without loading, from the position in the direction of play.
@@ -301,6 +303,8 @@ impl TakePlayer {
         }
         self.counts.resident = self.residents.len();
         self.counts.sounds = self.opened.sound.len();
+        let has_sound = |resident: &&Resident| self.opened.sound.has(resident.segment);
+        self.counts.resident_sounds = self.residents.iter().filter(has_sound).count();
         self.counts.layers = self.layer_choice.layers();
         self.counts.resident_layers =
             self.residents.iter().map(|resident| resident.layers).max().unwrap_or(0);

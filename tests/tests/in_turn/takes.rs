@@ -332,9 +332,10 @@ fn sound() -> Result<(), String> {
         let position_s = played.clock.position_s();
         rounds += u32::from(position_s < last_s);
         last_s = position_s;
-        let TakeCounts { sounds, resident, .. } = played.take.counts();
-        if sounds < resident || sounds > resident + BACKLOG_MAX {
-            return Err(format!("{sounds} sounds of {resident} segments at {position_s} s"));
+        let TakeCounts { sounds, resident_sounds, resident, .. } = played.take.counts();
+        if resident_sounds != resident || sounds > resident + BACKLOG_MAX {
+            let theirs = format!("{resident_sounds} of {sounds} sounds are of the {resident} segments");
+            return Err(format!("{theirs} at {position_s} s"));
         }
         most = most.max(sounds);
     }
