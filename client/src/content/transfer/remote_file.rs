@@ -420,6 +420,21 @@ mod tests {
     use super::*;
 
     #[test]
+    fn only_pieces_that_were_decoded_are_cached() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = Cache::new(folder.path(), 1 << 20);
+        let file = RemoteFile::new("http://host/a", RetryPolicy::default(), Some(cache.clone())).unwrap();
+        file.set_head(b"head", false);
+        file.lock().put_part(ReadPart { start: 10, bytes: b"firstrest".to_vec(), cached_to: 10 });
+        file.keep(10, &[15, 19], 1, true);
+        let cached = |start, end| {
+            let key = file.cache_key(&file.lock(), start, end).unwrap();
+            cache.get(&key).map(|file| file.bytes)
+        };
+        assert_eq!((cached(10, 15), cached(15, 19)), (None, Some(b"rest".to_vec())));
+    }
+
+    #[test]
     fn the_latest_parts_stay_as_far_as_memory_is_meant_for_them() {
         let mut state = State::default();
         let mut kept = |bytes: usize, start: u64| {
