@@ -3,7 +3,9 @@
 //! A file is written under a temporary name in its folder and then renamed. Its path never holds an
 //! incomplete file, and a file that was there before stays until the new one is complete, which gets its permissions.
 //! Links are followed. What is no regular file, such as a device or a pipe, is opened and written to instead.
+//! What is complete and cannot be renamed stays under its temporary name, which the error states.
 
+use std::ffi::OsStr;
 use std::fs::{File, Metadata, OpenOptions};
 use std::io::{self, Read, Seek, SeekFrom, Write};
 #[cfg(unix)]
@@ -11,7 +13,7 @@ use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
-use tempfile::{Builder, NamedTempFile, TempDir};
+use tempfile::{Builder, NamedTempFile, PersistError, TempDir};
 
 use crate::Fault;
 
@@ -33,7 +35,8 @@ pub fn check(path: &Path) -> Result<(), Fault> {
 /// # Errors
 /// [`Fault::Usage`] with the path and the reason.
 pub fn check_folder(path: &Path) -> Result<(), Fault> {
-    match path.ancestors().find(|folder| folder.exists()) {
+    let target = end_of_links(path).map_err(|error| failed(path, error))?;
+    match target.ancestors().find(|folder| folder.exists()) {
         Some(folder) if folder.is_dir() => temporary_in(folder, path, None).map(drop),
         Some(file) => Err(Fault::Usage(format!(
             "cannot write to the folder {}: {} is a file, name another folder",
@@ -49,7 +52,7 @@ pub fn check_folder(path: &Path) -> Result<(), Fault> {
 /// # Errors
 /// [`Fault::Usage`] with the path and the reason.
 pub fn make_folder(path: &Path) -> Result<(), Fault> {
-    std::fs::create_dir_all(path).map_err(|error| {
+    end_of_links(path).and_then(std::fs::create_dir_all).map_err(|error| {
         Fault::Usage(format!("cannot make the folder {}: {error}; name another place", path.display()))
     })
 }
@@ -90,8 +93,7 @@ pub fn write_parts<E: From<Fault>>(
     let (mut file, target) = temporary(path)?;
     // The file itself: errors of `NamedTempFile` name the temporary file.
     fill(&mut OutputFile { file: file.as_file_mut(), path })?;
-    file.persist(target).map_err(|error| failed(path, error.error))?;
-    Ok(())
+    Ok(persist(file, &target, path)?)
 }
 
 /// A file that is being written.
@@ -152,11 +154,15 @@ impl Scratch {
     }
 }
 
-/// A folder that is written under a temporary name beside its own, which it gets when it is complete.
+/// A folder that is written under a temporary name until it is complete: beside its own name, which it then gets, or
+/// in the empty folder that is there, to which its files then move. So that folder may be `.`, a mount point, or the
+/// target of a link.
 #[derive(Debug)]
 pub struct OutputFolder {
     folder: TempDir,
     path: PathBuf,
+    /// The end of the links from `path`.
+    target: PathBuf,
 }
 
 impl OutputFolder {
@@ -165,29 +171,25 @@ impl OutputFolder {
     /// # Errors
     /// [`Fault::Usage`] with the path and the reason.
     pub fn begin(path: &Path) -> Result<OutputFolder, Fault> {
-        let is_free = match path.read_dir() {
-            Ok(mut entries) => entries.next().is_none(),
-            Err(_) => !path.exists(),
-        };
-        if !is_free {
+        // Without a separator at the end, behind which a link is not seen.
+        let target = end_of_links(&path.components().collect::<PathBuf>());
+        let target = target.map_err(|error| failed(path, error))?;
+        if !is_free(&target).map_err(|error| failed(path, error))? {
             return Err(cannot_write(path, "there is something already, name another folder"));
         }
-        let parent = folder_of(path);
-        if !parent.is_dir() {
+        let around = if target.is_dir() { &target } else { folder_of(&target) };
+        if !around.is_dir() {
             return Err(cannot_write(
                 path,
-                format!("there is no folder {}, make it first", parent.display()),
+                format!("there is no folder {}, make it first", around.display()),
             ));
         }
         let mut builder = Builder::new();
         #[cfg(unix)]
-        {
-            use std::os::unix::fs::PermissionsExt;
-            builder.permissions(std::fs::Permissions::from_mode(0o777));
-        }
-        let folder = builder.prefix(TEMPORARY).tempdir_in(parent);
+        builder.permissions(permissions(0o777));
+        let folder = builder.prefix(TEMPORARY).tempdir_in(around);
         let folder = folder.map_err(|error| failed(path, without_name(&error)))?;
-        Ok(OutputFolder { folder, path: path.to_owned() })
+        Ok(OutputFolder { folder, path: path.to_owned(), target })
     }
 
     /// Writes a file of this name.
@@ -207,15 +209,41 @@ impl OutputFolder {
     /// Gives the folder its name.
     ///
     /// # Errors
-    /// [`Fault::Usage`] with the path and the reason.
+    /// [`Fault::Usage`] with the path, the reason, and where the complete folder is.
     pub fn finish(self) -> Result<(), Fault> {
-        // Not every system replaces an empty folder.
-        let _ = std::fs::remove_dir(&self.path);
-        std::fs::rename(self.folder.path(), &self.path).map_err(|error| failed(&self.path, error))?;
-        // It has another name now, and stays.
-        let _ = self.folder.keep();
-        Ok(())
+        let OutputFolder { folder, path, target } = self;
+        // From here on nothing deletes it.
+        let folder = folder.keep();
+        move_folder(&folder, &target).map_err(|error| complete_elsewhere(&path, error, &folder))
     }
+}
+
+/// Moves a complete folder to `target`, or its files if there is an empty folder.
+fn move_folder(folder: &Path, target: &Path) -> io::Result<()> {
+    if !is_free(target)? {
+        return Err(io::Error::other("there is something by now"));
+    }
+    if !target.is_dir() {
+        return std::fs::rename(folder, target);
+    }
+    for entry in std::fs::read_dir(folder)? {
+        let entry = entry?;
+        std::fs::rename(entry.path(), target.join(entry.file_name()))?;
+    }
+    std::fs::remove_dir(folder)
+}
+
+/// Whether there is nothing at `target`, or a folder without complete files.
+fn is_free(target: &Path) -> io::Result<bool> {
+    if !target.is_dir() {
+        return Ok(!target.exists());
+    }
+    for entry in target.read_dir()? {
+        if !is_unfinished(&entry?.file_name().to_string_lossy()) {
+            return Ok(false);
+        }
+    }
+    Ok(true)
 }
 
 /// Whether a file of this name is of an output that a killed process did not finish.
@@ -244,7 +272,7 @@ fn write_synced(path: &Path, bytes: &[u8], sync: impl Fn(&File) -> io::Result<()
         .write_all(bytes)
         .and_then(|()| sync(file.as_file()))
         .map_err(|error| failed(path, error))?;
-    file.persist(target).map_err(|error| failed(path, error.error))?;
+    persist(file, &target, path)?;
     // Other systems cannot open a folder, and write names through.
     #[cfg(unix)]
     File::open(folder).and_then(|folder| sync(&folder)).map_err(|error| failed(path, error))?;
@@ -272,7 +300,10 @@ fn is_special(path: &Path) -> bool {
 /// removes it.
 fn temporary(path: &Path) -> Result<(NamedTempFile, PathBuf), Fault> {
     let target = end_of_links(path).map_err(|error| failed(path, error))?;
-    if target.is_dir() || target.file_name().is_none() {
+    // A path that goes on behind its last name, as "a/" does, is of a folder.
+    let ends_in_name =
+        |name: &OsStr| target.as_os_str().as_encoded_bytes().ends_with(name.as_encoded_bytes());
+    if target.is_dir() || !target.file_name().is_some_and(ends_in_name) {
         return Err(cannot_write(path, "it is a folder, name a file"));
     }
     let folder = folder_of(&target);
@@ -280,6 +311,13 @@ fn temporary(path: &Path) -> Result<(NamedTempFile, PathBuf), Fault> {
         return Err(cannot_write(path, format!("there is no folder {}, make it first", folder.display())));
     }
     Ok((temporary_in(folder, path, target.metadata().ok())?, target))
+}
+
+/// Gives a complete file its name.
+fn persist(file: NamedTempFile, target: &Path, path: &Path) -> Result<(), Fault> {
+    let Err(PersistError { error, file }) = file.persist(target) else { return Ok(()) };
+    let (_, place) = file.keep().map_err(|error| failed(path, error.error))?;
+    Err(complete_elsewhere(path, error, &place))
 }
 
 /// The folder that holds the file at `path`.
@@ -336,6 +374,11 @@ fn end_of_links(path: &Path) -> io::Result<PathBuf> {
 /// The fault of a place that cannot be written to.
 fn failed(path: &Path, error: impl std::fmt::Display) -> Fault {
     cannot_write(path, format!("{error}; name another place"))
+}
+
+/// The fault of an output that is complete at `place` and cannot be renamed.
+fn complete_elsewhere(path: &Path, error: impl std::fmt::Display, place: &Path) -> Fault {
+    cannot_write(path, format!("{error}; it is complete at {}, move it from there", place.display()))
 }
 
 fn cannot_write(path: &Path, reason: impl std::fmt::Display) -> Fault {
@@ -453,9 +496,21 @@ mod tests {
         usage(check(folder.path()));
         usage(check(&folder.path().join("absent/a")));
         usage(check(&file.join("a")));
+        ["absent/", "absent/.", "file/"].iter().for_each(|name| usage(check(&folder.path().join(name))));
         usage(check_folder(&file));
         usage(check_folder(&file.join("a/b")));
         usage(make_folder(&file.join("a")));
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_folder_is_made_where_a_link_leads() {
+        let folder = tempfile::tempdir().unwrap();
+        let [link, made] = ["link", "made"].map(|name| folder.path().join(name));
+        std::os::unix::fs::symlink("made", &link).unwrap();
+        check_folder(&link).unwrap();
+        make_folder(&link).unwrap();
+        assert!(link.is_symlink() && made.is_dir());
     }
 
     #[cfg(target_os = "linux")]
@@ -524,6 +579,59 @@ mod tests {
             assert!(matches!(OutputFolder::begin(&taken), Err(Fault::Usage(_))), "{}", taken.display());
         }
         assert_eq!(count(), 1);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn an_empty_folder_stays_the_one_it_was() {
+        let parent = tempfile::tempdir().unwrap();
+        let path = |name: &str| parent.path().join(name);
+        ["a", "b", "c"].iter().for_each(|name| std::fs::create_dir(path(name)).unwrap());
+        std::os::unix::fs::symlink("b", path("link")).unwrap();
+        std::os::unix::fs::symlink("new", path("dangling")).unwrap();
+        for (out, end) in [("a/.", "a"), ("link/", "b"), ("c/../c", "c"), ("dangling/", "new"), ("d/.", "d")]
+        {
+            let before = path(end).metadata().map(|folder| folder.ino());
+            // What a killed process left does not count.
+            let begun = OutputFolder::begin(&path(out)).unwrap();
+            let killed = OutputFolder::begin(&path(out)).unwrap().folder.keep();
+            begun.write("file", b"1").unwrap();
+            std::fs::create_dir(begun.path().join("folder")).unwrap();
+            begun.finish().unwrap();
+            std::fs::remove_dir(killed).unwrap();
+            let mut names: Vec<_> =
+                path(end).read_dir().unwrap().map(|entry| entry.unwrap().file_name()).collect();
+            names.sort();
+            assert_eq!(names, ["file", "folder"], "{out}");
+            // A mount point or a working directory is as little replaced.
+            assert!(before.is_err() || before.unwrap() == path(end).metadata().unwrap().ino(), "{out}");
+        }
+        assert!(path("link").is_symlink() && path("dangling").is_symlink());
+        assert_eq!(parent.path().read_dir().unwrap().count(), 7);
+    }
+
+    #[test]
+    fn what_is_complete_is_never_deleted() {
+        let parent = tempfile::tempdir().unwrap();
+        // What is in the way by the end, which a check before the work cannot know.
+        let path = parent.path().join("a");
+        let occupy = || std::fs::create_dir_all(path.join("in the way")).unwrap();
+        let place = |fault: Fault| {
+            let text = fault.to_string();
+            let place = text.rsplit_once("it is complete at ").and_then(|(_, rest)| rest.split_once(','));
+            PathBuf::from(place.expect(&text).0)
+        };
+        let begun = OutputFolder::begin(&path).unwrap();
+        begun.write("b", b"1").unwrap();
+        occupy();
+        let folder = place(begun.finish().unwrap_err());
+        assert_eq!(std::fs::read(folder.join("b")).unwrap(), b"1");
+        std::fs::remove_dir_all(&path).unwrap();
+        let written = write_parts(&path, |file| {
+            occupy();
+            file.write(b"2")
+        });
+        assert_eq!(std::fs::read(place(written.unwrap_err())).unwrap(), b"2");
     }
 
     #[test]

@@ -16,7 +16,6 @@ use crate::report::{ReportPart, ReportSubject};
 use ::program::{Fault, output};
 use anyhow::bail;
 use serde_json::Value;
-use std::fs;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -111,7 +110,7 @@ struct PageSubject<'a> {
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let start = Instant::now();
-    check_folder(&args.out)?;
+    output::check_folder(&args.out)?;
     args.check_size()?;
     let page_of = args.page_of()?;
     #[cfg(not(feature = "measure"))]
@@ -284,20 +283,8 @@ fn rd_part(subjects: &[ReportSubject], settings: &RdSettings) -> anyhow::Result<
     rd::part(&measured)
 }
 
-/// Checks, before any work is done, that the folder is there or can be made.
-fn check_folder(folder: &Path) -> Result<(), Fault> {
-    match folder.metadata() {
-        Ok(found) if found.is_dir() => Ok(()),
-        Ok(_) => Err(Fault::Usage(format!("{} is a file, name a folder for the report", folder.display()))),
-        Err(_) => output::check(folder),
-    }
-}
-
 /// Writes the files, each whole or not at all, to the folder, which is made if it is missing.
 fn write(folder: &Path, files: [(&str, &str); 2]) -> Result<(), Fault> {
-    if !folder.is_dir() {
-        let fault = |error| Fault::Usage(format!("cannot make the folder {}: {error}", folder.display()));
-        fs::create_dir(folder).map_err(fault)?;
-    }
+    output::make_folder(folder)?;
     files.into_iter().try_for_each(|(name, text)| output::write(&folder.join(name), text.as_bytes()))
 }

@@ -282,12 +282,11 @@ const FAILURES: &[Failure] = &[
         "name one --capture for each",
     ),
     ("report nope.ply --rd", DATA, "nope.ply: there is no such file", "check the path"),
-    ("report field.ply --rd -o no/report", USAGE, "cannot write no/report", "make it first"),
+    ("report field.ply --rd -o clip.aarc", USAGE, "clip.aarc is a file", "name another folder"),
     ("report field.ply clip.aarc", USAGE, "a page is of one field", "name one, or choose --rd"),
     ("report field.ply --fit", DATA, "field.ply: a file", "a capture is a folder, so name that"),
     ("report stage --fit -o stage/report", USAGE, "would lie within stage", "name another --out"),
     ("report stage field.ply --fit", USAGE, "--fit is of one capture", "name one"),
-    ("report stage --fit -o no/report", USAGE, "cannot write no/report", "make it first"),
     (
         "report field.ply --steps 9",
         USAGE,

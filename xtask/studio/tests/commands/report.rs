@@ -252,9 +252,7 @@ fn bad_requests_are_refused_before_any_work() {
     assert!(!folder.path().join("report").exists());
     fs::write(folder.path().join("bad.ply"), "ply\n").unwrap();
     assert!(run(&["report", "bad.ply", "--rd"]).error(3).contains("bad.ply"));
-    assert!(run(&["report", "bad.ply", "--rd", "-o", "no/folder"]).error(2).contains("no/folder"));
     assert!(run(&["report", "bad.ply", "--rd", "-o", "bad.ply"]).error(2).contains("bad.ply"));
-    assert!(run(&["report", "bad.ply", "-o", "no/folder"]).error(2).contains("no/folder"));
     assert!(run(&["report", "bad.ply"]).error(3).contains("bad.ply"));
     assert!(run(&["report", "bad.ply", "other.ply"]).error(2).contains("a page is of one field"));
     assert!(run(&["report", "bad.ply", "--size", "9000x9000"]).error(2).contains("9000x9000"));

@@ -7,6 +7,7 @@ use std::{fs, io};
 use codec::Camera;
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 use program::Fault;
+use program::output::OutputFolder;
 use rayon::prelude::*;
 use serde_json::json;
 
@@ -17,28 +18,17 @@ use super::{FPS, StageSettings, is_held, rig, subject};
 /// Path of an image in each of the folders `images`, `masks` and `depths`.
 const PATTERN: &str = "{camera}/{frame:06}.png";
 
-/// Writes the capture to `folder`, which must be new or empty; on an error nothing is written. Calls
+/// Writes the capture to `folder`, at which there is nothing or an empty folder; on an error nothing is written. Calls
 /// `on_image` after each image, from any thread.
 ///
 /// # Errors
 /// [`Fault::Usage`] if the settings are out of range or `folder` cannot be written.
 pub fn write(folder: &Path, settings: &StageSettings, on_image: impl Fn() + Sync) -> Result<(), Fault> {
     settings.check()?;
-    let fault = |error: Error| Fault::Usage(format!("cannot write {}: {error}", folder.display()));
-    if folder.exists() {
-        let is_empty = || Ok(fs::read_dir(folder)?.next().is_none());
-        if !folder.is_dir() || !is_empty().map_err(fault)? {
-            return Err(fault(io::ErrorKind::AlreadyExists.into()));
-        }
-    }
-    let beside = folder.parent().filter(|parent| *parent != Path::new("")).unwrap_or(Path::new("."));
-    let temporary = tempfile::Builder::new().prefix(".writing-").tempdir_in(beside).map_err(fault)?;
-    let complete = temporary.path().join("capture");
-    fill(&complete, settings, on_image).map_err(fault)?;
-    if folder.exists() {
-        fs::remove_dir(folder).map_err(fault)?;
-    }
-    fs::rename(&complete, folder).map_err(fault)
+    let output = OutputFolder::begin(folder)?;
+    fill(output.path(), settings, on_image)
+        .map_err(|error| Fault::Usage(format!("cannot write {}: {error}", folder.display())))?;
+    output.finish()
 }
 
 fn fill(folder: &Path, settings: &StageSettings, on_image: impl Fn() + Sync) -> io::Result<()> {
