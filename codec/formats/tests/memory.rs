@@ -105,6 +105,36 @@ fn memory_is_bounded() {
     assert!(imported.unwrap_err().contains("a header of"));
     assert!(peak < long.len() + UNCOUNTED_BYTES, "{peak}");
 
+    // A mesh of many primitives in many places: 9 million primitives in half a megabyte.
+    let attributes = serde_json::json!({
+        "POSITION": 0,
+        "KHR_gaussian_splatting:SCALE": 0,
+        "KHR_gaussian_splatting:ROTATION": 1,
+        "KHR_gaussian_splatting:OPACITY": 2,
+        "KHR_gaussian_splatting:SH_DEGREE_0_COEF_0": 0,
+    });
+    let accessor =
+        |kind: &str| serde_json::json!({"bufferView": 0, "componentType": 5126, "count": 100, "type": kind});
+    let primitive =
+        serde_json::json!({"attributes": attributes, "extensions": {"KHR_gaussian_splatting": {}}});
+    let gltf = serde_json::json!({
+        "nodes": vec![serde_json::json!({"mesh": 0}); 3_000],
+        "meshes": [{"primitives": vec![primitive; 3_000]}],
+        "accessors": [accessor("VEC3"), accessor("VEC4"), accessor("SCALAR")],
+        "bufferViews": [{"buffer": 0, "byteLength": 1_600}],
+        "buffers": [{"byteLength": 1_600, "uri": format!("data:;base64,{}", "A".repeat(2_136))}],
+    });
+    let gltf = gltf.to_string();
+    let (imported, peak) = peak_of("places.gltf", gltf.as_bytes(), ImportLimits::default().max_bytes);
+    assert!(imported.unwrap_err().contains("MB is the limit"));
+    assert!(peak < 32 << 20, "{peak}");
+
+    // Nodes of three characters.
+    let nodes = format!(r#"{{"nodes": [{}{{}}]}}"#, "{},".repeat(1 << 20));
+    let limit = 256 << 20;
+    let (imported, peak) = peak_of("nodes.gltf", nodes.as_bytes(), limit);
+    assert!(imported.is_err() && peak as u64 <= limit, "{peak}");
+
     // A bomb by gzip, whose rows are there: 400,000 Gaussians in 26 kB.
     let mut bomb = GzEncoder::new(Vec::new(), Compression::best());
     bomb.write_all(&spz_head(3, 400_000)).unwrap();

@@ -10,8 +10,8 @@ use crate::limits::ImportBudget;
 /// Longest text: parsed JSON takes many times its text.
 const TEXT_MAX: usize = 16 << 20;
 
-/// Bytes of memory for a byte of text.
-const BYTES_PER_BYTE: u64 = 32;
+/// Most bytes of memory for a byte of text: an empty node, `{},`, in a vector that has just grown.
+const BYTES_PER_BYTE: u64 = size_of::<Node>() as u64;
 
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase", default)]
@@ -39,12 +39,12 @@ pub(super) struct Node {
     pub(super) mesh: Option<usize>,
     #[serde(default)]
     pub(super) children: Vec<usize>,
-    /// Column by column.
-    pub(super) matrix: Option<[f64; 16]>,
-    pub(super) translation: Option<[f64; 3]>,
+    /// Column by column. Boxed, as the rest: a node of two characters takes the memory of all its properties.
+    pub(super) matrix: Option<Box<[f64; 16]>>,
+    pub(super) translation: Option<Box<[f64; 3]>>,
     /// Quaternion x, y, z, w.
-    pub(super) rotation: Option<[f64; 4]>,
-    pub(super) scale: Option<[f64; 3]>,
+    pub(super) rotation: Option<Box<[f64; 4]>>,
+    pub(super) scale: Option<Box<[f64; 3]>>,
 }
 
 #[derive(Deserialize)]

@@ -29,7 +29,7 @@ use crate::up_axis::Y_UP;
 
 use attributes::Attributes;
 use buffers::Buffers;
-use document::Document;
+use document::{Document, Mesh};
 use primitive::{DISPLAY, EXTENSION, Gaussians, KERNEL, PREFIX, SCALE, ScaleForm};
 
 pub(crate) use container::START;
@@ -47,38 +47,60 @@ pub(crate) fn read(bytes: &[u8], folder: &Path, budget: &mut ImportBudget) -> Re
     if let Some(name) = document.extensions_required.iter().find(|name| !KNOWN.contains(&name.as_str())) {
         return Err(format!("glTF that requires {name}, which is not read; write it without"));
     }
-    let placed = nodes::placed(&document)?;
-    let parts: Vec<(Gaussians, _)> = placed
-        .iter()
-        .flat_map(|(mesh, place)| document.meshes[*mesh].primitives.iter().map(move |one| (one, *place)))
-        .filter(|(primitive, _)| primitive.extensions.contains_key(EXTENSION))
-        .map(|(primitive, place)| Ok((Gaussians::new(&document, primitive)?, place)))
-        .collect::<Result<_, String>>()?;
-    let others = placed.iter().flat_map(|(mesh, _)| &document.meshes[*mesh].primitives).count() - parts.len();
-    if parts.is_empty() {
+    let placed = nodes::placed(&document, budget)?;
+    let meshes = gaussians(&document, &placed)?;
+    let parts = || meshes.iter().flatten();
+    // A mesh may stand in many places: all that is counted here is by mesh, for they are more than fit in memory.
+    let sum = |count: &dyn Fn(usize) -> usize| {
+        placed.iter().fold(0, |sum: usize, (mesh, _)| sum.saturating_add(count(*mesh)))
+    };
+    let others = sum(&|mesh| document.meshes[mesh].primitives.len() - meshes[mesh].len());
+    if parts().next().is_none() {
         return Err(format!(
             "glTF without {EXTENSION}: it has {others} primitives of meshes or points, and no Gaussians"
         ));
     }
     let buffers = Buffers::load(&document, binary, folder, budget)?;
-    parts.iter().try_for_each(|(part, _)| part.check(&buffers))?;
-    let rows = parts.iter().fold(0, |rows: usize, (part, _)| rows.saturating_add(part.rows));
-    let sh_degree = parts.iter().map(|(part, _)| part.sh_degree).max().unwrap_or(0);
-    // A mesh may stand in many places: their rows are counted before any is read.
+    parts().try_for_each(|part| part.check(&buffers))?;
+    let mesh_rows: Vec<usize> = meshes
+        .iter()
+        .map(|mesh| mesh.iter().fold(0, |rows: usize, part| rows.saturating_add(part.rows)))
+        .collect();
+    let rows = sum(&|mesh| mesh_rows[mesh]);
+    let sh_degree = parts().map(|part| part.sh_degree).max().unwrap_or(0);
     let mut field = budget.field(rows, sh_degree)?;
-    let form = ScaleForm::detect(&parts.iter().map(|(part, _)| part).collect::<Vec<_>>(), &buffers)?;
+    let form = ScaleForm::detect(parts(), &buffers)?;
     let mut repairs = Repairs::default();
-    for (part, place) in &parts {
-        let mut one = budget.field(part.rows, part.sh_degree)?;
-        part.read(&buffers, form, &mut one, &mut repairs)?;
-        place.apply(&mut one);
-        append(&mut field, &one);
+    for (mesh, place) in &placed {
+        for part in &meshes[*mesh] {
+            let mut one = budget.field(part.rows, part.sh_degree)?;
+            part.read(&buffers, form, &mut one, &mut repairs)?;
+            place.apply(&mut one);
+            append(&mut field, &one);
+        }
     }
-    let has_linear = parts.iter().any(|(part, _)| part.is_linear);
+    let has_linear = parts().any(|part| part.is_linear);
     let (assumed, lost) = (assumed(form, has_linear), left_out(others, document.animations.len()));
     let account = Account { repairs, assumed, lost };
     let hints = Hints { up: Some(Y_UP), metres_per_unit: Some(1.0), ..Hints::default() };
     Ok(Imported { field, hints, format: "glTF (KHR_gaussian_splatting)", account })
+}
+
+/// The Gaussians of each mesh; none of a mesh that is not placed.
+fn gaussians<'d>(
+    document: &'d Document,
+    placed: &[(usize, Similarity)],
+) -> Result<Vec<Vec<Gaussians<'d>>>, String> {
+    let mut is_placed = vec![false; document.meshes.len()];
+    placed.iter().for_each(|(mesh, _)| is_placed[*mesh] = true);
+    let of_mesh = |(mesh, is_placed): (&'d Mesh, bool)| {
+        let primitives = mesh
+            .primitives
+            .iter()
+            .filter(|primitive| is_placed && primitive.extensions.contains_key(EXTENSION));
+        primitives.map(|primitive| Gaussians::new(document, primitive)).collect()
+    };
+    document.meshes.iter().zip(is_placed).map(of_mesh).collect()
 }
 
 /// Appends rows of an SH degree that is not higher.

@@ -1,5 +1,6 @@
 //! [`placed`]: the meshes of a scene, each with the transform of its node.
 
+use crate::limits::ImportBudget;
 use crate::similarity::{Similarity, matrix, product};
 
 use super::document::{Document, Node};
@@ -10,6 +11,9 @@ const TOLERANCE: f64 = 1e-3;
 /// A matrix of three rows and four columns.
 type Affine = [[f64; 4]; 3];
 
+/// Most bytes of memory for a node: its transform in the scene and its place, in vectors that have just grown.
+const BYTES_PER_PLACE: u64 = 3 * (size_of::<(usize, Affine)>() + size_of::<(usize, Similarity)>()) as u64;
+
 const IDENTITY: Affine = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
 
 /// The meshes of the scene, by the numbers of `document.meshes`; without a scene, of all nodes that are no children, and
@@ -17,8 +21,13 @@ const IDENTITY: Affine = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0,
 ///
 /// # Errors
 /// One sentence that names the scene or the node by its number: a number that is out of range, a node with two parents, a
-/// transform that Gaussians with view-dependent colours cannot follow.
-pub(super) fn placed(document: &Document) -> Result<Vec<(usize, Similarity)>, String> {
+/// transform that Gaussians with view-dependent colours cannot follow. As [`ImportBudget::spend`] has them.
+pub(super) fn placed(
+    document: &Document,
+    budget: &mut ImportBudget,
+) -> Result<Vec<(usize, Similarity)>, String> {
+    let places = document.nodes.len().max(document.meshes.len()) as u64;
+    budget.spend(places.saturating_mul(BYTES_PER_PLACE))?;
     if document.nodes.is_empty() {
         return Ok((0..document.meshes.len()).map(|mesh| (mesh, Similarity::IDENTITY)).collect());
     }
@@ -68,12 +77,13 @@ fn unlike(number: usize) -> String {
 
 /// The transform of a node in its parent.
 fn local(node: &Node) -> Affine {
-    if let Some(columns) = node.matrix {
+    if let Some(columns) = &node.matrix {
         return [0, 1, 2].map(|row| [0, 1, 2, 3].map(|column| columns[4 * column + row]));
     }
-    let [x, y, z, w] = node.rotation.unwrap_or([0.0, 0.0, 0.0, 1.0]);
+    let [x, y, z, w] = node.rotation.as_deref().copied().unwrap_or([0.0, 0.0, 0.0, 1.0]);
     let turn = matrix([w, x, y, z]);
-    let (scale, translation) = (node.scale.unwrap_or([1.0; 3]), node.translation.unwrap_or_default());
+    let scale = node.scale.as_deref().copied().unwrap_or([1.0; 3]);
+    let translation = node.translation.as_deref().copied().unwrap_or_default();
     [0, 1, 2].map(|row| {
         let [a, b, c] = [0, 1, 2].map(|column| turn[row][column] * scale[column]);
         [a, b, c, translation[row]]
@@ -132,10 +142,15 @@ fn quaternion(m: impl Fn(usize, usize) -> f64) -> [f64; 4] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::limits::ImportLimits;
 
     fn document(nodes: serde_json::Value) -> Document {
         let all = serde_json::json!({"nodes": nodes, "meshes": [{"primitives": []}]});
         serde_json::from_value(all).unwrap()
+    }
+
+    fn placed(document: Document) -> Result<Vec<(usize, Similarity)>, String> {
+        super::placed(&document, &mut ImportBudget::new(ImportLimits::default()))
     }
 
     #[test]
@@ -145,7 +160,7 @@ mod tests {
             {"children": [1], "translation": [1, 0, 0], "rotation": [0, 0, half, half]},
             {"mesh": 0, "scale": [2, 2, 2], "translation": [3, 0, 0]},
         ]);
-        let [(0, place)] = placed(&document(nodes)).unwrap()[..] else { panic!("one mesh") };
+        let [(0, place)] = placed(document(nodes)).unwrap()[..] else { panic!("one mesh") };
         let near = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-9);
         assert!(near(&place.translation, &[1.0, 3.0, 0.0]), "{place:?}");
         assert!(
@@ -154,7 +169,7 @@ mod tests {
         );
         let turned =
             serde_json::json!([{"mesh": 0, "matrix": [1, 0, 0, 0, 0, -1, 0, 0, 0, 0, -1, 0, 4, 5, 6, 1]}]);
-        let [(0, place)] = placed(&document(turned)).unwrap()[..] else { panic!("one mesh") };
+        let [(0, place)] = placed(document(turned)).unwrap()[..] else { panic!("one mesh") };
         assert_eq!((place.rotation, place.translation), ([0.0, 1.0, 0.0, 0.0], [4.0, 5.0, 6.0]));
     }
 
@@ -169,14 +184,14 @@ mod tests {
             (serde_json::json!([{"children": [4]}]), "no node 4"),
             (serde_json::json!([{"children": [1]}, {"children": [1]}]), "two parents"),
         ] {
-            let error = placed(&document(nodes)).unwrap_err();
+            let error = placed(document(nodes)).unwrap_err();
             assert!(error.contains(text), "{error}");
         }
         let mut cycle = document(serde_json::json!([{"children": [1]}, {"children": [0]}]));
         cycle.scenes = serde_json::from_value(serde_json::json!([{"nodes": [0]}])).unwrap();
-        assert!(placed(&cycle).unwrap_err().contains("twice"));
+        assert!(placed(cycle).unwrap_err().contains("twice"));
         let mut other = document(serde_json::json!([{"mesh": 0}]));
         other.scene = Some(3);
-        assert_eq!(placed(&other).unwrap_err(), "glTF: there is no scene 3");
+        assert_eq!(placed(other).unwrap_err(), "glTF: there is no scene 3");
     }
 }

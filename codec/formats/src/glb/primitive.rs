@@ -178,7 +178,10 @@ impl ScaleForm {
     ///
     /// # Errors
     /// One sentence, if an attribute extends beyond its buffer.
-    pub(super) fn detect(parts: &[&Gaussians], buffers: &Buffers) -> Result<ScaleForm, String> {
+    pub(super) fn detect<'d>(
+        parts: impl Iterator<Item = &'d Gaussians<'d>>,
+        buffers: &Buffers,
+    ) -> Result<ScaleForm, String> {
         for part in parts {
             if part.scales.numbers(buffers)?.rows::<3>().flatten().any(|scale| scale < 0.0) {
                 return Ok(ScaleForm::Logarithm);
