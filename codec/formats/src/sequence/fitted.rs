@@ -1,5 +1,6 @@
 //! [`fitted`]: one moving field of frames whose rows correspond.
 
+use std::mem;
 use std::num::NonZero;
 use std::ops::Range;
 use std::thread::{self, available_parallelism};
@@ -11,13 +12,22 @@ use crate::up_axis::DEFAULT_UP;
 
 use super::lost::LostRows;
 use super::samples::{Filled, Samples};
-use super::track::Track;
+use super::track::{Piece, Track};
 
 /// Tolerance of positions, relative to the size of the field: a pixel where it fills an image of a thousand.
 pub(super) const TOLERANCE: f64 = 1e-3;
 
-/// Rows that a thread fits at a time.
+/// Most rows that a thread fits at a time.
 const ROWS_PER_THREAD: usize = 256;
+
+/// Most bytes of tracks in memory, if one track has fewer: a row may become as many Gaussians as there are frames.
+const TRACKS_BYTES: usize = 64 << 20;
+
+/// Most bytes of a track for a frame: a piece, in a vector that has just grown, and the errors; and of what a fit needs
+/// beside, in tracks.
+const TRACK_BYTES_PER_FRAME: usize =
+    2 * mem::size_of::<Piece>() + mem::size_of::<Option<f64>>() + mem::size_of::<f64>();
+const TRACKS_PER_FIT: usize = 4;
 
 /// The frames of a sequence whose rows correspond.
 #[derive(Default)]
@@ -94,10 +104,14 @@ pub(super) fn fitted(frames: &Frames, budget: &mut ImportBudget) -> Result<(Fiel
         let samples = Samples::of_row(&filled, &frames.frames, row);
         Track::fit(&samples, TOLERANCE * size, frames.steps)
     };
-    let threads = available_parallelism().map_or(1, NonZero::get);
-    let batches = (0..rows).step_by(ROWS_PER_THREAD * threads);
-    let tracks =
-        batches.flat_map(|first| in_parallel(first..rows.min(first + ROWS_PER_THREAD * threads), &fit));
+    let at_once = rows_at_once(frames.steps).min(rows);
+    let track_bytes = frames.steps.saturating_mul(TRACK_BYTES_PER_FRAME);
+    budget.spend((TRACKS_PER_FIT * at_once).saturating_mul(track_bytes) as u64)?;
+    let threads = available_parallelism().map_or(1, NonZero::get).min(at_once.max(1));
+    let per_thread = (at_once / threads).clamp(1, ROWS_PER_THREAD);
+    let batches = (0..rows).step_by(per_thread * threads);
+    let tracks = batches
+        .flat_map(|first| in_parallel(first..rows.min(first + per_thread * threads), per_thread, &fit));
     for (row, track) in tracks.enumerate() {
         error.add(&track);
         let scale = 1.0 / (frames.frames.len() - frames.lost.of_row(row)).max(1) as f32;
@@ -125,13 +139,19 @@ pub(super) fn fitted(frames: &Frames, budget: &mut ImportBudget) -> Result<(Fiel
     Ok((pieces, error))
 }
 
-/// The results of `of_row` for each of `rows`, in order, with a thread for every [`ROWS_PER_THREAD`].
-fn in_parallel<T: Send>(rows: Range<usize>, of_row: &(impl Fn(usize) -> T + Sync)) -> Vec<T> {
-    let parts: Vec<Range<usize>> = rows
-        .clone()
-        .step_by(ROWS_PER_THREAD)
-        .map(|first| first..rows.end.min(first + ROWS_PER_THREAD))
-        .collect();
+/// Most rows whose tracks are in memory at a time, in a sequence of `steps` frames.
+fn rows_at_once(steps: usize) -> usize {
+    (TRACKS_BYTES / (steps * TRACK_BYTES_PER_FRAME)).max(1)
+}
+
+/// The results of `of_row` for each of `rows`, in order, with a thread for every `per_thread`.
+fn in_parallel<T: Send>(
+    rows: Range<usize>,
+    per_thread: usize,
+    of_row: &(impl Fn(usize) -> T + Sync),
+) -> Vec<T> {
+    let parts: Vec<Range<usize>> =
+        rows.clone().step_by(per_thread).map(|first| first..rows.end.min(first + per_thread)).collect();
     thread::scope(|scope| {
         let part = |part: Range<usize>| scope.spawn(move || part.map(of_row).collect::<Vec<T>>());
         let running: Vec<_> = parts.into_iter().map(part).collect();
@@ -148,4 +168,37 @@ fn size_of(field: &Field) -> f64 {
     let [low, high] = surroundings.content_bounds();
     let diagonal = (0..3).map(|axis| (high[axis] - low[axis]).powi(2)).sum::<f64>().sqrt();
     if diagonal > 0.0 { diagonal } else { surroundings.content_radius() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::limits::ImportLimits;
+
+    #[test]
+    fn tracks_of_many_frames_are_counted() {
+        let bytes = |steps: usize| rows_at_once(steps) * steps * TRACK_BYTES_PER_FRAME;
+        for steps in [3, 300, 30_000] {
+            assert!((TRACKS_BYTES / 2..=TRACKS_BYTES).contains(&bytes(steps)), "{steps}");
+        }
+        assert_eq!(rows_at_once(1_000_000), 1);
+        // Three frames of a clip of a million: the rows fit, the tracks do not.
+        let row = Field {
+            centers: vec![[0.0; 3]],
+            rotations: vec![[1.0, 0.0, 0.0, 0.0]],
+            log_scales: vec![[0.0; 3]],
+            opacities: vec![1.0],
+            sh: vec![[0.0; 3]],
+            ..Field::default()
+        };
+        let frames = Frames {
+            times: vec![0.0, 0.5, 1.0],
+            frames: vec![row; 3],
+            steps: 1_000_000,
+            sh_sums: vec![[0.0; 3]],
+            ..Frames::default()
+        };
+        let mut budget = ImportBudget::new(ImportLimits { max_bytes: 1 << 30 });
+        assert!(fitted(&frames, &mut budget).unwrap_err().contains("MB is the limit"));
+    }
 }
