@@ -22,6 +22,9 @@ pub const BYTES_MAX: usize = 1 << 20;
 /// Most clips of a playlist.
 pub const CLIPS_MAX: usize = 10_000;
 
+/// Most bytes of the paths and URLs of a playlist: each entry may repeat the folder or URL of the playlist.
+const RESOLVED_MAX: usize = 16 << 20;
+
 /// Version of the playlist format.
 const VERSION: u32 = 1;
 
@@ -148,7 +151,14 @@ fn parse(name: &str, bytes: &[u8]) -> Result<Vec<String>, String> {
     }
     let resolve =
         |(i, entry): (usize, &String)| resolve(name, entry).map_err(|reason| format!("clips[{i}] {reason}"));
-    clips.iter().enumerate().map(resolve).collect()
+    let mut bytes_left = RESOLVED_MAX;
+    let counted = |resolved: Result<String, String>| {
+        let resolved = resolved?;
+        let too_long = || format!("its paths and URLs take more than {RESOLVED_MAX} bytes: make several");
+        bytes_left = bytes_left.checked_sub(resolved.len()).ok_or_else(too_long)?;
+        Ok(resolved)
+    };
+    clips.iter().enumerate().map(resolve).map(counted).collect()
 }
 
 /// Path or URL of an entry of the playlist `base`.
@@ -195,6 +205,15 @@ mod tests {
             assert!(!is_playlist(name), "{name}");
         }
         assert_eq!(is_playlist("field/meta.json"), cfg!(not(feature = "formats")));
+    }
+
+    #[test]
+    fn names_that_multiply_are_refused() {
+        let clips = vec!["a.aarc"; CLIPS_MAX];
+        let text = serde_json::json!({"version": 1, "clips": clips}).to_string();
+        let folder = "x/".repeat(1 << 10);
+        assert!(parse(&format!("{folder}a.json"), &text).unwrap_err().contains("more than 16777216 bytes"));
+        assert_eq!(parse(&format!("{}a.json", &folder[..1 << 10]), &text).unwrap().len(), CLIPS_MAX);
     }
 
     #[test]
