@@ -19,6 +19,13 @@ use super::photo_paths::{PhotoPath, PhotoPaths};
 use super::video::Video;
 use crate::scene::DEFAULT_FPS;
 
+/// Largest number of bytes in memory of the numbers, times and paths of a capture's photographs: 25 million photographs.
+const BYTES_MAX: u64 = 8 << 30;
+
+/// Bytes in memory of a photograph beside its paths, and of a byte of its paths, while they are collected and sorted.
+const PHOTO_BYTES: u64 = 128;
+const PATH_BYTES: u64 = 3;
+
 /// A capture and the paths of its photographs.
 #[derive(Clone, Debug)]
 pub struct CaptureFiles {
@@ -330,6 +337,9 @@ impl CaptureFiles {
 /// Collects cameras and photographs while a layout is read.
 pub(super) struct CaptureBuilder {
     folder: PathBuf,
+    /// What is left of [`BYTES_MAX`]. A few files may stand for any number of photographs: many names lead to one folder,
+    /// and many cameras may name one video.
+    bytes_left: u64,
     cameras: Vec<CalibratedCamera>,
     /// The photographs in the order in which they were added, and their paths.
     photos: Vec<PhotoId>,
@@ -344,6 +354,7 @@ impl CaptureBuilder {
     pub(super) fn new(folder: &Path) -> CaptureBuilder {
         CaptureBuilder {
             folder: folder.to_owned(),
+            bytes_left: BYTES_MAX,
             cameras: Vec::new(),
             photos: Vec::new(),
             paths: PhotoPaths::default(),
@@ -351,6 +362,24 @@ impl CaptureBuilder {
             plates: Vec::new(),
             deviations_s: BTreeMap::new(),
         }
+    }
+
+    /// Counts bytes in memory.
+    ///
+    /// # Errors
+    /// [`Fault::Data`] that names the folder, if they are more than [`BYTES_MAX`] with those before.
+    pub(super) fn spend(&mut self, bytes: u64) -> Result<(), Fault> {
+        self.bytes_left = self.bytes_left.checked_sub(bytes).ok_or_else(|| {
+            let most = BYTES_MAX / 1_000_000;
+            bad(
+                &self.folder,
+                format!(
+                    "the numbers and paths of its photographs take more than {most} MB of memory; make several captures \
+                     of it"
+                ),
+            )
+        })?;
+        Ok(())
     }
 
     /// Adds a camera and returns its index.
@@ -365,7 +394,7 @@ impl CaptureBuilder {
     /// the seconds by which it is later than that; `mask` gives the path of the mask of a frame.
     ///
     /// # Errors
-    /// Those of `mask`.
+    /// Those of `mask` and [`CaptureBuilder::spend`].
     pub(super) fn video(
         &mut self,
         camera: usize,
@@ -373,8 +402,9 @@ impl CaptureBuilder {
         frames: &[Option<(u32, f64)>],
         mask: impl Fn(usize) -> Result<Option<String>, Fault>,
     ) -> Result<(), Fault> {
+        self.spend(size_of_val(frames) as u64)?;
         for (frame, (_, late_s)) in frames.iter().enumerate().filter_map(|(k, at)| Some((k, (*at)?))) {
-            self.photo(camera, frame, PhotoPath { image: "", name: "", mask: mask(frame)?.as_deref() });
+            self.photo(camera, frame, PhotoPath { image: "", name: "", mask: mask(frame)?.as_deref() })?;
             if late_s != 0.0 {
                 self.deviations_s.insert(PhotoId { frame, camera }, late_s);
             }
@@ -395,9 +425,15 @@ impl CaptureBuilder {
     }
 
     /// Adds a photograph; each camera has at most one of a frame.
-    pub(super) fn photo(&mut self, camera: usize, frame: usize, path: PhotoPath) {
+    ///
+    /// # Errors
+    /// Those of [`CaptureBuilder::spend`].
+    pub(super) fn photo(&mut self, camera: usize, frame: usize, path: PhotoPath) -> Result<(), Fault> {
+        let text = path.image.len() + path.mask.map_or(0, str::len);
+        self.spend(PHOTO_BYTES + PATH_BYTES * text as u64)?;
         self.photos.push(PhotoId { frame, camera });
         self.paths.push(path);
+        Ok(())
     }
 
     /// Gives the frame of each photograph another number.
@@ -473,4 +509,20 @@ pub(super) fn pinhole(
 pub(super) fn rigid(rotation: [[f64; 3]; 3], [x, y, z]: [f64; 3]) -> [[f64; 4]; 4] {
     let row = |i: usize, last: f64| [rotation[i][0], rotation[i][1], rotation[i][2], last];
     [row(0, x), row(1, y), row(2, z), [0.0, 0.0, 0.0, 1.0]]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn photographs_are_counted_before_they_are_added() {
+        let mut builder = CaptureBuilder::new(Path::new("capture"));
+        builder.bytes_left = 10 * (PHOTO_BYTES + 7 * PATH_BYTES);
+        let photo = PhotoPath { image: "a.png", name: "a", mask: Some("ab") };
+        (0..10).for_each(|frame| builder.photo(0, frame, photo).unwrap());
+        let error = builder.photo(0, 10, photo).unwrap_err().to_string();
+        assert!(error.starts_with("capture: ") && error.contains("8589 MB of memory"), "{error}");
+        assert_eq!(builder.photos.len(), 10);
+    }
 }

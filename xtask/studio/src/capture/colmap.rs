@@ -111,7 +111,7 @@ pub(super) fn open(folder: &Path, model: &Path) -> anyhow::Result<CaptureFiles> 
             false => None,
         };
         let index = builder.camera(&name, camera, *lens, false);
-        builder.photo(index, 0, PhotoPath { image: &image, name: &name, mask: mask.as_deref() });
+        builder.photo(index, 0, PhotoPath { image: &image, name: &name, mask: mask.as_deref() })?;
     }
     Ok(builder.build(vec![0.0], None))
 }

@@ -136,7 +136,7 @@ pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
             };
             let next = found.len();
             let number = *found.entry(frame).or_insert(next);
-            builder.photo(index, number, PhotoPath { image: &image, name: &name, mask: mask.as_deref() });
+            builder.photo(index, number, PhotoPath { image: &image, name: &name, mask: mask.as_deref() })?;
         }
     }
     let mut numbers = vec![0; found.len()];

@@ -28,6 +28,9 @@ const FPS: RangeInclusive<f64> = 1e-3..=1e6;
 /// Metres per unit of length.
 const METRES_PER_UNIT: RangeInclusive<f64> = 1e-9..=1e9;
 
+/// Most bytes of a path, as on Linux: a pattern may name a camera many times.
+const PATH_MAX: usize = 4096;
+
 /// Skew in pixels up to which it counts as rounding.
 const SKEW_MAX: f64 = 1e-6;
 
@@ -101,13 +104,15 @@ pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
     let manifest = parse(&read_text(&path)?).map_err(bad_manifest)?;
     manifest.check().map_err(bad_manifest)?;
     let fps = manifest.fps.unwrap_or(f64::from(DEFAULT_FPS));
+    let mut builder = CaptureBuilder::new(folder);
     let mut videos = Vec::new();
     for entry in &manifest.cameras {
-        videos.push(entry.video.as_ref().map(|video| open_video(&folder.join(video), entry)).transpose()?);
+        let video = entry.video.as_ref().map(|video| open_video(&folder.join(video), entry)).transpose()?;
+        builder.spend(video.as_ref().map_or(0, |video| size_of_val(&*video.times_s) as u64))?;
+        videos.push(video);
     }
     let frames = manifest.frames_of(&videos, fps).map_err(bad_manifest)?;
     manifest.check_frames(frames).map_err(bad_manifest)?;
-    let mut builder = CaptureBuilder::new(folder);
     for (entry, video) in manifest.cameras.iter().zip(videos) {
         let lens =
             entry.lens().map_err(|problem| bad_layout(&path, format!("camera {}: {problem}", entry.id)))?;
@@ -142,7 +147,7 @@ pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
             let mask = mask_of(frame)?;
             let name = Path::new(&image).with_extension("");
             let name = name.strip_prefix("images").unwrap_or(&name).to_string_lossy();
-            builder.photo(index, frame, PhotoPath { image: &image, name: &name, mask: mask.as_deref() });
+            builder.photo(index, frame, PhotoPath { image: &image, name: &name, mask: mask.as_deref() })?;
         }
     }
     let learned = CameraPart::learned(&manifest.learn);
@@ -337,9 +342,15 @@ fn expand(pattern: &str, camera: &str, frame: usize) -> Result<String, String> {
             _ => return Err(format!("\"{pattern}\": {{{name}}} is neither {{camera}} nor {{frame}}")),
         }
         rest = after;
+        if path.len() > PATH_MAX {
+            break;
+        }
     }
     path.push_str(rest);
-    Ok(path)
+    match path.len() > PATH_MAX {
+        true => Err(format!("a path of {camera:.20} has more than {PATH_MAX} bytes")),
+        false => Ok(path),
+    }
 }
 
 #[cfg(test)]
@@ -353,5 +364,8 @@ mod tests {
         for wrong in ["{", "{x}", "{frame:x}", "{frame:99}", "{camera:3}"] {
             assert!(expand(wrong, "a", 0).is_err(), "{wrong}");
         }
+        // A terabyte.
+        let error = expand(&"{camera}".repeat(1 << 20), &"c".repeat(1 << 20), 0).unwrap_err();
+        assert!(error.contains("more than 4096 bytes") && error.len() < 100, "{error}");
     }
 }

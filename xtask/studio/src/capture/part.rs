@@ -152,7 +152,7 @@ mod tests {
             for frame in 0..5 {
                 let name = format!("{name}/{frame}");
                 let image = format!("images/{name}.png");
-                builder.photo(index, frame, PhotoPath { image: &image, name: &name, mask: None });
+                builder.photo(index, frame, PhotoPath { image: &image, name: &name, mask: None }).unwrap();
             }
         }
         builder.build(refine::capture::even_times_s(5, 32.0), Some(32.0))

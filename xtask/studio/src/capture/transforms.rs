@@ -118,7 +118,7 @@ pub(super) fn open(folder: &Path, files: &[TransformsFile]) -> anyhow::Result<Ca
             let name = name.to_string_lossy();
             let index = builder.camera(&name, camera, lens, *held);
             let mask = frame.mask_path.as_deref();
-            builder.photo(index, photo_times.len(), PhotoPath { image: &image, name: &name, mask });
+            builder.photo(index, photo_times.len(), PhotoPath { image: &image, name: &name, mask })?;
             photo_times.push(time);
         }
     }
