@@ -3,6 +3,7 @@
 //!
 //! A device that is lost after it has rendered enough images is replaced, and the image rendered again.
 
+use std::ops::Range;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -28,6 +29,9 @@ use crate::viewpoint;
 /// Default size of images.
 const DEFAULT_SIZE: UVec2 = uvec2(1280, 720);
 
+/// Most images of a run, whose times are in memory: more than a day at 100 per second.
+const IMAGES_MAX: usize = 10_000_000;
+
 /// Tolerance in seconds at the change between two clips of a playlist, whose times are sums.
 const CHANGE_TOLERANCE_S: f64 = 1e-6;
 
@@ -49,6 +53,12 @@ pub fn run(args: &Args) -> Result<(), Fault> {
 /// Checks before any work is done that the images and statistics can be written.
 fn check_outputs(args: &Args) -> Result<ImageOutput, Fault> {
     let path = args.out.as_ref().ok_or_else(|| Fault::Usage("--headless needs --out PATH".into()))?;
+    if let Some(frames) = args.frames.as_ref().filter(|frames| frames.len() > IMAGES_MAX) {
+        let Range { start, end } = frames;
+        return Err(Fault::Usage(format!(
+            "--frames {start}..{end}: a run renders {IMAGES_MAX} images at most; give fewer"
+        )));
+    }
     args.stats.as_ref().map_or(Ok(()), |path| output::check(path))?;
     ImageOutput::check(path, args.frames.is_some() || args.time.len() > 1)
 }

@@ -48,6 +48,12 @@ const FAILURES: &[Failure] = &[
     ("clip.aarc --xr --quality worst", USAGE, "'worst' for '--quality", "[possible values: exact, fine"),
     ("--generate words", USAGE, "'words' for '--generate", "[possible values: man, bash"),
     ("clip.aarc --xr --out a", USAGE, "--xr --out writes the last of the frames", "give --frames A..B"),
+    (
+        "clip.aarc --headless --out a --frames 0..4000000000",
+        USAGE,
+        "--frames 0..4000000000: a run renders 10000000 images at most",
+        "give fewer",
+    ),
     // What the clip does not have.
     ("clip.aarc IMAGE --time -1", USAGE, "time -1 s is outside the clip", "give 0 to 2 s"),
     ("clip.aarc IMAGE --time 99", USAGE, "time 99 s is outside the clip", "give 0 to 2 s"),
