@@ -3,7 +3,7 @@
 use std::fs::File;
 use std::io::{self, ErrorKind, PipeWriter, Read, Seek, Write};
 use std::path::Path;
-use std::process::{Child, ChildStdout, Command, ExitStatus, Output, Stdio};
+use std::process::{Child, ChildStdout, Command, Output, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
@@ -51,6 +51,19 @@ impl Running {
         self.child.stdout.take().expect("it is piped")
     }
 
+    /// Waits for its end.
+    ///
+    /// # Errors
+    /// The last line that it said of errors, without the path of the file, or its status.
+    pub(crate) fn finish(&mut self, path: &Path) -> Result<(), String> {
+        let otherwise = match self.child.wait() {
+            Ok(status) if status.success() => return Ok(()),
+            Ok(status) => status.to_string(),
+            Err(error) => error.to_string(),
+        };
+        Err(self.last_error(path).unwrap_or(otherwise))
+    }
+
     /// The last line that it said of errors, without the path of the file; `None` if it said nothing.
     pub(crate) fn last_error(&mut self, path: &Path) -> Option<String> {
         let mut said = String::new();
@@ -76,7 +89,7 @@ impl Drop for Running {
 pub(crate) struct Feeding {
     pipe: Option<PipeWriter>,
     has_ended: Arc<AtomicBool>,
-    run: Option<JoinHandle<(Running, io::Result<ExitStatus>)>>,
+    run: Option<JoinHandle<Running>>,
 }
 
 impl Feeding {
@@ -95,11 +108,12 @@ impl Feeding {
         let has_ended = Arc::new(AtomicBool::new(false));
         let flag = has_ended.clone();
         let run = thread::spawn(move || {
-            let status = running.child.wait();
+            // `finish` asks again, and says what failed.
+            let _ = running.child.wait();
             flag.store(true, Ordering::Relaxed);
             // Errors of a pipe that nothing needs any more.
             let _ = io::copy(&mut reader, &mut io::sink());
-            (running, status)
+            running
         });
         Ok(Feeding { pipe: Some(pipe), has_ended, run: Some(run) })
     }
@@ -124,13 +138,7 @@ impl Feeding {
     pub(crate) fn finish(mut self, path: &Path) -> Result<(), String> {
         drop(self.pipe.take());
         let run = self.run.take().expect("it is there until the end");
-        let (mut running, status) = run.join().expect("the thread does not panic");
-        let otherwise = match status {
-            Ok(status) if status.success() => return Ok(()),
-            Ok(status) => status.to_string(),
-            Err(error) => error.to_string(),
-        };
-        Err(running.last_error(path).unwrap_or(otherwise))
+        run.join().expect("the thread does not panic").finish(path)
     }
 }
 

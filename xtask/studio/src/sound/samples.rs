@@ -85,11 +85,17 @@ impl Samples {
         }
         writer.flush().map_err(no_file)?;
         drop(writer);
+        let ended = running.finish(path);
         let said = running.last_error(path);
         let decoded = count / usize::from(channels);
         if decoded == 0 && source.start_s >= 0.0 {
             let said = said.unwrap_or_else(|| "its sound track is empty".into());
             return Err(bad(format!("no sound in it can be decoded: {said}; convert it to WAV")));
+        }
+        if let Err(said) = ended {
+            return Err(bad(format!(
+                "ffmpeg did not decode it to its end: {said}; try again, or convert it to WAV"
+            )));
         }
         if let Some(said) = said {
             notes.push(format!("a part of it could not be decoded and is silent: {said}"));

@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use crate::tool::{aarc_studio, ffmpeg, has_ffmpeg};
+use crate::tool::{aarc_studio, aarc_studio_with, ffmpeg, has_ffmpeg};
 use codec::{Limits, Sound};
 use serde_json::Value;
 use tempfile::tempdir;
@@ -109,4 +109,29 @@ fn takes_of_a_list_have_their_own_sound_or_none() {
     assert!(!at.join("out").exists());
     listed("none").success();
     assert!(at.join("out/scene.aarc").exists());
+}
+
+/// ffmpeg is a script here: it writes a part of the sound, and is killed.
+#[cfg(unix)]
+#[test]
+fn sound_that_was_not_decoded_to_its_end_is_refused() {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = tempdir().unwrap();
+    let at = folder.path();
+    packaged(at, &[]);
+    fs::create_dir(at.join("bin")).unwrap();
+    for (name, script) in [
+        ("ffprobe", r#"printf '{"streams": [{"channels": 1}]}'"#),
+        ("ffmpeg", r"printf '\0\0\0\0\0\0\0\0'; kill -9 $$"),
+    ] {
+        let path = at.join("bin").join(name);
+        fs::write(&path, format!("#!/bin/sh\n{script}\n")).unwrap();
+        fs::set_permissions(&path, fs::Permissions::from_mode(0o755)).unwrap();
+    }
+    fs::write(at.join("a.wav"), "").unwrap();
+    let bin = at.join("bin");
+    let arguments = ["package", "scene", "--audio", "a.wav", "-o", "other.aarc"];
+    let error = aarc_studio_with(at, &arguments, &[("PATH", bin.to_str().unwrap())]).error(3);
+    assert!(error.contains("a.wav: ffmpeg did not decode it to its end: signal: 9"), "{error}");
+    assert!(!at.join("other.aarc").exists());
 }

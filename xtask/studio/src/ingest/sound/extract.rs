@@ -71,14 +71,19 @@ impl Track {
     }
 }
 
-/// Writes the samples and returns the length of their file.
+/// Extracts the samples of a video to a file, and returns its length.
 fn extract(video: &Path, to: &Path) -> Result<u64, Fault> {
-    let mut running = Running::start("ffmpeg", |command| {
+    let running = Running::start("ffmpeg", |command| {
         command.args(["-nostdin", "-v", "error", "-i"]).arg(video);
         // Silence where the track starts late or has gaps, so that a sample's number is its time.
         command.args(["-map", "0:a:0", "-af", "aresample=async=1:first_pts=0", "-ac", "1", "-ar"]);
         command.args([&format!("{RATE}"), "-f", "s16le", "-"]).stdout(Stdio::piped());
     })?;
+    write_samples(running, video, to)
+}
+
+/// Writes the samples that a run prints, and returns the length of their file; nothing if it does not succeed.
+fn write_samples(mut running: Running, video: &Path, to: &Path) -> Result<u64, Fault> {
     let mut pipe = running.take_stdout();
     let mut total = 0;
     output::write_parts(to, |file| {
@@ -93,16 +98,11 @@ fn extract(video: &Path, to: &Path) -> Result<u64, Fault> {
                 Err(error) => return Err(bad(video, format!("its sound cannot be read: {error}"))),
             }
         }
-        match total {
-            0 => {
-                let said = running.last_error(video).unwrap_or_else(|| "it has none".into());
-                Err(bad(
-                    video,
-                    format!("ffmpeg cannot decode its sound: {said}; state starts with --offsets FILE"),
-                ))
-            }
-            _ => Ok(()),
-        }
+        let whole =
+            running.finish(video).and_then(|()| if total > 0 { Ok(()) } else { Err("it has none".into()) });
+        whole.map_err(|said| {
+            bad(video, format!("ffmpeg cannot decode its sound: {said}; state starts with --offsets FILE"))
+        })
     })?;
     Ok(total)
 }
@@ -114,5 +114,31 @@ impl Track {
         let bytes: Vec<u8> = samples.iter().flat_map(|x| (*x as i16).to_le_bytes()).collect();
         std::fs::write(&path, bytes).unwrap();
         Track { path, len: samples.len() }
+    }
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_run_that_is_killed_leaves_no_samples() {
+        let folder = tempfile::tempdir().unwrap();
+        let to = folder.path().join("a.s16");
+        let write = |script: &str| {
+            let running = Running::start("sh", |command| {
+                command.args(["-c", script]).stdout(Stdio::piped());
+            });
+            write_samples(running.unwrap(), Path::new("a.mp4"), &to).map_err(|fault| fault.to_string())
+        };
+        for (script, said) in [
+            ("printf 1234; kill -9 $$", "signal: 9"),
+            ("printf 1234; echo a.mp4: no memory >&2; exit 1", "its sound: no memory;"),
+            ("true", "it has none"),
+        ] {
+            let error = write(script).unwrap_err();
+            assert!(error.contains(said) && !to.exists(), "{error}");
+        }
+        assert_eq!((write("printf 1234"), std::fs::read(&to).unwrap()), (Ok(4), b"1234".to_vec()));
     }
 }
