@@ -114,14 +114,29 @@ pub(super) fn identity(path: &Path) -> Result<Value, Fault> {
     Ok(json!([path.to_string_lossy(), metadata.len(), nanoseconds]))
 }
 
-/// A name as a part of a file name.
+/// A name as a part of a file name, which no other name becomes: characters that some file systems refuse, or that
+/// separate folders, are percent-encoded.
 pub(super) fn file_name(name: &str) -> String {
-    name.chars().map(|c| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' }).collect()
+    let part = |c: char| match c.is_alphanumeric() || "-_.".contains(c) {
+        true => c.to_string(),
+        false => c.to_string().bytes().map(|byte| format!("%{byte:02x}")).collect(),
+    };
+    name.chars().map(part).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn each_name_has_a_file_name_of_its_own() {
+        let names = ["cam 1.mp4", "cam_1.mp4", "cam%201.mp4", "cam/1.mp4", "Kamera-é.mp4", "c\u{2007}"];
+        let file_names = names.map(file_name);
+        assert_eq!(
+            file_names,
+            ["cam%201.mp4", "cam_1.mp4", "cam%25201.mp4", "cam%2f1.mp4", "Kamera-é.mp4", "c%e2%80%87"]
+        );
+    }
 
     #[test]
     fn a_result_is_kept_until_its_key_changes() {
