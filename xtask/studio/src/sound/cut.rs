@@ -4,6 +4,8 @@
 //! goes on without a seam. Where they abut, it is cut at the exact sample. Each part begins with the packets that prime a
 //! decoder which begins there.
 
+use std::collections::VecDeque;
+
 use codec::{SOUND_RATE_HZ, Sound, SoundInfo};
 
 use super::packets::PACKET_SAMPLES;
@@ -46,38 +48,47 @@ impl Soundtrack {
     fn parts(&self, take_s: f64, spans: &[Span]) -> Vec<SoundPart> {
         let mut at = u64::from(self.start);
         let end = at + u64::from(self.length);
+        let starts: Vec<i64> = spans.iter().map(|span| samples(span.start_s)).collect();
+        let ends: Vec<u64> =
+            spans.iter().map(|span| samples(span.end_s().min(take_s)).max(0) as u64).collect();
+        // Segments that have not begun at `at`, in the order of their starts.
+        let mut waiting: Vec<usize> = (0..spans.len()).collect();
+        waiting.sort_by_key(|i| starts[*i]);
+        let mut waiting = VecDeque::from(waiting);
+        // Segments without a part that show the instant or the packet it is in, the shortest first.
+        let mut open: Vec<usize> = Vec::new();
         let mut parts: Vec<SoundPart> = Vec::new();
         while at < end {
-            let is_free = |i: usize| parts.iter().all(|part| part.segment != i);
-            let end_of = |i: usize| samples(spans[i].end_s().min(take_s)).max(0) as u64;
+            while let Some(i) = waiting.pop_front_if(|i| starts[*i] <= at as i64) {
+                let shortest_first =
+                    |k: &usize| spans[*k].duration_s.total_cmp(&spans[i].duration_s).then(k.cmp(&i));
+                open.insert(open.partition_point(|k| shortest_first(k).is_lt()), i);
+            }
+            let packet = self.cut_before(at);
+            open.retain(|i| ends[*i] > packet);
             let to = |i: usize| {
-                let (to, cut) = (end_of(i), self.cut_before(end_of(i)));
-                let shows_cut = |k: usize| {
-                    k != i && is_free(k) && samples(spans[k].start_s) <= cut as i64 && end_of(k) > cut
-                };
-                let is_cut = (0..spans.len()).any(shows_cut);
+                let (to, cut) = (ends[i], self.cut_before(ends[i]));
+                let later = waiting.iter().take_while(|k| starts[**k] <= cut as i64);
+                let shows_cut = |k: &usize| *k != i && starts[*k] <= cut as i64 && ends[*k] > cut;
                 if to >= end {
                     end
-                } else if is_cut {
+                } else if open.iter().chain(later).any(shows_cut) {
                     cut
                 } else {
                     to
                 }
             };
-            let holds = |i: &usize| samples(spans[*i].start_s) <= at as i64 && to(*i) > at && is_free(*i);
-            let longest_last = |a: &usize, b: &usize| spans[*a].duration_s.total_cmp(&spans[*b].duration_s);
-            let chosen = (0..spans.len()).filter(holds).min_by(longest_last);
-            match chosen.map(|segment| SoundPart { segment, from: at, to: to(segment) }) {
-                Some(part) => {
+            match open.iter().map(|i| to(*i)).position(|to| to > at) {
+                Some(place) => {
+                    let part = SoundPart { segment: open[place], from: at, to: to(open[place]) };
+                    open.remove(place);
                     at = part.to;
                     parts.push(part);
                 }
                 None => {
                     // Nothing is shown here.
-                    let starts =
-                        spans.iter().map(|span| samples(span.start_s)).filter(|start| *start > at as i64);
-                    let Some(start) = starts.min() else { break };
-                    at = start as u64;
+                    let Some(next) = waiting.front() else { break };
+                    at = starts[*next] as u64;
                 }
             }
         }
@@ -211,6 +222,14 @@ mod tests {
         assert_eq!(parts.len(), 2);
         assert!(parts[0].to <= 96_000 && (240_000..240_960).contains(&parts[1].from), "{parts:?}");
         assert!(parts[1].to <= 336_000 && parts[1].to > 335_000, "{parts:?}");
+    }
+
+    /// The work grows with the number of segments, not with a power of it.
+    #[test]
+    fn an_hour_of_segments_is_cut_at_once() {
+        let spans: Vec<Span> = (0..3_600).map(|second| span(f64::from(second), 1.0)).collect();
+        let parts = track(0, 3_600.0).parts(3_600.0, &spans);
+        assert!(parts.iter().map(|part| part.segment).eq(0..3_600));
     }
 
     /// As `join` makes them.
