@@ -48,8 +48,9 @@ impl CalibrationFiles {
     fn names(&self) -> Result<Vec<String>, Fault> {
         let path = &self.intrinsics_path;
         let names = names(&self.intrinsics).ok_or_else(|| bad_layout(path, "no list of names"))?;
-        match names.iter().enumerate().find(|(i, name)| names[..*i].contains(name)) {
-            Some((_, name)) => Err(bad_layout(path, format!("camera {name} is listed twice"))),
+        let mut seen = BTreeSet::new();
+        match names.iter().find(|name| !seen.insert(*name)) {
+            Some(name) => Err(bad_layout(path, format!("camera {name} is listed twice"))),
             None => Ok(names),
         }
     }

@@ -1,10 +1,11 @@
 //! Selects cameras and frames of a capture, and shrinks its photographs.
 
+use std::collections::BTreeSet;
 use std::ops::Range;
 
 use codec::Camera;
 use program::Fault;
-use refine::capture::PhotoId;
+use refine::capture::{CalibratedCamera, PhotoId};
 
 use super::camera_plate::CameraPlate;
 use super::capture_files::CaptureFiles;
@@ -36,21 +37,27 @@ impl CaptureFiles {
         for name in names {
             self.camera(name)?;
         }
-        let cameras = &mut self.capture.cameras;
-        let is_selected: Vec<bool> = cameras.iter().map(|camera| names.contains(&camera.name)).collect();
-        let mut selected = is_selected.iter();
-        cameras.retain(|_| *selected.next().expect("one for each camera"));
-        let mut selected = is_selected.iter();
-        self.file_cameras.retain(|_| *selected.next().expect("one for each camera"));
-        let mut selected = is_selected.iter();
-        self.videos.retain(|_| *selected.next().expect("one for each camera"));
-        let mut selected = is_selected.iter();
-        self.plates.retain(|_| *selected.next().expect("one for each camera"));
+        let names: BTreeSet<&str> = names.iter().map(String::as_str).collect();
+        let is_named = |camera: &CalibratedCamera| names.contains(camera.name.as_str());
+        let is_selected: Vec<bool> = self.capture.cameras.iter().map(is_named).collect();
+        self.select_cameras(&is_selected);
+        Ok(())
+    }
+
+    /// Keeps the cameras for which `is_selected` is set, one flag a camera.
+    fn select_cameras(&mut self, is_selected: &[bool]) {
+        fn select<T>(of_cameras: &mut Vec<T>, is_selected: &[bool]) {
+            let mut selected = is_selected.iter();
+            of_cameras.retain(|_| *selected.next().expect("one for each camera"));
+        }
+        select(&mut self.capture.cameras, is_selected);
+        select(&mut self.file_cameras, is_selected);
+        select(&mut self.videos, is_selected);
+        select(&mut self.plates, is_selected);
         let mut numbers = 0..;
         let numbers: Vec<Option<usize>> =
             is_selected.iter().map(|selected| if *selected { numbers.next() } else { None }).collect();
         self.keep_photos(|PhotoId { frame, camera }| Some(PhotoId { frame, camera: numbers[camera]? }));
-        Ok(())
     }
 
     /// Keeps the photographs for which `kept` gives new frames and cameras, which are in the same order.
@@ -85,11 +92,10 @@ impl CaptureFiles {
         self.selected = self.selected.start + frames.start..self.selected.start + frames.end;
         capture.frame_times_s = capture.frame_times_s[frames].iter().map(|time_s| time_s - first_s).collect();
         // Drops cameras without photographs: in some captures each photograph has a camera of its own.
-        let used: Vec<String> = (0..capture.cameras.len())
-            .filter(|camera| capture.photos.iter().any(|photo_id| photo_id.camera == *camera))
-            .map(|camera| capture.cameras[camera].name.clone())
-            .collect();
-        self.keep_cameras(&used)
+        let mut is_used = vec![false; capture.cameras.len()];
+        capture.photos.iter().for_each(|photo_id| is_used[photo_id.camera] = true);
+        self.select_cameras(&is_used);
+        Ok(())
     }
 
     /// Shrinks all photographs to `width` x `height` pixels; the fields of view stay.
