@@ -164,16 +164,16 @@ impl Clip {
 fn package(folder: &Path) -> anyhow::Result<Clip> {
     let path = folder.join("clip.aarc");
     let real = workspace::root().join(REAL_CLIP);
-    let (name, field, budget) = if real.exists() {
-        ("spinach", real, Some(["--budget", BUDGET]))
+    let (name, field, pruning) = if real.exists() {
+        ("spinach", real, Some(["--budget", BUDGET, "--no-floor"]))
     } else {
         let field = folder.join("demo.ply");
         output(workspace::studio("release")?.args(["synth", "clip", "-o"]).arg(&field))?;
         ("demo", field, None)
     };
     let mut package = workspace::studio("release")?;
-    package.arg("package").arg(field).args(["--rank", "mass", "--no-floor", "--json", "-o"]).arg(&path);
-    let report = output(package.args(budget.into_iter().flatten()))?;
+    package.arg("package").arg(field).args(["--rank", "mass", "--json", "-o"]).arg(&path);
+    let report = output(package.args(pruning.into_iter().flatten()))?;
     Ok(Clip { name, path, report: serde_json::from_slice(&report)? })
 }
 

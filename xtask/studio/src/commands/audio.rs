@@ -52,6 +52,9 @@ impl AudioOptions {
                     .into(),
             )),
             Some(path) => Soundtrack::check(path),
+            None if self.audio_start != 0.0 => {
+                Err(Fault::Usage("--audio-start: there is no sound that begins then; leave it out".into()))
+            }
             None => Ok(()),
         }
     }

@@ -36,7 +36,7 @@ use super::capture::{
 use super::fit_folder::{fit_folder, report_finished, report_folder};
 use super::fit_plate::{PlateWhen, fit_plate, settle_plate, write_plate};
 use super::fit_progress::show;
-use super::fit_setting::{self, FitConstants, FitSetting, check_settings, fit_setting};
+use super::fit_setting::{self, FitConstants, FitSetting, Subjects, check_settings, fit_setting};
 use super::fit_source::FitSource;
 use super::takes::{self, TakeCommand, TakeOptions, part_seconds};
 
@@ -208,7 +208,7 @@ pub(super) fn by_default(
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
-    check_settings(&args.options.settings, args.from.is_some(), args.depths.is_some())?;
+    args.options.check_settings(args.no_anchor(), args.depths.is_some())?;
     match args.many.list_and_folder(&args.out) {
         Some((list, folder)) => run_many(args, list, folder),
         None => run_one(args),
@@ -256,6 +256,15 @@ impl Args {
         self.capture.as_deref().expect("there is a capture where there is no list")
     }
 
+    /// Why there is no anchor, if there is none.
+    fn no_anchor(&self) -> Option<&'static str> {
+        match self.anchor {
+            _ if self.from.is_some() => Some("a fit that starts from a field has no anchor"),
+            Anchor::None if self.depths.is_none() => Some("--anchor none starts at random positions"),
+            _ => None,
+        }
+    }
+
     /// The options that affect the result, for any capture.
     fn for_any_capture(&self) -> Args {
         Args {
@@ -279,6 +288,16 @@ impl FitOptions {
     pub(super) fn is_default(&self) -> bool {
         let none = FitOptions::augment_args(clap::Command::new("fit")).get_matches_from([""; 0]);
         FitOptions::from_arg_matches(&none).is_ok_and(|default| format!("{default:?}") == format!("{self:?}"))
+    }
+
+    /// Refuses settings that would have no effect, where there is no anchor for a reason, and perhaps depth maps.
+    pub(super) fn check_settings(
+        &self,
+        no_anchor: Option<&'static str>,
+        has_depths: bool,
+    ) -> Result<(), Fault> {
+        let prunes = !matches!(self.rule, Rule::Relocate);
+        check_settings(&self.settings, Subjects { no_anchor, has_depths, prunes })
     }
 
     /// Checks the frame rate, and states it to a capture that does not.

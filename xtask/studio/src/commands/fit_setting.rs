@@ -75,21 +75,29 @@ impl FitConstants {
     }
 }
 
-/// Why a setting of the anchor is refused.
-const NO_ANCHOR: &str = "a fit that starts from a field has no anchor";
+/// What a fit has that settings are about.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Subjects {
+    /// Why there is no anchor, if there is none.
+    pub(super) no_anchor: Option<&'static str>,
+    /// Whether there are depth maps.
+    pub(super) has_depths: bool,
+    /// Whether the number of Gaussians changes.
+    pub(super) prunes: bool,
+}
 
-/// Refuses settings of an anchor where a fit starts from a field, and of depth maps where there are none.
-pub(super) fn check_settings(
-    settings: &[FitSetting],
-    has_field: bool,
-    has_depths: bool,
-) -> Result<(), Fault> {
+/// Refuses settings that would have no effect.
+pub(super) fn check_settings(settings: &[FitSetting], subjects: Subjects) -> Result<(), Fault> {
+    let Subjects { no_anchor, has_depths, prunes } = subjects;
     for setting in settings {
-        let (key, why) = match setting {
-            FitSetting::AnchorCameras(_) if has_field => ("anchor-cameras", NO_ANCHOR),
-            FitSetting::Mirror(_) if has_field => ("mirror", NO_ANCHOR),
-            FitSetting::MotionStart(_) if has_field => ("motion-start", NO_ANCHOR),
-            FitSetting::DepthScale(_) if !has_depths => ("depth-scale", "there are no depth maps"),
+        let (key, why) = match (setting, no_anchor) {
+            (FitSetting::AnchorCameras(_), Some(why)) => ("anchor-cameras", why),
+            (FitSetting::Mirror(_), Some(why)) => ("mirror", why),
+            (FitSetting::MotionStart(_), Some(why)) => ("motion-start", why),
+            (FitSetting::DepthScale(_), _) if !has_depths => ("depth-scale", "there are no depth maps"),
+            (FitSetting::Floor(_), _) if !prunes => {
+                ("floor", "--rule relocate keeps the number of Gaussians")
+            }
             _ => continue,
         };
         return Err(Fault::Usage(format!("--set {key}: {why}; leave it out")));

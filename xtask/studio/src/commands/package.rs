@@ -75,7 +75,7 @@ pub struct Args {
     #[arg(long, value_name = "auto|NAME", default_value = "auto", value_parser = rank)]
     rank: Rank,
     /// Prune by the ranking alone, although limbs may break off
-    #[arg(long)]
+    #[arg(long, requires = "pruned")]
     no_floor: bool,
     /// Most fragments to keep, as a fraction of those of the retained Gaussians, 0.01 to 1: leaves out the Gaussians
     /// that show least for the pixels that they cover
@@ -103,13 +103,16 @@ pub struct Args {
     /// Coder of the Gaussians
     #[arg(long, value_enum, default_value_t = Coder::Rans)]
     coder: Coder,
-    /// Target PSNR of the coder rans against the field before coding, in dB: 20 to 100; of a take in every segment
-    #[arg(long, value_name = "DB", default_value_t = QUALITY_DB, value_parser = quality)]
-    quality: f64,
-    /// Rounds in which the numbers of all Gaussians are rounded jointly, so that their errors cancel in pictures; 0
-    /// rounds each alone
-    #[arg(long, value_name = "N", default_value_t = JOINT_ROUNDS, value_parser = joint_rounds)]
-    joint_rounds: usize,
+    #[arg(long, value_name = "DB", value_parser = quality, help = format!(
+        "Target PSNR of the coder rans against the field before coding, in dB: 20 to 100, by default {QUALITY_DB}; of a \
+         take in every segment"
+    ))]
+    quality: Option<f64>,
+    #[arg(long, value_name = "N", value_parser = joint_rounds, help = format!(
+        "Rounds in which the coder rans rounds the numbers of all Gaussians jointly, so that their errors cancel in \
+         pictures, by default {JOINT_ROUNDS}; 0 rounds each alone"
+    ))]
+    joint_rounds: Option<usize>,
     #[command(flatten)]
     backend: BackendOption,
     /// Remove a part; repeatable
@@ -175,6 +178,7 @@ fn joint_rounds(text: &str) -> Result<usize, String> {
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
+    args.check_effects()?;
     args.sound.check(args.many.list.is_some())?;
     match args.many.list_and_folder(&args.out) {
         Some((list, folder)) => run_many(args, list, folder),
@@ -276,6 +280,23 @@ impl Args {
         self.holdout.unwrap_or(HeldFrames::None).into()
     }
 
+    /// Refuses options that would have no effect beside another one.
+    fn check_effects(&self) -> Result<(), Fault> {
+        let is_fixed = matches!(self.coder, Coder::Fixed);
+        let others = [
+            (is_fixed && self.quality.is_some(), "--quality", "--coder fixed has one quality"),
+            (
+                is_fixed && self.joint_rounds.is_some(),
+                "--joint-rounds",
+                "--coder fixed rounds each number alone",
+            ),
+        ];
+        match others.into_iter().find(|(is_given, ..)| *is_given) {
+            Some((_, option, why)) => Err(Fault::Usage(format!("{option}: {why}; leave one of them out"))),
+            None => Ok(()),
+        }
+    }
+
     /// The segments of a field folder, or of a field to be split; `None` for what becomes an ordinary clip.
     ///
     /// # Errors
@@ -314,9 +335,10 @@ impl Args {
             fragments: self.fragments,
             recolor: self.recolor,
             coding: match self.coder {
-                Coder::Rans => {
-                    Coding::ToQuality { quality_db: self.quality, joint_rounds: self.joint_rounds }
-                }
+                Coder::Rans => Coding::ToQuality {
+                    quality_db: self.quality.unwrap_or(QUALITY_DB),
+                    joint_rounds: self.joint_rounds.unwrap_or(JOINT_ROUNDS),
+                },
                 Coder::Fixed => Coding::Fixed,
             },
             drop: self.drop.clone(),
@@ -330,7 +352,7 @@ impl Args {
     /// [`Fault::Usage`] if there is nothing for a device to compute; the errors of [`BackendOption::open`].
     fn open_backend(&self) -> Result<Box<dyn Backend>, Fault> {
         let backend = self.backend.open()?;
-        let rounds = !matches!(self.coder, Coder::Fixed) && self.joint_rounds > 0;
+        let rounds = matches!(self.coder, Coder::Rans) && self.joint_rounds != Some(0);
         let computes = rounds || self.refine.is_some() || Scene::is_capture(self.scene());
         if backend.peak_device_bytes().is_some() && !computes {
             let what = "--backend gpu: nothing is fitted, refined or rounded jointly; leave it out";

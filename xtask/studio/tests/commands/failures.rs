@@ -114,6 +114,28 @@ const FAILURES: &[Failure] = &[
     ),
     ("fit --list nope.txt -o out", DATA, "nope.txt: there is no such file", "check the path"),
     ("fit --list empty.txt -o bare", DATA, "empty.txt: names no take", "write the path of one in each line"),
+    // Options without effect.
+    ("fit stage --set depth-scale=rig", USAGE, "depth-scale: there are no depth maps", "leave it out"),
+    ("fit stage --anchor none --set mirror=off", USAGE, "mirror: --anchor none starts at", "leave it out"),
+    ("fit stage --anchor none --set anchor-cameras=00", USAGE, "anchor-cameras: --anchor none", "leave it"),
+    ("fit stage --anchor none --set motion-start=off", USAGE, "motion-start: --anchor none", "leave it out"),
+    (
+        "fit stage --from field.ply --set mirror=off",
+        USAGE,
+        "mirror: a fit that starts from a",
+        "leave it out",
+    ),
+    ("fit stage --rule relocate --set floor=off", USAGE, "floor: --rule relocate keeps", "leave it out"),
+    ("report stage --fit --rule relocate --set floor=off", USAGE, "floor: --rule relocate", "leave it out"),
+    (
+        "package field.ply --coder fixed --quality 50",
+        USAGE,
+        "--quality: --coder fixed",
+        "leave one of them out",
+    ),
+    ("package field.ply --coder fixed --joint-rounds 1", USAGE, "--joint-rounds: --coder fixed", "leave one"),
+    ("package field.ply --no-floor", USAGE, "not provided: <--budget <N>|--fragments <FRACTION>>", "--help"),
+    ("package field.ply --audio none --audio-start 1", USAGE, "--audio-start: there is no sound", "leave it"),
     // Scenes and their packages.
     ("package nope.ply", DATA, "nope.ply: there is no such file or folder", "check the path"),
     ("package bare", DATA, "no field in bare", "put one there"),

@@ -19,7 +19,6 @@ use self::bench::{Bench, EVAL, HOLDOUT, is_of_data, pictured};
 use crate::capture::CaptureFiles;
 use crate::commands::capture::{PartSelection, describe, note_assumed_fps};
 use crate::commands::fit::{FitOptions, name_of};
-use crate::commands::fit_setting::check_settings;
 use crate::commands::takes::check_apart;
 use crate::eval::Subject;
 use crate::fit::FitPlan;
@@ -63,7 +62,7 @@ pub(super) fn comparison(text: &str) -> Result<Comparison, String> {
 /// Fits and measures what the folder of the report lacks, and collects all of it.
 pub(super) fn measure(request: &Request) -> anyhow::Result<Ablation> {
     let Request { capture, size, part, options, others, out, .. } = *request;
-    check_settings(&options.settings, false, false)?;
+    options.check_settings(None, false)?;
     let mut capture_files = part.open(capture, size)?;
     check_apart(capture, out)?;
     options.state_fps(&mut capture_files)?;
