@@ -16,12 +16,9 @@ use program::{Fault, output};
 use xtask::workspace;
 
 use super::apk;
-use super::notices::{HOST, notices};
+use super::notices::{HOST, PROGRAMS, notices};
 use archives::Compression;
 use tree::Documents;
-
-/// Packages and features of the programs, for Cargo.
-const SELECTION: [&str; 6] = ["--package", "client", "--package", "studio", "--features", "studio/full"];
 
 /// Make the packages that users install: a .deb, a .tar.gz, the APK where its toolchain is there, a list of all that
 /// they contain, and checksums.
@@ -43,7 +40,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         None => (build()?, Compression::Best),
     };
     let epoch = epoch()?;
-    let documents = Documents { notices: notices(&SELECTION, HOST)?, sbom: sbom::of_selection(&SELECTION)? };
+    let documents = Documents { notices: notices(&PROGRAMS, HOST)?, sbom: sbom::of_selection(&PROGRAMS)? };
     let staging = tempfile::tempdir()?;
     tree::lay_out(&staging.path().join("usr"), &programs, &documents, epoch)?;
     output::write(&folder.path().join("aarc.cdx.json"), documents.sbom.as_bytes())?;
@@ -91,7 +88,7 @@ fn build() -> Result<PathBuf, Fault> {
     let status = workspace::cargo()
         .args(["build", "--release", "--locked", "--bins", "--target-dir"])
         .arg(&target)
-        .args(SELECTION)
+        .args(PROGRAMS)
         .env("CARGO_ENCODED_RUSTFLAGS", rust.join("\x1f"))
         .env("CFLAGS", c.join(" "))
         .env("CARGO_PROFILE_RELEASE_STRIP", "symbols")

@@ -29,6 +29,10 @@ const NAMES: [&str; 6] = ["licen", "copying", "notice", "copyright", "ofl", "ufl
 /// Endings of names that contain such a part and hold something else.
 const OTHER_ENDINGS: [&str; 7] = [".rs", ".toml", ".html", ".py", ".sh", ".c", ".h"];
 
+/// Packages and features of the programs that users install, for Cargo.
+pub(super) const PROGRAMS: [&str; 6] =
+    ["--package", "client", "--package", "studio", "--features", "studio/full"];
+
 /// Cargo's name of this machine's target.
 pub(super) const HOST: &str = "host-tuple";
 
@@ -36,7 +40,7 @@ pub(super) const HOST: &str = "host-tuple";
 const DEFAULT_LICENCE: &str = "Apache-2.0";
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
-    let text = notices(&["--package", "client", "--package", "studio"], HOST)?;
+    let text = notices(&PROGRAMS, HOST)?;
     Ok(output::write(&args.out, text.as_bytes())?)
 }
 
@@ -198,6 +202,14 @@ mod tests {
             assert!(text.contains(expected), "{expected:?} is not in the notices");
         }
         assert!(!text.contains("GNU GENERAL PUBLIC LICENSE\n") && !text.contains("\ncodec "));
+    }
+
+    #[test]
+    fn the_notices_of_both_programs_are_of_the_whole_host_tool() {
+        let text = notices(&PROGRAMS, HOST).unwrap();
+        for expected in ["\nwgpu v", "\nort v", "\nort-sys v"] {
+            assert!(text.contains(expected), "{expected:?} is not in the notices");
+        }
     }
 
     #[test]
