@@ -84,6 +84,17 @@ pub fn builder(program: impl AsRef<OsStr>) -> Command {
     command
 }
 
+/// Words as a line that a shell splits into the same words. The package `cc` splits flags so, too, where
+/// `CC_SHELL_ESCAPED_FLAGS` is set.
+pub fn shell_line<S: AsRef<str>>(words: &[S]) -> String {
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_=./:,@+%".contains(c);
+    let quoted = |word: &S| match word.as_ref() {
+        word if !word.is_empty() && word.chars().all(is_plain) => word.to_owned(),
+        word => format!("'{}'", word.replace('\'', r"'\''")),
+    };
+    words.iter().map(quoted).collect::<Vec<_>>().join(" ")
+}
+
 /// The host tool `aarc-studio`, built if need be: to be run with a command and its arguments.
 ///
 /// # Errors
@@ -164,6 +175,16 @@ mod tests {
             let mut removed = command.get_envs().filter(|(_, value)| value.is_none());
             assert!(removed.any(|(name, _)| name == variable), "{variable}");
         }
+    }
+
+    #[test]
+    fn a_shell_splits_a_line_into_its_words() {
+        let words = ["env", "A=b", "/two words/it's", "", "$HOME", "-Wl,-z"];
+        let mut shell = Command::new("sh");
+        shell.arg("-c").arg(format!(r"printf '%s\n' {}", shell_line(&words)));
+        let output = shell.output().unwrap();
+        assert_eq!(String::from_utf8(output.stdout).unwrap().lines().collect::<Vec<_>>(), words);
+        assert_eq!(shell_line(&["-o", "A::B=/c.d"]), "-o A::B=/c.d");
     }
 
     #[test]

@@ -95,7 +95,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let notices = notices(&[&["--package", "client"], &FEATURES[..]].concat(), TARGET)?;
     fs::write(&notices_part, notices + LOADER_NOTICE).with_context(|| notices_part.display().to_string())?;
     pack(&library_part, &loader_part, &notices_part, &args.out)?;
-    println!("adb install -r {}", args.out.display());
+    println!("{}", workspace::shell_line(&["adb", "install", "-r", &args.out.to_string_lossy()]));
     Ok(())
 }
 
@@ -173,7 +173,8 @@ impl Toolchain {
         let status = workspace::cargo()
             .args(["rustc", "--package", "client", "--lib", "--crate-type", "cdylib", "--target", TARGET])
             .args(FEATURES)
-            .args(["--profile", profile, "--locked"])
+            .args(["--profile", profile, "--locked", "--target-dir"])
+            .arg(workspace::target_folder())
             .env("CARGO_TARGET_AARCH64_LINUX_ANDROID_LINKER", &compiler)
             .env("CARGO_TARGET_AARCH64_LINUX_ANDROID_RUSTFLAGS", page_flag)
             .env("CC_aarch64_linux_android", &compiler)

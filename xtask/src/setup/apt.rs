@@ -32,7 +32,7 @@ pub(super) fn install(packages: &[&str], is_dry_run: bool) {
     let is_needed = privilege.is_none() && !is_dry_run;
     eprintln!("set-up: {}\n", if is_needed { "to install it, run" } else { "to be run:" });
     for line in command_lines(packages, &backports) {
-        eprintln!("    {}", [privilege.unwrap_or(&["sudo"]), &line].concat().join(" "));
+        eprintln!("    {}", workspace::shell_line(&[privilege.unwrap_or(&["sudo"]), &line].concat()));
     }
     eprintln!();
     let Some(privilege) = privilege.filter(|_| !is_dry_run) else { return };

@@ -81,12 +81,14 @@ fn link(steps: &mut Steps) -> Option<PathBuf> {
 fn configure(cargo: &mut Command) {
     // Headers of GNU/Linux stand in for Android's.
     let headers = workspace::debian_rust_folder().join("usr/aarch64-linux-gnu/include");
-    let flags = format!("--target={TARGET}{API_LEVEL} -nostdlibinc -isystem {}", headers.display());
+    let target = format!("--target={TARGET}{API_LEVEL}");
+    let flags = [&*target, "-nostdlibinc", "-isystem", &headers.to_string_lossy()];
     cargo.args(["--package", "client", "--lib"]).args(FEATURES);
     debian_rust::configure(cargo, TARGET, "std,panic_abort", &debian_rust::folder());
     cargo
         .env("CC_aarch64_linux_android", debian_rust::program("clang"))
-        .env("CFLAGS_aarch64_linux_android", flags)
+        .env("CFLAGS_aarch64_linux_android", workspace::shell_line(&flags))
+        .env("CC_SHELL_ESCAPED_FLAGS", "1")
         .env("AR_aarch64_linux_android", "ar")
         .env("RANLIB_aarch64_linux_android", "ranlib");
 }

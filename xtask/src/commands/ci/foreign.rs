@@ -72,16 +72,18 @@ impl Processor {
         let tool = |name: &str| folder.join("usr/bin").join(format!("{}-{name}", self.tools));
         let variable = |name: &str| name.replace('-', "_");
         let upper = variable(self.target).to_uppercase();
+        let emulator = folder.join("usr/bin").join(self.emulator);
         let own_libraries = folder.join(format!("usr/lib/{ARCH}-linux-gnu"));
         let libraries = [debian_rust::libraries(), own_libraries].map(|path| path.display().to_string());
         cargo
+            // As a list, which Cargo does not split at blanks.
+            .args(["--config", &format!("target.{}.runner = [{emulator:?}]", self.target)])
             .env("LD_LIBRARY_PATH", libraries.join(":"))
             .env(format!("CC_{}", variable(self.target)), tool("gcc"))
             .env(format!("AR_{}", variable(self.target)), tool("ar"))
             .env(format!("CARGO_TARGET_{upper}_LINKER"), tool("gcc"))
             // The emulated program then loads no library.
-            .env(format!("CARGO_TARGET_{upper}_RUSTFLAGS"), "-Ctarget-feature=+crt-static")
-            .env(format!("CARGO_TARGET_{upper}_RUNNER"), folder.join("usr/bin").join(self.emulator));
+            .env(format!("CARGO_TARGET_{upper}_RUSTFLAGS"), "-Ctarget-feature=+crt-static");
         cargo
     }
 }

@@ -58,8 +58,7 @@ impl System {
         }
         // The standard library is compiled; this program makes its import libraries of Windows.
         let dlltool = debian_rust::program("x86_64-w64-mingw32-dlltool");
-        let flags = format!("CARGO_TARGET_{}_RUSTFLAGS", target.to_uppercase());
-        clippy.env(flags, format!("-Cdlltool={}", dlltool.display()));
+        clippy.env("CARGO_ENCODED_RUSTFLAGS", format!("-Cdlltool={}", dlltool.display()));
         // Nothing runs.
         clippy.env("CARGO_PROFILE_DEV_OPT_LEVEL", "0").env("CARGO_PROFILE_DEV_DEBUG", "false");
         clippy.args(["--", "--deny", "warnings"]);
