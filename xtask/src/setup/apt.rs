@@ -2,8 +2,9 @@
 //!
 //! Mesa's software driver before version 25 draws clipped triangles of a multiview pass into the first
 //! layer only. Debian 12 has version 22 and, among its backports, version 25: there the set-up installs
-//! the newer one. The backports come from the machine's own mirror, through a list of sources in the
-//! project's build folder; the machine's lists stay unchanged.
+//! the newer one. The backports come from the machine's own mirror, through a list of sources and
+//! preferences in the project's build folder; the machine's lists stay unchanged. Nothing but Mesa and the
+//! library that it needs comes from there, as a machine without that list gets no updates of it.
 
 use std::ffi::OsStr;
 use std::fs;
@@ -22,8 +23,12 @@ pub(super) const KEYRING: &str = "/usr/share/keyrings/debian-archive-keyring.gpg
 /// The release of Debian whose own Mesa is too old.
 const OLD_MESA: &str = "bookworm";
 
-/// The machine's list of sources, which the list with backports repeats.
+/// What comes from the backports: the packages of Mesa's source, and of its kernel interface's.
+const FROM_BACKPORTS: &str = "src:mesa src:libdrm";
+
+/// The machine's list of sources and its preferences, which the files with backports repeat.
 const SOURCES: &str = "/etc/apt/sources.list";
+const PREFERENCES: &str = "/etc/apt/preferences";
 
 /// Installs the packages. Prints the commands first; runs none in a dry run, nor where this process may not.
 pub(super) fn install(packages: &[&str], is_dry_run: bool) {
@@ -98,22 +103,29 @@ fn run(line: &[&str]) -> bool {
 fn backports() -> Vec<String> {
     let Some(codename) = codename().filter(|codename| codename == OLD_MESA) else { return Vec::new() };
     let Some(mirror) = mirror() else { return Vec::new() };
-    let own = fs::read_to_string(SOURCES).unwrap_or_default();
+    let release = format!("{codename}-backports");
     let folder = workspace::target_folder().join("setup");
-    let list = folder.join("sources.list");
-    let text = format!("{own}\n{}", source(&mirror, &format!("{codename}-backports")));
-    match fs::create_dir_all(&folder).and_then(|()| fs::write(&list, text)) {
-        Ok(()) => vec![
-            "-o".into(),
-            format!("Dir::Etc::SourceList={}", list.display()),
-            "-t".into(),
-            format!("{codename}-backports"),
-        ],
-        Err(error) => {
-            eprintln!("set-up: cannot write {}: {error}", list.display());
-            Vec::new()
+    let files = [
+        ("SourceList", "sources.list", SOURCES, source(&mirror, &release)),
+        ("Preferences", "preferences", PREFERENCES, preference(&release)),
+    ];
+    let mut options = Vec::new();
+    for (option, name, own, more) in files {
+        let path = folder.join(name);
+        let own = fs::read_to_string(own).unwrap_or_default();
+        let text = format!("{own}\n{more}");
+        if let Err(error) = fs::create_dir_all(&folder).and_then(|()| fs::write(&path, text)) {
+            eprintln!("set-up: cannot write {}: {error}", path.display());
+            return Vec::new();
         }
+        options.extend(["-o".into(), format!("Dir::Etc::{option}={}", path.display())]);
     }
+    options
+}
+
+/// The entry of apt's preferences that prefers a release for [`FROM_BACKPORTS`].
+fn preference(release: &str) -> String {
+    format!("Package: {FROM_BACKPORTS}\nPin: release n={release}\nPin-Priority: 990\n")
 }
 
 /// The line of a list of sources for a release of Debian.
@@ -154,13 +166,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn nothing_is_removed_and_mesa_comes_from_where_it_is_new() {
-        let options = ["-t".to_owned(), "bookworm-backports".to_owned()];
+    fn nothing_is_removed_and_only_mesa_comes_from_where_it_is_new() {
+        let options = ["-o".to_owned(), "Dir::Etc::Preferences=/two words/preferences".to_owned()];
         let [update, install] = command_lines(&["xvfb", MESA], &options);
         for line in [&update, &install] {
             assert!(line.windows(2).any(|pair| pair == options), "{line:?}");
+            // It would be the release of everything that is installed.
+            assert!(!line.contains(&"-t"), "{line:?}");
         }
         assert!(install.contains(&"--no-remove") && install.ends_with(&["xvfb", MESA]), "{install:?}");
+        let preference = preference("bookworm-backports");
+        assert!(preference.starts_with("Package: src:mesa src:libdrm\nPin: release n=bookworm-backports\n"));
     }
 
     #[test]
