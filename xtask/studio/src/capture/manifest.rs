@@ -105,12 +105,7 @@ pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
     manifest.check().map_err(bad_manifest)?;
     let fps = manifest.fps.unwrap_or(f64::from(DEFAULT_FPS));
     let mut builder = CaptureBuilder::new(folder);
-    let mut videos = Vec::new();
-    for entry in &manifest.cameras {
-        let video = entry.video.as_ref().map(|video| open_video(&folder.join(video), entry)).transpose()?;
-        builder.spend(video.as_ref().map_or(0, |video| size_of_val(&*video.times_s) as u64))?;
-        videos.push(video);
-    }
+    let videos = open_videos(&manifest, folder, &mut builder)?;
     let frames = manifest.frames_of(&videos, fps).map_err(bad_manifest)?;
     manifest.check_frames(frames).map_err(bad_manifest)?;
     for (entry, video) in manifest.cameras.iter().zip(videos) {
@@ -195,6 +190,21 @@ fn plate_of(
 fn unit(vector: [f64; 3]) -> [f64; 3] {
     let length = vector.iter().map(|x| x * x).sum::<f64>().sqrt();
     vector.map(|x| x / length)
+}
+
+/// Opens the videos of the cameras that have one.
+fn open_videos(
+    manifest: &Manifest,
+    folder: &Path,
+    builder: &mut CaptureBuilder,
+) -> Result<Vec<Option<Video>>, Fault> {
+    let mut videos = Vec::new();
+    for entry in &manifest.cameras {
+        let video = entry.video.as_ref().map(|video| open_video(&folder.join(video), entry)).transpose()?;
+        builder.spend(video.as_ref().map_or(0, |video| size_of_val(&*video.times_s) as u64))?;
+        videos.push(video);
+    }
+    Ok(videos)
 }
 
 /// Opens the video of a camera.

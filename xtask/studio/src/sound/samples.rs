@@ -1,7 +1,7 @@
 //! [`Samples`]: the samples of a sound file, decoded by ffmpeg to a scratch file and repaired.
 
 use std::fs::File;
-use std::io::{BufReader, BufWriter, Read, Seek, SeekFrom, Write};
+use std::io::{self, BufReader, BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::Path;
 use std::process::Stdio;
 
@@ -70,21 +70,8 @@ impl Samples {
         })?;
         let no_file = |error| Fault::Usage(format!("no temporary file for sound: {error}"));
         let mut file = tempfile::tempfile().map_err(no_file)?;
-        let mut writer = BufWriter::new(&mut file);
-        let mut pipe = BufReader::new(running.take_stdout());
-        let (mut count, mut peak, mut repaired) = (0usize, 0.0f32, 0usize);
-        let mut buffer = [0; SAMPLE_BYTES];
-        while pipe.read_exact(&mut buffer).is_ok() {
-            let mut sample = f32::from_le_bytes(buffer);
-            if !sample.is_finite() {
-                (sample, repaired) = (0.0, repaired + 1);
-            }
-            peak = peak.max(sample.abs());
-            writer.write_all(&sample.to_le_bytes()).map_err(no_file)?;
-            count += 1;
-        }
-        writer.flush().map_err(no_file)?;
-        drop(writer);
+        let Written { count, peak, repaired } =
+            write_finite(running.take_stdout(), &mut file).map_err(no_file)?;
         let ended = running.finish(path);
         let said = running.last_error(path);
         let decoded = count / usize::from(channels);
@@ -164,6 +151,35 @@ impl Samples {
         }
         Ok(())
     }
+}
+
+/// What was written of samples.
+#[derive(Default)]
+struct Written {
+    /// Number of samples, of all channels.
+    count: usize,
+    /// Largest magnitude.
+    peak: f32,
+    /// Number of samples that were not finite.
+    repaired: usize,
+}
+
+/// Writes the samples that a decoder prints, with silence for those that are not finite.
+fn write_finite(decoder: impl Read, file: &mut File) -> io::Result<Written> {
+    let (mut decoder, mut writer) = (BufReader::new(decoder), BufWriter::new(file));
+    let mut written = Written::default();
+    let mut buffer = [0; SAMPLE_BYTES];
+    while decoder.read_exact(&mut buffer).is_ok() {
+        let mut sample = f32::from_le_bytes(buffer);
+        if !sample.is_finite() {
+            (sample, written.repaired) = (0.0, written.repaired + 1);
+        }
+        written.peak = written.peak.max(sample.abs());
+        writer.write_all(&sample.to_le_bytes())?;
+        written.count += 1;
+    }
+    writer.flush()?;
+    Ok(written)
 }
 
 /// Number of channels of the first sound track of a file.
