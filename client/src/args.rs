@@ -43,7 +43,8 @@ Environment:
   HTTPS_PROXY, HTTP_PROXY, ALL_PROXY, NO_PROXY
                         the proxy for URLs [default: none]
   XR_RUNTIME_JSON       the OpenXR runtime [default: the system's]
-  RUST_LOG              what to log, such as \"info\" or \"client=debug\" [default: warnings]
+  RUST_LOG              what to log, such as \"info\" or \"client=debug\"
+                        [default: error,wgpu_hal=off]
 
 Examples:
   aarc clip.aarc
@@ -362,6 +363,7 @@ mod tests {
         }
         let page = String::from_utf8(render(Generated::Man, Args::command())).expect("text");
         assert!(page.contains(".SH OPTIONS") && page.contains("Exit codes"), "{page}");
+        assert!(AFTER_HELP.contains(&format!("[default: {}]", crate::gpu::LOG_FILTER)), "{AFTER_HELP}");
     }
 
     #[test]
