@@ -78,7 +78,7 @@ impl Viewer {
             viewpoint,
             fly_keys: FlyKeys::default(),
             show_controls: true,
-            show_statistics: true,
+            show_statistics: false,
             show_keys: false,
         }
     }

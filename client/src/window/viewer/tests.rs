@@ -36,6 +36,10 @@ fn clip() -> ViewedClip {
     }
 }
 
+fn statistics() -> [(&'static str, String); 1] {
+    [("frame", "16.7 ms".into())]
+}
+
 fn key_event(key: Key, pressed: bool) -> Event {
     Event::Key { key, physical_key: Some(key), pressed, repeat: false, modifiers: Modifiers::NONE }
 }
@@ -66,7 +70,7 @@ impl Bench {
         };
         let seconds = FrameSeconds { elapsed_s: 0.0, played_s: 0.0 };
         let output = self.ctx.run_ui(input, |ui| {
-            self.viewer.frame(ui, seconds, self.volume.as_mut(), &[]);
+            self.viewer.frame(ui, seconds, self.volume.as_mut(), &statistics());
         });
         let mut texts = Vec::new();
         for shape in &output.shapes {
@@ -86,7 +90,7 @@ impl Bench {
             // Sound is half as fast as the display.
             let played_s = if self.volume.is_some() { 0.5 * elapsed_s } else { elapsed_s };
             let seconds = FrameSeconds { elapsed_s, played_s };
-            requests = self.viewer.frame(ui, seconds, self.volume.as_mut(), &[("frame", "16.7 ms".into())]);
+            requests = self.viewer.frame(ui, seconds, self.volume.as_mut(), &statistics());
         });
         output.drop_without_applying_deltas();
         requests
@@ -339,6 +343,15 @@ fn keys_of_the_window_become_requests() {
     assert_eq!(bench.frame(0.0, vec![]), Requests::default());
     assert!(bench.press(Key::P).screenshot);
     assert!(bench.press(Key::F11).toggle_full_screen);
+}
+
+#[test]
+fn statistics_are_shown_on_request() {
+    let mut bench = Bench::new();
+    let shows = |bench: &mut Bench| bench.texts().iter().any(|(text, _)| text == "16.7 ms");
+    assert!(!shows(&mut bench));
+    bench.press(Key::I);
+    assert!(shows(&mut bench));
 }
 
 #[test]
