@@ -102,9 +102,17 @@ pub(crate) const CAMERA: [(&str, &str); 8] = [
 const VIEWPOINTS: [Key; 9] =
     [Key::Num1, Key::Num2, Key::Num3, Key::Num4, Key::Num5, Key::Num6, Key::Num7, Key::Num8, Key::Num9];
 
-/// Commands of the keys pressed since the last frame.
-pub(crate) fn commands(input: &InputState) -> Vec<Command> {
-    input.events.iter().filter_map(command).collect()
+/// Keys that operate a control with the keyboard focus, which gets them alone.
+const CONTROL_KEYS: [Key; 6] =
+    [Key::Space, Key::Enter, Key::ArrowLeft, Key::ArrowRight, Key::ArrowUp, Key::ArrowDown];
+
+/// Commands of the keys pressed since the last frame. `control_has_focus` is whether a control has the keyboard focus.
+pub(crate) fn commands(input: &InputState, control_has_focus: bool) -> Vec<Command> {
+    let is_free = |event: &&Event| match event {
+        Event::Key { key, .. } => !control_has_focus || !CONTROL_KEYS.contains(key),
+        _ => true,
+    };
+    input.events.iter().filter(is_free).filter_map(command).collect()
 }
 
 fn command(event: &Event) -> Option<Command> {
@@ -200,7 +208,7 @@ mod tests {
     fn keys_give_their_commands_in_order() {
         let events = vec![press(Key::Space), press(Key::Z), press(Key::Num3), press(Key::ArrowLeft)];
         let expected = [Command::TogglePlaying, Command::GoToViewpoint(2), Command::StepBack];
-        assert_eq!(commands(&input(events)), expected);
+        assert_eq!(commands(&input(events), false), expected);
     }
 
     #[test]
@@ -210,9 +218,15 @@ mod tests {
             Event::Key { key, physical_key, pressed, repeat: true, modifiers }
         };
         assert_eq!(
-            commands(&input(vec![held(Key::Space), held(Key::Num1), held(Key::Period)])),
+            commands(&input(vec![held(Key::Space), held(Key::Num1), held(Key::Period)]), false),
             [Command::StepForward]
         );
+    }
+
+    #[test]
+    fn a_control_with_the_focus_takes_the_keys_that_operate_it() {
+        let events = vec![press(Key::Space), press(Key::ArrowLeft), press(Key::Comma), press(Key::H)];
+        assert_eq!(commands(&input(events), true), [Command::StepBack, Command::ToggleKeys]);
     }
 
     #[test]
@@ -224,7 +238,7 @@ mod tests {
             repeat: false,
             modifiers: Modifiers::CTRL,
         };
-        assert_eq!(commands(&input(vec![event])), []);
+        assert_eq!(commands(&input(vec![event]), false), []);
     }
 
     #[test]
@@ -255,6 +269,6 @@ mod tests {
             repeat: false,
             modifiers: Modifiers::NONE,
         };
-        assert_eq!(commands(&input(vec![event])), []);
+        assert_eq!(commands(&input(vec![event]), false), []);
     }
 }

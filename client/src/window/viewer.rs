@@ -205,15 +205,16 @@ impl Viewer {
         requests
     }
 
-    /// The commands of keys, unless a control has the keyboard focus.
+    /// The commands of keys, unless a number is typed.
     fn keyboard(&mut self, ctx: &Context) -> Vec<Command> {
-        if ctx.egui_wants_keyboard_input() {
+        if ctx.text_edit_focused() {
             self.fly_keys.release();
             return Vec::new();
         }
+        let control_has_focus = ctx.memory(|memory| memory.focused().is_some());
         ctx.input(|input| {
             self.fly_keys.update(input);
-            keys::commands(input)
+            keys::commands(input, control_has_focus)
         })
     }
 

@@ -346,6 +346,16 @@ fn keys_of_the_window_become_requests() {
 }
 
 #[test]
+fn letters_work_while_a_control_has_the_focus() {
+    let mut bench = Bench::new();
+    (0..3).for_each(|_| drop(bench.press(Key::Tab)));
+    assert!(bench.ctx.memory(|memory| memory.focused().is_some()));
+    assert!(bench.press(Key::P).screenshot);
+    bench.frame(0.0, vec![key_event(Key::W, true)]);
+    assert!(bench.viewer.fly_keys.fly().is_flying());
+}
+
+#[test]
 fn statistics_are_shown_on_request() {
     let mut bench = Bench::new();
     let shows = |bench: &mut Bench| bench.texts().iter().any(|(text, _)| text == "16.7 ms");
