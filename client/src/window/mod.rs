@@ -45,7 +45,7 @@ use session::{Event, Next, Session, Start};
 /// [`Fault::Device`] without a display or a graphics device for it.
 pub fn run(args: &Args) -> Result<(), Fault> {
     let mut reporter = Reporter::new();
-    let First { entry, clip, rest, queue, note } = first_clip(args, &mut reporter)?;
+    let First { entry, clip, rest, queue, notes } = first_clip(args, &mut reporter)?;
     reporter.end_progress();
     let viewpoints = &clip.info().viewpoints;
     let viewpoint = args.view.as_deref().map_or(Ok(0), |name| viewpoint::find(viewpoints, name))?;
@@ -53,7 +53,7 @@ pub fn run(args: &Args) -> Result<(), Fault> {
     let source = args.source(cache_dir());
     let size = args.size;
     let named = args.clip.clone();
-    let start = Start { named, entry, clip, rest, queue, note, reporter, source, viewpoint, settings, size };
+    let start = Start { named, entry, clip, rest, queue, notes, reporter, source, viewpoint, settings, size };
     let event_loop = display::connect()?;
     let mut app = App { start: Some(start), proxy: event_loop.create_proxy(), session: None, result: Ok(()) };
     event_loop.run_app(&mut app).map_err(|error| {
@@ -69,8 +69,8 @@ struct First {
     /// What more its source has to tell.
     rest: Arrival,
     queue: Option<Queue>,
-    /// The last remark on it.
-    note: Option<String>,
+    /// Remarks on it.
+    notes: Vec<String>,
 }
 
 /// Waits for the clip of `args`, or for the first clip of their playlist that loads. Prints the faults of the clips
@@ -79,14 +79,14 @@ fn first_clip(args: &Args, reporter: &mut Reporter) -> Result<First, Fault> {
     let source = args.source(cache_dir());
     let wait = |entry: Entry, queue, reporter: &mut Reporter| -> Result<First, Fault> {
         let mut rest = content::open(entry.name.as_deref(), &source)?;
-        let mut note = None;
+        let mut notes = Vec::new();
         let clip = rest.wait(Wait::Playable, |event| {
             reporter.print(event);
             if let OpenEvent::Note(text) = event {
-                note = Some(text.clone());
+                notes.push(text.clone());
             }
         })?;
-        Ok(First { entry, clip, rest, queue, note })
+        Ok(First { entry, clip, rest, queue, notes })
     };
     let Some(list) = args.clip.as_deref().filter(|name| playlist::is_playlist(name)) else {
         return wait(Entry::single(args.clip.clone()), None, reporter);

@@ -7,14 +7,18 @@ use super::icons::{Symbol, symbol_button};
 use super::keys::{CAMERA, PLAYING, WINDOW};
 use super::style;
 
-/// Seconds until a note disappears.
-const NOTE_S: f64 = 5.0;
+/// Seconds until a note disappears: to notice it, and to read its characters.
+const NOTICE_S: f64 = 3.0;
+const READ_S: f64 = 1.0 / 15.0;
 
-/// One line for the viewer.
+/// Most lines of notes that are shown at once.
+const NOTE_LINES: usize = 4;
+
+/// What is said to the viewer.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Message {
-    /// Disappears at `until_s` of the interface's time.
-    Note { text: String, until_s: f64 },
+    /// Disappears once it can have been read: at `until_s` of the interface's time, `None` before it is shown.
+    Note { text: String, until_s: Option<f64> },
     /// Stays until replaced.
     Working(String),
     /// Stays until dismissed.
@@ -22,20 +26,29 @@ pub(crate) enum Message {
 }
 
 impl Message {
-    /// A note that appears now.
-    pub(crate) fn note(ctx: &Context, text: String) -> Message {
-        Message::Note { text, until_s: ctx.input(|input| input.time) + NOTE_S }
+    /// A note in place of `shown`. Notes that are being read stay above it.
+    pub(crate) fn note(shown: Option<Message>, text: String) -> Message {
+        let mut lines = match shown {
+            Some(Message::Note { text, .. }) => text.lines().map(String::from).collect(),
+            _ => Vec::new(),
+        };
+        lines.retain(|line| *line != text);
+        lines.push(text);
+        lines.drain(..lines.len().saturating_sub(NOTE_LINES));
+        Message::Note { text: lines.join("\n"), until_s: None }
     }
 }
 
 /// Shows the message above the bar; removes it when it expires or is dismissed.
 pub(crate) fn message(ctx: &Context, bar_height: f32, message: &mut Option<Message>) {
     let now_s = ctx.input(|input| input.time);
-    if let Some(Message::Note { until_s, .. }) = message {
-        if now_s >= *until_s {
+    if let Some(Message::Note { text, until_s }) = message {
+        let read_s = NOTICE_S + READ_S * text.chars().count() as f64;
+        let until_s = *until_s.get_or_insert(now_s + read_s);
+        if now_s >= until_s {
             *message = None;
         } else {
-            ctx.request_repaint_after_secs((*until_s - now_s) as f32);
+            ctx.request_repaint_after_secs((until_s - now_s) as f32);
         }
     }
     let Some(current) = message.clone() else { return };

@@ -70,8 +70,8 @@ pub(super) struct Start {
     pub(super) rest: Arrival,
     /// The playlist of the clip, at its entry.
     pub(super) queue: Option<Queue>,
-    /// A remark on the clip.
-    pub(super) note: Option<String>,
+    /// Remarks on the clip.
+    pub(super) notes: Vec<String>,
     /// The terminal, which has the remarks so far.
     pub(super) reporter: Reporter,
     /// Where further clips may come from.
@@ -248,7 +248,7 @@ impl Session {
             Playing::new(gpu, format, &proxy, &start.entry, &start.clip, beginning)?
         };
         let mut viewer = Viewer::new(playing.viewed.clone(), start.viewpoint, start.settings);
-        viewer.message = start.note.map(|note| Message::note(screen.input.egui_ctx(), note));
+        start.notes.into_iter().for_each(|note| viewer.note(note));
         let options = LoadOptions { source: start.source, min_layers: 1, is_complete: false };
         let mut clips = ClipController::new(options, true, waker(&proxy))?;
         let mut library = Library::open();
@@ -393,9 +393,9 @@ impl Session {
         match change {
             Change::Show { clip, transition, .. } => self.show(*clip, transition),
             Change::Progress(progress) => {
-                self.set_message(Message::Working(format!("Loading: {}", progress.text())));
+                self.progress(format!("Loading: {}", progress.text()));
             }
-            Change::Waiting => self.set_message(Message::Working("Loading another clip".into())),
+            Change::Waiting => self.progress("Loading another clip".into()),
             Change::Note(note) => {
                 self.reporter.print(&OpenEvent::Note(note.clone()));
                 self.note(note);
@@ -438,7 +438,13 @@ impl Session {
     }
 
     fn note(&mut self, text: String) {
-        self.set_message(Message::note(self.screen.input.egui_ctx(), text));
+        self.viewer.note(text);
+        self.window.request_redraw();
+    }
+
+    fn progress(&mut self, text: String) {
+        self.viewer.progress(text);
+        self.window.request_redraw();
     }
 
     fn clear_progress(&mut self) {
@@ -576,7 +582,7 @@ impl Session {
             (true, None) => self.loading_since = Some((now, false)),
             (true, Some((since, said))) if !*said && now - *since > LOADING_PATIENCE => {
                 *said = true;
-                self.set_message(Message::Working("Loading this part of the take".into()));
+                self.progress("Loading this part of the take".into());
             }
             (true, Some(_)) | (false, None) => {}
             (false, Some((_, said))) => {

@@ -90,7 +90,8 @@ impl Viewer {
         self.camera = CameraControl::new(&clip.viewpoints[0], clip.up);
         self.viewpoint = 0;
         self.clip = clip;
-        self.message = None;
+        // Notes on it came before it.
+        self.message = self.message.take().filter(|message| matches!(message, Message::Note { .. }));
     }
 
     /// Continues with the next clip of a playlist. The camera stays if both clips have the same viewpoints.
@@ -112,6 +113,18 @@ impl Viewer {
             self.clip = clip;
         } else {
             self.change_clip(clip);
+        }
+    }
+
+    /// Shows a note.
+    pub(crate) fn note(&mut self, text: String) {
+        self.message = Some(Message::note(self.message.take(), text));
+    }
+
+    /// Says what is being done, unless a note is being read.
+    pub(crate) fn progress(&mut self, text: String) {
+        if !matches!(self.message, Some(Message::Note { .. })) {
+            self.message = Some(Message::Working(text));
         }
     }
 

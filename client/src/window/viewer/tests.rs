@@ -379,7 +379,9 @@ fn escape_closes_the_list_before_the_message() {
 #[test]
 fn a_note_disappears_and_an_error_stays() {
     let mut bench = Bench::new();
-    bench.viewer.message = Some(Message::note(&bench.ctx, "saved".into()));
+    bench.viewer.note("saved".into());
+    // It waits until it is seen.
+    bench.frame(10.0, vec![]);
     bench.frame(1.0, vec![]);
     assert!(bench.viewer.message.is_some());
     bench.frame(10.0, vec![]);
@@ -387,6 +389,25 @@ fn a_note_disappears_and_an_error_stays() {
     bench.viewer.message = Some(Message::Error("broken".into()));
     bench.frame(100.0, vec![]);
     assert!(bench.viewer.message.is_some());
+}
+
+#[test]
+fn notes_are_read_before_others_and_the_clip_take_their_place() {
+    let mut bench = Bench::new();
+    bench.viewer.message = Some(Message::Working("opening".into()));
+    for note in ["3 rows were repaired", "no sound", "no sound"] {
+        bench.viewer.note(note.into());
+    }
+    bench.viewer.change_clip(clip());
+    bench.viewer.progress("50 %".into());
+    bench.frame(1.0, vec![]);
+    let texts = bench.texts();
+    assert!(texts.iter().any(|(text, _)| text == "3 rows were repaired\nno sound"), "{texts:?}");
+    bench.frame(10.0, vec![]);
+    bench.viewer.progress("60 %".into());
+    assert_eq!(bench.viewer.message, Some(Message::Working("60 %".into())));
+    bench.viewer.change_clip(clip());
+    assert_eq!(bench.viewer.message, None, "it is opened");
 }
 
 #[test]
