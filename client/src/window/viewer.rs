@@ -288,7 +288,12 @@ impl Viewer {
             Command::SetPoster => requests.set_poster = true,
             Command::ToggleKeys => self.show_keys = !self.show_keys,
             Command::ToggleStatistics => self.show_statistics = !self.show_statistics,
-            Command::ToggleInterface => self.show_controls = !self.show_controls,
+            Command::ToggleInterface => {
+                self.show_controls = !self.show_controls;
+                if !self.show_controls {
+                    self.note("U shows the controls again".into());
+                }
+            }
             Command::ToggleFullScreen => requests.toggle_full_screen = true,
             Command::Dismiss if self.show_keys => self.show_keys = false,
             Command::Dismiss => self.message = None,

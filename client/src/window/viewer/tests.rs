@@ -365,6 +365,18 @@ fn statistics_are_shown_on_request() {
 }
 
 #[test]
+fn hidden_controls_say_how_they_return() {
+    let mut bench = Bench::new();
+    let shows = |bench: &mut Bench, wanted: &str| bench.texts().iter().any(|(text, _)| text == wanted);
+    bench.press(Key::U);
+    bench.frame(0.0, vec![]);
+    assert!(shows(&mut bench, "U shows the controls again") && !shows(&mut bench, "Keys"));
+    bench.press(Key::U);
+    bench.frame(0.0, vec![]);
+    assert!(shows(&mut bench, "Keys"));
+}
+
+#[test]
 fn escape_closes_the_list_before_the_message() {
     let mut bench = Bench::new();
     bench.viewer.message = Some(Message::Error("no such file".into()));
