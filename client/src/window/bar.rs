@@ -316,7 +316,7 @@ fn view_menu(ui: &mut Ui, controls: &Controls<'_>, commands: &mut Vec<Command>) 
     ui.separator();
     for (name, key, command) in [
         ("Recentre", "R", Command::Recentre),
-        ("Full screen", "F11", Command::ToggleFullScreen),
+        ("Full screen", "F", Command::ToggleFullScreen),
         ("Hide controls", "U", Command::ToggleInterface),
     ] {
         if ui.add(egui::Button::new(name).shortcut_text(key)).clicked() {

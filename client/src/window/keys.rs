@@ -82,12 +82,12 @@ pub(crate) const WINDOW: [Binding; 10] = [
     once(&[Key::I], Command::ToggleStatistics, "I", "Statistics"),
     once(&[Key::U], Command::ToggleInterface, "U", "Hide or show the controls"),
     once(&[Key::H, Key::F1], Command::ToggleKeys, "H", "This list"),
-    once(&[Key::F11], Command::ToggleFullScreen, "F11", "Full screen"),
-    once(&[Key::Escape], Command::Dismiss, "Esc", "Close a list or message"),
+    once(&[Key::F, Key::F11], Command::ToggleFullScreen, "F or F11", "Full screen on or off"),
+    once(&[Key::Escape], Command::Dismiss, "Esc", "Close a list or message, leave full screen"),
 ];
 
 /// The list of mouse and flying controls.
-pub(crate) const CAMERA: [(&str, &str); 8] = [
+pub(crate) const CAMERA: [(&str, &str); 9] = [
     ("Left drag", "Orbit"),
     ("Right drag, Shift + drag", "Pan"),
     ("Wheel", "Zoom"),
@@ -96,6 +96,7 @@ pub(crate) const CAMERA: [(&str, &str); 8] = [
     ("Shift", "Fly faster"),
     ("Left drag in flight, Ctrl + drag", "Look around"),
     ("1 ... 9", "Viewpoints"),
+    ("Double click", "Full screen on or off"),
 ];
 
 /// The keys of the first viewpoints.

@@ -474,6 +474,7 @@ impl Session {
         let ctx = self.screen.input.egui_ctx().clone();
         self.library.update();
         self.viewer.choices = self.choices();
+        self.viewer.set_full_screen(&ctx, self.window.fullscreen().is_some());
         let looping = self.viewer.clock.is_looping();
         self.viewer.clock.set_has_next(self.clips.is_followed(looping));
         let input = self.screen.input.take_egui_input(&self.window);

@@ -4,7 +4,7 @@
 //! the playback position and the camera.
 
 use codec::{Camera, Viewpoint};
-use egui::{Context, Id, PointerButton, Rect, Response, Sense, Ui};
+use egui::{Context, CursorIcon, Event, Id, PointerButton, Popup, Rect, Response, Sense, Ui};
 
 use super::bar::{self, Choices, Controls};
 use super::camera::{CameraControl, ZOOM_PER_NOTCH};
@@ -16,6 +16,9 @@ use crate::audio::Volume;
 use crate::clips::Direction;
 use crate::clock::Clock;
 use crate::gpu::RenderSettings;
+
+/// Seconds that the pointer rests in full screen until it and the controls disappear.
+const REST_S: f64 = 3.0;
 
 /// Points of scrolling per notch of a wheel.
 const POINTS_PER_NOTCH: f64 = 40.0;
@@ -55,6 +58,9 @@ pub(crate) struct Viewer {
     /// Index of the viewpoint chosen last.
     viewpoint: usize,
     fly_keys: FlyKeys,
+    /// When the pointer moved last, or full screen began, by the interface's time in seconds.
+    moved_s: f64,
+    is_full_screen: bool,
     show_controls: bool,
     show_statistics: bool,
     show_keys: bool,
@@ -77,6 +83,8 @@ impl Viewer {
             clip,
             viewpoint,
             fly_keys: FlyKeys::default(),
+            moved_s: 0.0,
+            is_full_screen: false,
             show_controls: true,
             show_statistics: false,
             show_keys: false,
@@ -161,6 +169,13 @@ impl Viewer {
         self.is_scrubbing
     }
 
+    /// Takes in whether the window fills the screen.
+    pub(crate) fn set_full_screen(&mut self, ctx: &Context, is_full_screen: bool) {
+        if !std::mem::replace(&mut self.is_full_screen, is_full_screen) {
+            self.moved_s = ctx.input(|input| input.time);
+        }
+    }
+
     /// Handles the input of a frame, advances clock and camera, and shows the controls, with the controls of the
     /// `volume` if the clip has sound. `statistics` are rows of names and values.
     pub(crate) fn frame(
@@ -174,7 +189,11 @@ impl Viewer {
         let mut commands = self.keyboard(&ctx);
         let window = ui.available_rect_before_wrap();
         let mut requests = Requests::default();
-        if self.show_controls {
+        let is_resting = self.is_resting(&ctx);
+        if is_resting {
+            ctx.set_cursor_icon(CursorIcon::None);
+        }
+        if self.show_controls && !is_resting {
             let controls = Controls {
                 clock: &mut self.clock,
                 settings: &mut self.settings,
@@ -191,7 +210,7 @@ impl Viewer {
             bar::show(ui, controls, &mut commands);
         }
         let picture = ui.available_rect_before_wrap();
-        self.mouse(ui, picture);
+        requests.toggle_full_screen = self.mouse(ui, picture);
 
         for command in commands {
             match (command, volume.as_deref_mut()) {
@@ -231,8 +250,23 @@ impl Viewer {
         })
     }
 
-    /// Handles drags and the wheel over the picture.
-    fn mouse(&mut self, ui: &Ui, picture: Rect) {
+    /// Whether the pointer rests in full screen, over no menu.
+    fn is_resting(&mut self, ctx: &Context) -> bool {
+        let is_move = |event: &Event| matches!(event, Event::PointerMoved(_) | Event::PointerButton { .. });
+        let (now_s, moves) =
+            ctx.input(|input| (input.time, input.events.iter().any(is_move) || input.pointer.any_down()));
+        if moves || Popup::is_any_open(ctx) {
+            self.moved_s = now_s;
+        }
+        let rest_s = self.moved_s + REST_S - now_s;
+        if self.is_full_screen && rest_s > 0.0 {
+            ctx.request_repaint_after_secs(rest_s as f32);
+        }
+        self.is_full_screen && rest_s <= 0.0
+    }
+
+    /// Handles drags and the wheel over the picture. Returns whether a double click asks for full screen, or for its end.
+    fn mouse(&mut self, ui: &Ui, picture: Rect) -> bool {
         let response = ui.interact(picture, Id::unique("picture"), Sense::drag());
         if response.drag_started() {
             // A control focused with Tab returns the keyboard to the picture.
@@ -245,6 +279,8 @@ impl Viewer {
             let pinch = f64::from(zoom.max(f32::MIN_POSITIVE)).ln() / ZOOM_PER_NOTCH.recip().ln();
             self.camera.zoom(f64::from(scroll) / POINTS_PER_NOTCH + pinch);
         }
+        response.contains_pointer()
+            && ui.input(|input| input.pointer.button_double_clicked(PointerButton::Primary))
     }
 
     fn drag(&mut self, response: &Response, window_height: f64) {
@@ -296,7 +332,8 @@ impl Viewer {
             }
             Command::ToggleFullScreen => requests.toggle_full_screen = true,
             Command::Dismiss if self.show_keys => self.show_keys = false,
-            Command::Dismiss => self.message = None,
+            Command::Dismiss if self.message.is_some() => self.message = None,
+            Command::Dismiss => requests.toggle_full_screen |= self.is_full_screen,
         }
     }
 

@@ -377,6 +377,39 @@ fn hidden_controls_say_how_they_return() {
 }
 
 #[test]
+fn in_full_screen_the_controls_disappear_while_the_pointer_rests() {
+    let mut bench = Bench::new();
+    let shows_bar = |bench: &mut Bench| bench.texts().iter().any(|(text, _)| text == "Keys");
+    bench.frame(100.0, vec![]);
+    assert!(shows_bar(&mut bench), "in a window they stay");
+    bench.viewer.set_full_screen(&bench.ctx, true);
+    bench.frame(0.1, vec![]);
+    assert!(shows_bar(&mut bench), "at first they are there");
+    bench.frame(5.0, vec![]);
+    assert!(!shows_bar(&mut bench));
+    bench.frame(0.1, vec![Event::PointerMoved(CENTER)]);
+    assert!(shows_bar(&mut bench));
+    bench.click("View");
+    bench.frame(5.0, vec![]);
+    bench.frame(5.0, vec![]);
+    assert!(shows_bar(&mut bench), "a menu is open");
+}
+
+#[test]
+fn full_screen_ends_by_escape_by_its_key_and_by_a_double_click() {
+    let mut bench = Bench::new();
+    assert!(!bench.press(Key::Escape).toggle_full_screen, "it has not begun");
+    bench.viewer.set_full_screen(&bench.ctx, true);
+    for key in [Key::Escape, Key::F, Key::F11] {
+        assert!(bench.press(key).toggle_full_screen, "{key:?}");
+    }
+    bench.frame(0.1, vec![Event::PointerMoved(CENTER)]);
+    let click = |bench: &mut Bench| bench.frame(0.05, vec![primary(CENTER, true), primary(CENTER, false)]);
+    assert!(!click(&mut bench).toggle_full_screen);
+    assert!(click(&mut bench).toggle_full_screen);
+}
+
+#[test]
 fn escape_closes_the_list_before_the_message() {
     let mut bench = Bench::new();
     bench.viewer.message = Some(Message::Error("no such file".into()));
