@@ -61,6 +61,8 @@ pub(crate) struct Viewer {
     /// When the pointer moved last, or full screen began, by the interface's time in seconds.
     moved_s: f64,
     is_full_screen: bool,
+    /// Part of the window's height that the bar covers. In full screen it lies over the picture for a while only.
+    covered: f64,
     show_controls: bool,
     show_statistics: bool,
     show_keys: bool,
@@ -85,6 +87,7 @@ impl Viewer {
             fly_keys: FlyKeys::default(),
             moved_s: 0.0,
             is_full_screen: false,
+            covered: 0.0,
             show_controls: true,
             show_statistics: false,
             show_keys: false,
@@ -141,9 +144,10 @@ impl Viewer {
         self.camera.viewpoint()
     }
 
-    /// The camera for a window of `width` x `height` pixels.
+    /// The camera for a window of `width` x `height` pixels. Its view fills the part above the bar, and goes on behind it.
     pub(crate) fn camera(&self, width: u32, height: u32) -> Camera {
-        self.camera.camera(width, height)
+        let above = (f64::from(height) * (1.0 - self.covered)).round() as u32;
+        Camera { height, ..self.camera.camera(width, above.max(1)) }
     }
 
     /// Normalised clip time of the image; always 0 for a static clip.
@@ -210,6 +214,8 @@ impl Viewer {
             bar::show(ui, controls, &mut commands);
         }
         let picture = ui.available_rect_before_wrap();
+        let bar_height = window.bottom() - picture.bottom();
+        self.covered = if self.is_full_screen { 0.0 } else { f64::from(bar_height / window.height()) };
         requests.toggle_full_screen = self.mouse(ui, picture);
 
         for command in commands {
@@ -223,7 +229,6 @@ impl Viewer {
         }
         self.camera.fly(self.fly_keys.fly(), elapsed_s);
 
-        let bar_height = window.bottom() - picture.bottom();
         if self.show_statistics && self.show_controls && !self.show_keys {
             overlay::statistics(&ctx, statistics);
         }
@@ -272,7 +277,7 @@ impl Viewer {
             // A control focused with Tab returns the keyboard to the picture.
             ui.memory_mut(|memory| memory.focused().into_iter().for_each(|id| memory.surrender_focus(id)));
         }
-        self.drag(&response, f64::from(ui.ctx().content_rect().height()));
+        self.drag(&response, f64::from(ui.ctx().content_rect().height()) * (1.0 - self.covered));
         if response.contains_pointer() {
             let (scroll, zoom) = ui.input(|input| (input.smooth_scroll_delta().y, input.zoom_delta()));
             // A pinch to double size halves the distance: ln 2 / ln(1 / 0.9) notches.
@@ -283,9 +288,9 @@ impl Viewer {
             && ui.input(|input| input.pointer.button_double_clicked(PointerButton::Primary))
     }
 
-    fn drag(&mut self, response: &Response, window_height: f64) {
+    fn drag(&mut self, response: &Response, view_height: f64) {
         let delta = response.drag_delta();
-        let (dx, dy) = (f64::from(delta.x) / window_height, f64::from(delta.y) / window_height);
+        let (dx, dy) = (f64::from(delta.x) / view_height, f64::from(delta.y) / view_height);
         let modifiers = response.ctx.input(|input| input.modifiers);
         let flying = self.fly_keys.fly().is_flying();
         let other_button =

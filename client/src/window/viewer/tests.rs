@@ -365,6 +365,24 @@ fn statistics_are_shown_on_request() {
 }
 
 #[test]
+fn the_view_fills_what_the_bar_does_not_cover() {
+    let mut bench = Bench::new();
+    let bar = bench.texts().into_iter().find(|(text, _)| text == "Keys").expect("it is in the bar").1;
+    let camera = bench.viewer.camera(1000, 700);
+    // The lower edge of the view of the viewpoint.
+    let bottom = camera.k[1][2] + camera.k[1][1] * f64::from(clip().viewpoints[0].fov_y / 2.0).tan();
+    assert!(bottom > 550.0 && bottom < f64::from(bar.top()), "{bottom}, {bar}");
+    assert_eq!((camera.width, camera.height), (1000, 700), "it goes on behind the bar");
+    bench.press(Key::U);
+    bench.frame(0.0, vec![]);
+    assert_eq!(bench.viewer.camera(1000, 700).k[1][2], 350.0);
+    bench.press(Key::U);
+    bench.viewer.set_full_screen(&bench.ctx, true);
+    bench.frame(0.0, vec![]);
+    assert_eq!(bench.viewer.camera(1000, 700).k[1][2], 350.0, "the bar disappears again");
+}
+
+#[test]
 fn hidden_controls_say_how_they_return() {
     let mut bench = Bench::new();
     let shows = |bench: &mut Bench, wanted: &str| bench.texts().iter().any(|(text, _)| text == wanted);
