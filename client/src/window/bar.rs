@@ -182,14 +182,13 @@ fn sound(ui: &mut Ui, volume: &mut Volume, clock: &Clock, commands: &mut Vec<Com
     if ui.available_width() < MENUS_WIDTH + VOLUME_WIDTH {
         return;
     }
+    let is_heard = clock.speed() == 1.0 && !clock.is_reversed();
     let mut level = if volume.is_muted() { 0.0 } else { volume.level() };
     ui.spacing_mut().slider_width = VOLUME_WIDTH;
-    let slider = clickable(ui, Slider::new(&mut level, 0.0..=1.0).show_value(false));
-    let hint = match clock.speed() == 1.0 && !clock.is_reversed() {
-        true => "Volume",
-        false => "Sound is heard forward at normal speed",
-    };
-    if slider.on_hover_text(hint).changed() {
+    let slider = Slider::new(&mut level, 0.0..=1.0).show_value(false);
+    let slider = ui.add_enabled_ui(is_heard, |ui| clickable(ui, slider)).inner;
+    let slider = slider.on_hover_text("Volume");
+    if slider.on_disabled_hover_text("Sound is heard forward at normal speed").changed() {
         volume.set_level(level);
     }
 }

@@ -539,6 +539,30 @@ fn a_clip_with_sound_goes_on_by_what_is_heard_and_has_a_volume() {
 }
 
 #[test]
+fn the_volume_is_set_only_where_sound_is_heard() {
+    let sets_volume = |speed: f64| {
+        let mut bench = Bench::new();
+        bench.volume = Some(Volume::open(None));
+        bench.viewer.clock.set_speed(speed);
+        let y = bench
+            .texts()
+            .into_iter()
+            .find(|(text, _)| text == "Keys")
+            .expect("it is in the bar")
+            .1
+            .center()
+            .y;
+        (0..100).any(|i| {
+            let at = pos2(5.0 * i as f32, y);
+            bench.frame(0.0, vec![Event::PointerMoved(at)]);
+            bench.frame(0.0, vec![primary(at, true), primary(at, false)]);
+            bench.volume.as_ref().unwrap().level() < 1.0
+        })
+    };
+    assert!(sets_volume(1.0) && !sets_volume(0.5));
+}
+
+#[test]
 fn keys_and_the_menu_choose_other_clips() {
     let mut bench = Bench::new();
     let opened = |requests: Requests| requests.open;
