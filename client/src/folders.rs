@@ -1,6 +1,8 @@
 //! The user's folders for files of this program, by the custom of the system: the XDG Base Directory Specification on
 //! Linux, `~/Library` on macOS, `AppData` on Windows.
 
+#[cfg(feature = "window")]
+use std::path::Path;
 use std::path::PathBuf;
 
 use etcetera::base_strategy::{BaseStrategy, choose_native_strategy};
@@ -22,6 +24,30 @@ pub(crate) fn pipelines() -> Option<PathBuf> {
     cache().map(|folder| folder.join("pipelines"))
 }
 
+/// The folders for pictures, the best first: the user's folder for them, and home; the working directory if the user has
+/// no home folder.
+#[cfg(feature = "window")]
+pub(crate) fn pictures() -> Vec<PathBuf> {
+    choose_native_strategy().map_or_else(|_| vec![".".into()], |system| pictures_in(&system))
+}
+
+#[cfg(feature = "window")]
+fn pictures_in(system: &impl BaseStrategy) -> Vec<PathBuf> {
+    let home = system.home_dir();
+    // Desktops of Linux name it in the user's language.
+    let listed = std::fs::read_to_string(system.config_dir().join("user-dirs.dirs"));
+    let named = listed.ok().and_then(|list| listed_pictures(&list, home));
+    vec![named.unwrap_or_else(|| home.join("Pictures")), home.to_owned()]
+}
+
+/// The folder for pictures in a list by the rules of xdg-user-dirs.
+#[cfg(feature = "window")]
+fn listed_pictures(list: &str, home: &Path) -> Option<PathBuf> {
+    let value = list.lines().find_map(|line| line.trim().strip_prefix("XDG_PICTURES_DIR="))?;
+    let value = value.trim_matches('"');
+    Some(home.join(value.strip_prefix("$HOME/").unwrap_or(value)))
+}
+
 /// The folder for state; for data, on systems without one for state.
 #[cfg(any(feature = "window", feature = "xr"))]
 fn state_in(system: &impl BaseStrategy) -> PathBuf {
@@ -37,6 +63,25 @@ mod tests {
     use etcetera::base_strategy::{Apple, Windows, Xdg};
 
     use super::*;
+
+    #[cfg(feature = "window")]
+    #[test]
+    fn pictures_are_where_the_desktop_says_or_in_pictures() {
+        let home = Path::new("/home/ann");
+        for (list, folder) in [
+            (
+                "# dirs\nXDG_MUSIC_DIR=\"$HOME/Musik\"\nXDG_PICTURES_DIR=\"$HOME/Bilder\"\n",
+                "/home/ann/Bilder",
+            ),
+            ("XDG_PICTURES_DIR=\"/data/pictures\"", "/data/pictures"),
+            ("XDG_PICTURES_DIR=\"$HOME/\"", "/home/ann"),
+        ] {
+            assert_eq!(listed_pictures(list, home).as_deref(), Some(Path::new(folder)));
+        }
+        assert_eq!(listed_pictures("XDG_MUSIC_DIR=\"$HOME/Music\"", home), None);
+        let home = etcetera::home_dir().expect("a home folder");
+        assert_eq!(pictures().last(), Some(&home));
+    }
 
     #[test]
     fn every_system_has_folders_of_its_own() {

@@ -1,7 +1,7 @@
 //! [`Screenshot`]: an image of the clip as the window shows it, without the controls.
 //!
-//! It is rendered as by `--headless`, with its own renderer on its own thread, and delays no frame of the
-//! window.
+//! It is rendered as by `--headless`, in 16 bits per channel, with its own renderer on its own thread, and delays no
+//! frame of the window.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -10,6 +10,9 @@ use program::{Fault, output};
 
 use crate::gpu::{ChannelDepth, FrameLayout, Gpu, GpuClip, Offscreen, RenderSettings, Renderer};
 use crate::view::View;
+
+/// Most bytes of the clip's name in a file name, of which file systems take 255.
+const NAME_BYTES: usize = 200;
 
 /// The content of a screenshot.
 pub(crate) struct Screenshot {
@@ -24,17 +27,16 @@ pub(crate) struct Screenshot {
 }
 
 impl Screenshot {
-    /// Renders the image and writes it to `folder` under an unused name; returns the path.
+    /// Renders the image and writes it under an unused name to the first of `folders` that can be written; returns the
+    /// path.
     ///
     /// # Errors
     /// [`Fault::Device`] if it cannot be rendered, [`Fault::Usage`] if it cannot be written.
-    pub(crate) fn save(&self, gpu: &Gpu, folder: &Path) -> Result<PathBuf, Fault> {
-        let path = free_path(folder, &file_stem(&self.name, self.time_s));
-        output::check(&path)?;
-        let views = [self.view];
-        let image = Offscreen::new(gpu, self.view.size, 1, ChannelDepth::Eight)?;
-        let mut renderer =
-            Renderer::new(gpu, self.clip.clone(), FrameLayout::plain(ChannelDepth::Eight.format(), 1))?;
+    pub(crate) fn save(&self, gpu: &Gpu, folders: &[PathBuf]) -> Result<PathBuf, Fault> {
+        let path = writable_path(folders, &file_stem(&self.name, self.time_s))?;
+        let (views, depth) = ([self.view], ChannelDepth::Sixteen);
+        let image = Offscreen::new(gpu, self.view.size, 1, depth)?;
+        let mut renderer = Renderer::new(gpu, self.clip.clone(), FrameLayout::plain(depth.format(), 1))?;
         image.render(gpu, &mut renderer, self.t, &views, &self.settings)?;
         for pixels in image.read(gpu)? {
             output::write_png(&path, &pixels.to_rgb8(), pixels.size.into())?;
@@ -47,8 +49,20 @@ impl Screenshot {
 fn file_stem(name: &str, time_s: f64) -> String {
     let stem = Path::new(name).file_stem().and_then(|stem| stem.to_str()).unwrap_or("clip");
     let plain = |c: char| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' };
-    let stem: String = stem.chars().map(plain).take(64).collect();
-    format!("{stem}_{time_s:.3}s")
+    let stem: String = stem.chars().map(plain).collect();
+    format!("{}_{time_s:.3}s", &stem[..stem.floor_char_boundary(NAME_BYTES)])
+}
+
+/// An unused path in the first of `folders` that can be written.
+fn writable_path(folders: &[PathBuf], stem: &str) -> Result<PathBuf, Fault> {
+    let mut paths = folders.iter().map(|folder| free_path(folder, stem));
+    paths.find(|path| output::check(path).is_ok()).ok_or_else(|| {
+        let folders: Vec<String> = folders.iter().map(|folder| folder.display().to_string()).collect();
+        Fault::Usage(format!(
+            "no picture is saved: cannot write to {}: change its permissions, or make room on its disk",
+            folders.join(" or ")
+        ))
+    })
 }
 
 /// An unused path in `folder`.
@@ -69,6 +83,18 @@ mod tests {
         assert_eq!(file_stem("clip.aarc", 1.25), "clip_1.250s");
         assert_eq!(file_stem("a b:c?.aarc", 0.0), "a_b_c__0.000s");
         assert_eq!(file_stem("", 2.0), "clip_2.000s");
+        let long = file_stem(&"\u{20000}".repeat(100), 100.0);
+        assert!(long.starts_with('\u{20000}') && long.len() + ".png".len() <= 255, "{}", long.len());
+    }
+
+    #[test]
+    fn the_first_folder_that_can_be_written_takes_the_image() {
+        let folder = tempfile::tempdir().unwrap();
+        let [missing, there] = ["missing", "there"].map(|name| folder.path().join(name));
+        std::fs::create_dir(&there).unwrap();
+        assert_eq!(writable_path(&[missing.clone(), there.clone()], "a").unwrap(), there.join("a.png"));
+        let nowhere = writable_path(std::slice::from_ref(&missing), "a").unwrap_err().to_string();
+        assert!(nowhere.contains(missing.to_str().unwrap()), "{nowhere}");
     }
 
     #[test]

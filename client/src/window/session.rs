@@ -647,7 +647,7 @@ impl Session {
         Ok(())
     }
 
-    /// Saves the picture in the background, in the working directory.
+    /// Saves the picture in the background, in the user's folder for pictures.
     fn save_picture(&mut self, state: PictureState) {
         if self.saving.as_ref().is_some_and(|saving| !saving.is_finished()) {
             return;
@@ -665,9 +665,8 @@ impl Session {
         let (gpu, proxy) = (self.screen.gpu.clone(), self.proxy.clone());
         self.viewer.message = Some(Message::Working("Saving a picture".into()));
         self.saving = Some(std::thread::spawn(move || {
-            let folder = std::env::current_dir().unwrap_or_else(|_| PathBuf::from("."));
             // The event loop has ended where this fails.
-            let _ = proxy.send_event(Event::Saved(screenshot.save(&gpu, &folder)));
+            let _ = proxy.send_event(Event::Saved(screenshot.save(&gpu, &folders::pictures())));
         }));
     }
 

@@ -51,7 +51,8 @@ fn plays(display: &Display) -> Result<(), String> {
     let clip = folder.path().join("dancers.aarc");
     write_clip(&clip);
     let mut command = display.command(client());
-    command.arg(&clip).args(["--size", "800x600"]).current_dir(folder.path()).stderr(Stdio::inherit());
+    command.arg(&clip).args(["--size", "800x600"]).stderr(Stdio::inherit());
+    let pictures = pictures_of(&mut command, folder.path())?;
     let player = display.open(&mut command, "dancers.aarc")?;
     let window = player.window;
     let look = |what: &str, condition: &dyn Fn(&Screenshot) -> bool| {
@@ -84,7 +85,7 @@ fn plays(display: &Display) -> Result<(), String> {
     look("hides its controls", &|screen| controls(screen) != with)?;
 
     display.press(P);
-    let saved = wait_for_image(folder.path()).ok_or("the key P saves no image")?;
+    let saved = wait_for_image(&pictures).ok_or("the key P saves no image")?;
     let size = image::image_dimensions(&saved).map_err(|error| error.to_string())?;
     if size.0 < 800 || size.1 < 600 {
         return Err(format!("{} has {size:?} pixels", saved.display()));
@@ -93,7 +94,16 @@ fn plays(display: &Display) -> Result<(), String> {
     player.close()
 }
 
-/// A static clip is drawn once; from then on the window waits for input.
+/// Gives the user of a player a home in `root`. Returns the folder for pictures there.
+fn pictures_of(command: &mut Command, root: &Path) -> Result<PathBuf, String> {
+    let pictures = root.join("Pictures");
+    fs::create_dir(&pictures).map_err(|error| error.to_string())?;
+    command.env("HOME", root).env_remove("XDG_CONFIG_HOME");
+    Ok(pictures)
+}
+
+/// A static clip is drawn once; from then on the window waits for input. A picture of it is saved as `--headless` renders
+/// it.
 fn rests(display: &Display) -> Result<(), String> {
     let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
     let clip = folder.path().join("statue.aarc");
@@ -101,7 +111,9 @@ fn rests(display: &Display) -> Result<(), String> {
         Recipe { count: 300, sh_degree: 1, motion: Motion::Static, motion_order: 0, turning: false, seed: 3 };
     fs::write(&clip, packaged(&recipe.field(), None, &[])).map_err(|error| error.to_string())?;
     let mut command = display.command(client());
-    let player = display.open(command.arg(&clip).args(["--size", "800x600"]), "statue.aarc")?;
+    command.arg(&clip).args(["--size", "800x600"]);
+    let pictures = pictures_of(&mut command, folder.path())?;
+    let player = display.open(&mut command, "statue.aarc")?;
     let is_drawn = |screen: &Screenshot| screen.colors() > 500;
     display.wait_until(player.window, is_drawn).ok_or("the window never shows an image")?;
     unchanging(display, player.window).ok_or("it changes")?;
@@ -111,7 +123,22 @@ fn rests(display: &Display) -> Result<(), String> {
     if busy_s > 0.1 {
         return Err(format!("it keeps a processor busy for {busy_s:.2} of 2 s"));
     }
-    player.close()
+    display.focus(player.window);
+    // Without its controls the window shows the view of the viewpoint.
+    display.press(U);
+    display.press(P);
+    let saved = wait_for_image(&pictures).ok_or("the key P saves no image")?;
+    player.close()?;
+    let rendered = folder.path().join("rendered.png");
+    let mut command = Command::new(client());
+    command.arg(&clip).args(["--headless", "--size", "800x600", "--out"]).arg(&rendered);
+    run(&mut command).success();
+    let pixels =
+        |path: &Path| image::open(path).map(|image| image.to_rgb8()).map_err(|error| error.to_string());
+    match pixels(&saved)? == pixels(&rendered)? {
+        true => Ok(()),
+        false => Err("it saves another picture than --headless renders".into()),
+    }
 }
 
 /// The clips beside the clip on display, the dialog, and the list of recent clips.
