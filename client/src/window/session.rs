@@ -44,6 +44,9 @@ use program::output::folder_of;
 const DEFAULT_SIZE: LogicalSize<u32> = LogicalSize::new(1280, 720);
 const LEAST_SIZE: LogicalSize<u32> = LogicalSize::new(800, 400);
 
+/// Part of each side of the screen that a new window takes at most: a desktop has bars, and a window a title.
+const SCREEN_PART: f64 = 0.9;
+
 /// Interval between looks whether a hidden window is visible again.
 const HIDDEN_RETRY: Duration = Duration::from_millis(200);
 
@@ -228,7 +231,7 @@ impl Session {
         proxy: EventLoopProxy<Event>,
         start: Start,
     ) -> Result<Session, Fault> {
-        let size = start.size.map_or(Size::Logical(DEFAULT_SIZE.cast()), |size| {
+        let size = start.size.map_or(Size::Logical(first_size(screen_size(event_loop)).cast()), |size| {
             Size::Physical(PhysicalSize::new(size.x, size.y))
         });
         let attributes = Window::default_attributes()
@@ -740,6 +743,45 @@ impl Drop for Session {
     }
 }
 
+/// Size of the screen in points, if the display says it.
+fn screen_size(event_loop: &ActiveEventLoop) -> Option<LogicalSize<f64>> {
+    let monitor = event_loop.primary_monitor().or_else(|| event_loop.available_monitors().next())?;
+    Some(monitor.size().to_logical(monitor.scale_factor()))
+}
+
+/// Size of a new window in points, on a `screen` of a size in points.
+fn first_size(screen: Option<LogicalSize<f64>>) -> LogicalSize<u32> {
+    let side = |default: u32, least: u32, screen: Option<f64>| match screen {
+        // Some displays do not say how large they are.
+        Some(screen) if screen > 0.0 => default.min((SCREEN_PART * screen) as u32).max(least),
+        _ => default,
+    };
+    LogicalSize::new(
+        side(DEFAULT_SIZE.width, LEAST_SIZE.width, screen.map(|screen| screen.width)),
+        side(DEFAULT_SIZE.height, LEAST_SIZE.height, screen.map(|screen| screen.height)),
+    )
+}
+
 fn share(count: u32, total: usize) -> String {
     format!("{count} ({:.0} %)", 100.0 * f64::from(count) / total.max(1) as f64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_new_window_fits_the_screen() {
+        for (screen, [width, height]) in [
+            (None, [1280, 720]),
+            (Some([1920.0, 1080.0]), [1280, 720]),
+            (Some([1280.0, 800.0]), [1152, 720]),
+            // 1600x1000 pixels at a scale of 2.
+            (Some([800.0, 500.0]), [800, 450]),
+            (Some([0.0, 0.0]), [1280, 720]),
+        ] {
+            let size = first_size(screen.map(|[width, height]| LogicalSize::new(width, height)));
+            assert_eq!(size, LogicalSize::new(width, height), "{screen:?}");
+        }
+    }
 }
