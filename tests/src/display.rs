@@ -10,7 +10,9 @@ use std::time::{Duration, Instant};
 
 use libtest_mimic::{Completion, Failed, Trial};
 use x11rb::connection::Connection;
-use x11rb::protocol::xproto::{ClientMessageEvent, ConnectionExt as _, EventMask, ImageFormat, InputFocus};
+use x11rb::protocol::xproto::{
+    ClientMessageEvent, ConnectionExt as _, CreateWindowAux, EventMask, ImageFormat, InputFocus, WindowClass,
+};
 use x11rb::protocol::xtest::ConnectionExt as _;
 use x11rb::rust_connection::RustConnection;
 
@@ -200,6 +202,30 @@ impl Display {
     pub fn focus(&self, window: Window) {
         let focus = self.connection.set_input_focus(InputFocus::PARENT, window, 0u32);
         focus.expect("the server listens").check().expect("a mapped window takes the focus");
+    }
+
+    /// Covers the screen with a window.
+    pub fn cover(&self) {
+        let screen = &self.connection.setup().roots[0];
+        let [width, height] = [screen.width_in_pixels, screen.height_in_pixels];
+        let window = self.connection.generate_id().expect("the server has numbers left");
+        let properties = CreateWindowAux::new().override_redirect(1).background_pixel(screen.black_pixel);
+        let class = WindowClass::INPUT_OUTPUT;
+        let created = self.connection.create_window(
+            0,
+            window,
+            self.root,
+            0,
+            0,
+            width,
+            height,
+            0,
+            class,
+            0,
+            &properties,
+        );
+        created.expect("the server listens").check().expect("a window");
+        self.connection.map_window(window).expect("the server listens").check().expect("the window is there");
     }
 
     /// Presses and releases the key of an X11 keysym, which is ASCII for letters.

@@ -64,6 +64,7 @@ impl Speaker {
     pub(crate) fn rest(&mut self, _: &Clock, _: bool) {}
 
     /// Does nothing: there is nothing to silence.
+    #[cfg(feature = "xr")]
     pub(crate) fn stop(&mut self) {}
 
     /// Does nothing: there is nothing to place.
@@ -110,6 +111,7 @@ impl Speaker {
     }
 
     /// Falls silent until the next frame.
+    #[cfg(feature = "xr")]
     pub(crate) fn stop(&mut self) {
         let command = self.parts.timing.stop();
         self.parts.send(command);

@@ -119,6 +119,7 @@ impl SoundTiming {
     }
 
     /// What the sound thread is to do where no frame is shown.
+    #[cfg(feature = "xr")]
     pub(super) fn stop(&mut self) -> Option<SoundCommand> {
         self.run.take().map(|_| SoundCommand::Stop)
     }

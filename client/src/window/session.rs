@@ -47,8 +47,8 @@ const LEAST_SIZE: LogicalSize<u32> = LogicalSize::new(800, 400);
 /// Part of each side of the screen that a new window takes at most: a desktop has bars, and a window a title.
 const SCREEN_PART: f64 = 0.9;
 
-/// Interval between looks whether a hidden window is visible again.
-const HIDDEN_RETRY: Duration = Duration::from_millis(200);
+/// Interval between the steps of a clip in a hidden window: sound stops where none comes for a quarter of a second.
+const HIDDEN_STEP: Duration = Duration::from_millis(100);
 
 /// Interval between looks whether a part of a take has come, while the clip pauses.
 const LOADING_RETRY: Duration = Duration::from_millis(100);
@@ -210,6 +210,8 @@ pub(super) struct Session {
     last_frame: Option<Instant>,
     /// Whether the previous frame asked for this one at once.
     is_continuous: bool,
+    /// Whether other windows cover this one.
+    is_covered: bool,
     clips: ClipController<WindowTarget>,
     library: Library,
     /// Whether the dialog that chooses a file is open.
@@ -271,6 +273,7 @@ impl Session {
             frame_times: FrameTimes::default(),
             last_frame: None,
             is_continuous: false,
+            is_covered: false,
             clips,
             library,
             is_picking: false,
@@ -286,6 +289,10 @@ impl Session {
 
     /// Handles an event of the window.
     pub(super) fn input(&mut self, event: &WindowEvent) {
+        if let WindowEvent::Occluded(is_covered) = *event {
+            self.is_covered = is_covered;
+            self.window.request_redraw();
+        }
         if self.screen.input.on_window_event(&self.window, event).repaint {
             self.window.request_redraw();
         }
@@ -462,24 +469,27 @@ impl Session {
     /// # Errors
     /// [`Fault::Device`] if the device was lost or has failed.
     pub(super) fn frame(&mut self) -> Result<Next, Fault> {
-        let Some(frame) = self.screen.surface.acquire(&self.screen.gpu)? else {
-            self.last_frame = None;
-            self.speaker.stop();
-            return Ok(Next::After(HIDDEN_RETRY));
-        };
+        // A window with the focus is not minimised. Asking takes a round trip to the display.
+        let is_hidden =
+            self.is_covered || !self.window.has_focus() && self.window.is_minimized() == Some(true);
+        let acquired = if is_hidden { None } else { self.screen.surface.acquire(&self.screen.gpu)? };
         let now = Instant::now();
         let elapsed_s = self.last_frame.map_or(0.0, |last| (now - last).as_secs_f64());
+        self.update_take(now);
+        let looping = self.viewer.clock.is_looping();
+        self.viewer.clock.set_has_next(self.clips.is_followed(looping));
+        let Some(frame) = acquired else {
+            self.step_hidden(now, elapsed_s);
+            return Ok(Next::After(HIDDEN_STEP));
+        };
         if self.is_continuous {
             self.frame_times.push(elapsed_s);
         }
 
-        self.update_take(now);
         let ctx = self.screen.input.egui_ctx().clone();
         self.library.update();
         self.viewer.choices = self.choices();
         self.viewer.set_full_screen(&ctx, self.window.fullscreen().is_some());
-        let looping = self.viewer.clock.is_looping();
-        self.viewer.clock.set_has_next(self.clips.is_followed(looping));
         let input = self.screen.input.take_egui_input(&self.window);
         let statistics = self.statistics(frame.size);
         let mut requests = Requests::default();
@@ -517,6 +527,18 @@ impl Session {
             Duration::MAX => Next::OnInput,
             delay => Next::After(delay),
         })
+    }
+
+    /// Lets the clip play on without a picture: it is heard.
+    fn step_hidden(&mut self, now: Instant, elapsed_s: f64) {
+        let FrameSeconds { played_s, .. } = self.listen(elapsed_s);
+        self.viewer.advance(played_s);
+        if let Some(change) = self.clips.advance(&mut self.viewer.clock) {
+            self.apply(change);
+        }
+        self.speaker.rest(&self.viewer.clock, self.viewer.is_scrubbing());
+        self.last_frame = self.viewer.clock.is_advancing().then_some(now);
+        self.is_continuous = false;
     }
 
     /// Does what the interface asks the window for, at this picture.

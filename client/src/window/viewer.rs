@@ -173,6 +173,13 @@ impl Viewer {
         self.is_scrubbing
     }
 
+    /// Advances the clip by `played_s` seconds, unless the pointer holds the timeline.
+    pub(crate) fn advance(&mut self, played_s: f64) {
+        if !self.is_scrubbing {
+            self.clock.advance(played_s);
+        }
+    }
+
     /// Takes in whether the window fills the screen.
     pub(crate) fn set_full_screen(&mut self, ctx: &Context, is_full_screen: bool) {
         if !std::mem::replace(&mut self.is_full_screen, is_full_screen) {
@@ -224,9 +231,7 @@ impl Viewer {
                 _ => self.apply(command, &mut requests),
             }
         }
-        if !self.is_scrubbing {
-            self.clock.advance(played_s);
-        }
+        self.advance(played_s);
         self.camera.fly(self.fly_keys.fly(), elapsed_s);
 
         if self.show_statistics && self.show_controls && !self.show_keys {

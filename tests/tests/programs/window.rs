@@ -26,6 +26,7 @@ pub(crate) fn trials() -> Vec<Trial> {
     vec![
         trial("a clip plays, pauses, steps and is saved as an image", plays),
         trial("a static clip rests", rests),
+        trial("a covered window draws nothing", rests_covered),
         trial("other clips are opened from the folder and by a dialog", opens_others),
         trial("a window closes while its dialog is open", closes_with_dialog),
         trial("a broken clip opens no window", bad_clip),
@@ -139,6 +140,28 @@ fn rests(display: &Display) -> Result<(), String> {
         true => Ok(()),
         false => Err("it saves another picture than --headless renders".into()),
     }
+}
+
+/// Nobody sees a window that another one covers.
+fn rests_covered(display: &Display) -> Result<(), String> {
+    let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
+    let clip = folder.path().join("dancers.aarc");
+    write_clip(&clip);
+    let mut command = display.command(client());
+    let player = display.open(command.arg(&clip).args(["--size", "800x600"]), "dancers.aarc")?;
+    display
+        .wait_until(player.window, |screen| screen.colors() > 500)
+        .ok_or("the window never shows an image")?;
+    display.cover();
+    // The frame that is being drawn is finished.
+    sleep(Duration::from_secs(1));
+    let before_s = player.cpu_s()?;
+    sleep(Duration::from_secs(2));
+    let busy_s = player.cpu_s()? - before_s;
+    if busy_s > 0.2 {
+        return Err(format!("it keeps a processor busy for {busy_s:.2} of 2 s"));
+    }
+    player.close()
 }
 
 /// The clips beside the clip on display, the dialog, and the list of recent clips.
