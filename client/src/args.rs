@@ -48,6 +48,7 @@ Environment:
 
 Examples:
   aarc clip.aarc
+  aarc monday.aarc tuesday.aarc
   aarc scene.ply
   aarc https://clips.example.org/dance.aarc
   aarc clip.aarc --headless --time 0.5 --size 1024x1024 --out frame.png
@@ -59,8 +60,8 @@ Examples:
 #[derive(Clone, Debug, Parser)]
 #[command(name = "aarc", version, long_version = VERSION.as_str(), after_long_help = AFTER_HELP)]
 pub struct Args {
-    /// A clip (.aarc) or a playlist of clips (.json): a path, or an http:// or https:// URL [default: the
-    /// built-in demo]. Built with the feature import, also the path of a field that aarc-studio package reads
+    /// A clip (.aarc) or a playlist of clips (.json): a path, or an http:// or https:// URL; or a folder of clips
+    /// [default: the built-in demo]. Built with the feature import, also the path of a field that aarc-studio package reads
     /// (.ply, .spz, .sog, .splat and others), of a folder with one, or of a folder of numbered PLYs, one a frame.
     ///
     /// A clip from a URL plays as soon as its first layer has arrived. Downloads are cached in
@@ -68,6 +69,10 @@ pub struct Args {
     /// clips played longest ago are removed first. SSL_CERT_FILE names certificates to trust instead of
     /// Mozilla's; HTTPS_PROXY and HTTP_PROXY name a proxy.
     pub clip: Option<String>,
+
+    /// More clips, playlists and folders: all together are one playlist. Not with --xr.
+    #[arg(value_name = "CLIP", conflicts_with = "xr")]
+    pub more: Vec<String>,
 
     /// Render to images instead of opening a window.
     #[arg(long, requires = "out", group = "windowless")]
@@ -194,6 +199,11 @@ pub struct Args {
 }
 
 impl Args {
+    /// What is to be played, in order; nothing for the demo.
+    pub(crate) fn names(&self) -> Vec<String> {
+        self.clip.iter().chain(&self.more).cloned().collect()
+    }
+
     /// Options of sources; downloads are cached in `cache_dir`.
     pub(crate) fn source(&self, cache_dir: Option<PathBuf>) -> SourceOptions {
         SourceOptions { cache_dir, ..SourceOptions::default() }
@@ -331,6 +341,15 @@ mod tests {
         ] {
             assert!(parse(&format!("aarc a {line}")).is_err(), "{line}");
         }
+    }
+
+    #[test]
+    fn several_names_are_one_list() {
+        assert_eq!(
+            parse("aarc a.aarc b.json https://h/c.aarc").unwrap().names(),
+            ["a.aarc", "b.json", "https://h/c.aarc"]
+        );
+        assert!(parse("aarc").unwrap().names().is_empty() && parse("aarc a b --xr").is_err());
     }
 
     #[test]

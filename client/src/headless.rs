@@ -41,12 +41,12 @@ const CHANGE_TOLERANCE_S: f64 = 1e-6;
 /// The first [`Fault`]; images written before it stay.
 pub fn run(args: &Args) -> Result<(), Fault> {
     let output = check_outputs(args)?;
-    match args.clip.as_deref().filter(|name| playlist::is_playlist(name)) {
-        Some(_) if args.poster => {
+    match playlist::is_list(&args.names()) {
+        true if args.poster => {
             Err(Fault::Usage("--poster is of one clip, not of a playlist: name a clip of it".into()))
         }
-        Some(list) => run_playlist(args, list, &output),
-        None => run_clip(args, &output),
+        true => run_playlist(args, &output),
+        false => run_clip(args, &output),
     }
 }
 
@@ -292,14 +292,14 @@ fn named(fault: Fault, entry: &Entry) -> Fault {
 
 /// Renders a playlist, its clips one after the other. Reports and skips clips that cannot be loaded or
 /// rendered.
-fn run_playlist(args: &Args, list: &str, output: &ImageOutput) -> Result<(), Fault> {
+fn run_playlist(args: &Args, output: &ImageOutput) -> Result<(), Fault> {
     if args.stats.is_some() {
         return Err(Fault::Usage("--stats are of one clip, not of a playlist: name a clip of it".into()));
     }
     let mut reporter = Reporter::new();
     let options = LoadOptions { source: args.source(cache_dir()), min_layers: 1, is_complete: true };
     let mut clips = ClipController::new(options, false, || ())?;
-    clips.open(Some(list.into()));
+    clips.open(args.names());
     clips.set_target(HeadlessTarget { args: args.clone() }, 0.0);
     let mut run = PlaylistRun { args, output, device: None, pending: Vec::new(), start_s: 0.0, last: None };
     let mut failed: Option<Fault> = None;
@@ -323,7 +323,10 @@ fn run_playlist(args: &Args, list: &str, output: &ImageOutput) -> Result<(), Fau
             run.render_end(clip)
         }
         (None, Some(fault)) => Err(fault),
-        (None, None) => Err(Fault::Data(format!("{}: no clip of it plays: name others", redacted(list)))),
+        (None, None) => {
+            let names: Vec<String> = args.names().iter().map(|name| redacted(name)).collect();
+            Err(Fault::Data(format!("{}: no clip of it plays: name others", names.join(", "))))
+        }
     }
 }
 

@@ -3,18 +3,21 @@
 
 use std::fs;
 use std::io::{BufRead, BufReader};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use libtest_mimic::{Completion, Failed, Trial};
 use x11rb::connection::Connection;
+use x11rb::protocol::Event;
 use x11rb::protocol::xproto::{
-    ClientMessageEvent, ConnectionExt as _, CreateWindowAux, EventMask, ImageFormat, InputFocus, WindowClass,
+    ClientMessageEvent, ConnectionExt as _, CreateWindowAux, EventMask, ImageFormat, InputFocus, PropMode,
+    SELECTION_NOTIFY_EVENT, SelectionNotifyEvent, SelectionRequestEvent, WindowClass,
 };
 use x11rb::protocol::xtest::ConnectionExt as _;
 use x11rb::rust_connection::RustConnection;
+use x11rb::wrapper::ConnectionExt as _;
 
 pub use x11rb::protocol::xproto::Window;
 
@@ -163,10 +166,21 @@ impl Display {
         Ok(Player { display: self, process, window })
     }
 
+    fn atom(&self, name: &str) -> u32 {
+        let atom = self.connection.intern_atom(false, name.as_bytes()).expect("the server listens");
+        atom.reply().expect("an atom").atom
+    }
+
+    /// Sends a message to a window.
+    fn tell(&self, window: Window, kind: &str, data: [u32; 5]) {
+        let event = ClientMessageEvent::new(32, window, self.atom(kind), data);
+        let sent = self.connection.send_event(false, window, EventMask::NO_EVENT, event);
+        sent.expect("the server listens").check().expect("the window is there");
+    }
+
     /// Title of a window.
     pub fn title(&self, window: Window) -> String {
-        let name = self.connection.intern_atom(false, b"_NET_WM_NAME").expect("the server listens");
-        let name = name.reply().expect("an atom").atom;
+        let name = self.atom("_NET_WM_NAME");
         let property =
             self.connection.get_property(false, window, name, 0u32, 0, 256).expect("the server listens");
         property.reply().map(|reply| String::from_utf8_lossy(&reply.value).into_owned()).unwrap_or_default()
@@ -207,24 +221,7 @@ impl Display {
     /// Covers the screen with a window.
     pub fn cover(&self) {
         let screen = &self.connection.setup().roots[0];
-        let [width, height] = [screen.width_in_pixels, screen.height_in_pixels];
-        let window = self.connection.generate_id().expect("the server has numbers left");
-        let properties = CreateWindowAux::new().override_redirect(1).background_pixel(screen.black_pixel);
-        let class = WindowClass::INPUT_OUTPUT;
-        let created = self.connection.create_window(
-            0,
-            window,
-            self.root,
-            0,
-            0,
-            width,
-            height,
-            0,
-            class,
-            0,
-            &properties,
-        );
-        created.expect("the server listens").check().expect("a window");
+        let window = self.window(screen.width_in_pixels, screen.height_in_pixels);
         self.connection.map_window(window).expect("the server listens").check().expect("the window is there");
     }
 
@@ -246,14 +243,56 @@ impl Display {
 
     /// Asks the window to close, like a close button.
     fn close(&self, window: Window) {
-        let atom = |name: &[u8]| {
-            let atom = self.connection.intern_atom(false, name).expect("the server listens");
-            atom.reply().expect("an atom").atom
-        };
-        let data = [atom(b"WM_DELETE_WINDOW"), 0, 0, 0, 0];
-        let event = ClientMessageEvent::new(32, window, atom(b"WM_PROTOCOLS"), data);
-        let sent = self.connection.send_event(false, window, EventMask::NO_EVENT, event);
+        self.tell(window, "WM_PROTOCOLS", [self.atom("WM_DELETE_WINDOW"), 0, 0, 0, 0]);
+    }
+
+    /// Drops files on the window, as file managers do by XDND.
+    pub fn drop_files(&self, window: Window, paths: &[PathBuf]) {
+        let source = self.window(1, 1);
+        let owns = self.connection.set_selection_owner(source, self.atom("XdndSelection"), 0u32);
+        owns.expect("the server listens").check().expect("the window is there");
+        const XDND_VERSION: u32 = 5;
+        self.tell(window, "XdndEnter", [source, XDND_VERSION << 24, self.atom("text/uri-list"), 0, 0]);
+        self.tell(window, "XdndPosition", [source, 0, 0, 0, self.atom("XdndActionCopy")]);
+        let request = wait_for(|| match self.connection.poll_for_event() {
+            Ok(Some(Event::SelectionRequest(request))) => Some(request),
+            _ => None,
+        });
+        let SelectionRequestEvent { time, requestor, selection, target, property, .. } =
+            request.expect("the window asks what is dropped");
+        let uris: String = paths.iter().map(|path| format!("file://{}\r\n", path.display())).collect();
+        let written =
+            self.connection.change_property8(PropMode::REPLACE, requestor, property, target, uris.as_bytes());
+        written.expect("the server listens").check().expect("the window is there");
+        let response_type = SELECTION_NOTIFY_EVENT;
+        let answer =
+            SelectionNotifyEvent { response_type, sequence: 0, time, requestor, selection, target, property };
+        let sent = self.connection.send_event(false, requestor, EventMask::NO_EVENT, answer);
         sent.expect("the server listens").check().expect("the window is there");
+        self.tell(window, "XdndDrop", [source, 0, 0, 0, 0]);
+    }
+
+    /// A window of the test's own, which is not shown.
+    fn window(&self, width: u16, height: u16) -> Window {
+        let screen = &self.connection.setup().roots[0];
+        let window = self.connection.generate_id().expect("the server has numbers left");
+        let properties = CreateWindowAux::new().override_redirect(1).background_pixel(screen.black_pixel);
+        let class = WindowClass::INPUT_OUTPUT;
+        let created = self.connection.create_window(
+            0,
+            window,
+            self.root,
+            0,
+            0,
+            width,
+            height,
+            0,
+            class,
+            0,
+            &properties,
+        );
+        created.expect("the server listens").check().expect("a window");
+        window
     }
 }
 

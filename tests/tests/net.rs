@@ -864,7 +864,7 @@ fn a_playlist_arrives_as_clips_do() {
         _ => answer.head(404, &[("Content-Length", "0")]),
     });
     let open = |path: &str| {
-        playlist::open(&server.url(path), &SourceOptions::default(), &mut |_| ControlFlow::Continue(()))
+        playlist::open(&[server.url(path)], &SourceOptions::default(), &mut |_| ControlFlow::Continue(()))
     };
     for path in ["list.json", "short.json"] {
         assert_eq!(open(path).unwrap().unwrap().clips, [server.url("a.aarc")], "{path}");
@@ -879,7 +879,7 @@ fn a_playlist_arrives_as_clips_do() {
     let silent = Server::start(|_, _, _| std::thread::sleep(Duration::from_secs(5)));
     let start = Instant::now();
     let stopped =
-        playlist::open(&silent.url("a.json"), &SourceOptions::default(), &mut |_| ControlFlow::Break(()));
+        playlist::open(&[silent.url("a.json")], &SourceOptions::default(), &mut |_| ControlFlow::Break(()));
     assert!(matches!(stopped, Ok(None)) && start.elapsed() < Duration::from_secs(4));
 }
 
@@ -900,7 +900,11 @@ fn entries_of_a_playlist_are_relative_to_its_last_url() {
     });
     let (url, clips) = (server.url("list.json"), [server.url("shows/today/a.aarc"), server.url("b.aarc")]);
     let options = SourceOptions { cache_dir: Some(folder.path().into()), ..SourceOptions::default() };
-    let open = || playlist::open(&url, &options, &mut |_| ControlFlow::Continue(())).unwrap().unwrap();
+    let open = || {
+        playlist::open(std::slice::from_ref(&url), &options, &mut |_| ControlFlow::Continue(()))
+            .unwrap()
+            .unwrap()
+    };
     for what in ["fetched", "current", "alone"] {
         assert_eq!(open(), Playlist { clips: clips.to_vec() }, "{what}");
         if what == "current" {

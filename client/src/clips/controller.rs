@@ -84,20 +84,21 @@ impl<T: ClipTarget> ClipController<T> {
         Some(format!("{}: the file was replaced: opening it again", redacted(&name)))
     }
 
-    /// Opens a path or URL of a clip or a playlist, or the demo; the present clip plays until it is shown.
-    pub(crate) fn open(&mut self, name: Option<String>) {
-        self.state.open(name);
+    /// Opens paths and URLs of clips, playlists and folders, or without any the demo; the present clip plays until one of
+    /// them is shown.
+    pub(crate) fn open(&mut self, names: impl IntoIterator<Item = String>) {
+        self.state.open(names);
         (self.reopens_at, self.reopens_after) = (Instant::now(), REOPENS_AFTER);
         self.send_request();
     }
 
     /// Takes over a take that is on display already, its playlist, and what more its source has to tell.
-    /// `named` is the clip or the playlist that was opened.
+    /// `named` is what was opened.
     #[cfg(feature = "window")]
     pub(crate) fn adopt(
         &mut self,
         target: T,
-        named: Option<String>,
+        named: Vec<String>,
         entry: super::queue::Entry,
         queue: Option<Queue>,
         rest: crate::content::Arrival,
@@ -190,7 +191,7 @@ impl<T: ClipTarget> ClipController<T> {
         self.state.is_loading()
     }
 
-    /// What was opened last, a clip or a playlist.
+    /// What was opened last, if it has one name.
     pub(crate) fn named(&self) -> Option<&str> {
         self.state.named()
     }

@@ -44,8 +44,8 @@ pub(crate) struct LoadOptions {
 /// What to load.
 #[derive(Debug)]
 pub(super) enum Selection {
-    /// A path or URL of a clip or a playlist, or the demo.
-    Named(Option<String>),
+    /// Paths and URLs of clips, playlists and folders; none for the demo.
+    Named(Vec<String>),
     /// The first of these that can be loaded.
     FirstOf(Vec<Entry>),
     /// What more its source has to tell of the take on display.
@@ -99,9 +99,9 @@ impl<T: ClipTarget> Loading<'_, T> {
             Selection::FirstOf(entries) => self.first_of(&entries),
             #[cfg(feature = "window")]
             Selection::Rest(entry, arrival) => self.versions(&entry, arrival, &mut false),
-            Selection::Named(Some(name)) if playlist::is_playlist(&name) => {
+            Selection::Named(names) if playlist::is_list(&names) => {
                 let source = &self.options.source;
-                let opened = playlist::open(&name, source, &mut |event| self.pass_on(event))?;
+                let opened = playlist::open(&names, source, &mut |event| self.pass_on(event))?;
                 let Some(opened) = opened else { return Ok(ControlFlow::Break(())) };
                 let queue = Queue::new(opened.clips);
                 let entries = queue.all();
@@ -110,7 +110,8 @@ impl<T: ClipTarget> Loading<'_, T> {
                 }
                 self.first_of(&entries)
             }
-            Selection::Named(name) => {
+            Selection::Named(names) => {
+                let name = names.into_iter().next();
                 let neighbours = Neighbours::find(name.as_deref());
                 if (self.report.send)(LoadEvent::Neighbours(neighbours)).is_break() {
                     return Ok(ControlFlow::Break(()));
@@ -281,7 +282,7 @@ mod tests {
         assert_eq!(events(Selection::FirstOf(Vec::new()), 1, true, None), ".");
         let list = folder.path().join("list.json");
         std::fs::write(&list, r#"{"version": 1, "clips": ["bad.aarc", "good.aarc"]}"#).unwrap();
-        let named = Selection::Named(Some(list.to_str().unwrap().into()));
+        let named = Selection::Named(vec![list.to_str().unwrap().into()]);
         assert_eq!(events(named, 1, true, None), "2 x1!.");
     }
 
@@ -315,7 +316,7 @@ mod tests {
             std::fs::write(path, "").unwrap();
         }
         let neighbours = RefCell::new(None);
-        let selection = Selection::Named(Some(a.clone()));
+        let selection = Selection::Named(vec![a.clone()]);
         let send = &|event| {
             if let LoadEvent::Neighbours(beside) = event {
                 *neighbours.borrow_mut() = Some(beside);

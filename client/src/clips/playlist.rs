@@ -1,5 +1,5 @@
-//! [`Playlist`]: clips that play one after the other, named by a small JSON file; `xtask/PLAYLIST.md`
-//! describes it.
+//! [`Playlist`]: clips that play one after the other: named by a small JSON file, which `xtask/PLAYLIST.md` describes, in
+//! a folder, or named together.
 
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -7,6 +7,9 @@ use std::path::Path;
 use program::Fault;
 use serde::Deserialize;
 
+use super::folder::clips_in;
+#[cfg(feature = "formats")]
+use crate::content::is_field;
 #[cfg(not(feature = "net"))]
 use crate::content::no_net;
 #[cfg(feature = "net")]
@@ -50,6 +53,25 @@ struct Manifest {
     clips: Vec<String>,
 }
 
+/// Whether `names` stand for several clips: they are several, or the name of a playlist or of a folder of clips.
+pub fn is_list(names: &[String]) -> bool {
+    match names {
+        [] => false,
+        [name] => is_playlist(name) || is_folder(name),
+        _ => true,
+    }
+}
+
+/// Whether a name is the path of a folder of clips. A field may be a folder, too.
+fn is_folder(name: &str) -> bool {
+    let path = Path::new(name);
+    #[cfg(feature = "formats")]
+    if is_field(path) {
+        return false;
+    }
+    path.is_dir() && !clips_in(path).is_empty()
+}
+
 /// Whether a path or URL names a playlist rather than a clip: it ends in `.json`. A path of the name `meta.json` names
 /// a field (SOG), if this program reads fields.
 pub fn is_playlist(name: &str) -> bool {
@@ -61,12 +83,33 @@ pub fn is_playlist(name: &str) -> bool {
     !is_field && extension.is_some_and(|extension| extension.eq_ignore_ascii_case("json"))
 }
 
-/// Opens the playlist with this path or URL. `on_event` takes progress and notes; where it breaks, the result
-/// is `None`.
+/// Lists the clips that `names` stand for, in order: of a playlist and of a folder its clips. `on_event` takes progress
+/// and notes; where it breaks, the result is `None`.
 ///
 /// # Errors
-/// As for a clip: [`Fault::Data`], [`Fault::Network`] or [`Fault::Usage`] with the name of the playlist.
+/// As for a clip: [`Fault::Data`], [`Fault::Network`] or [`Fault::Usage`] with the name of a playlist.
 pub fn open(
+    names: &[String],
+    options: &SourceOptions,
+    on_event: &mut dyn FnMut(OpenEvent) -> ControlFlow<()>,
+) -> Result<Option<Playlist>, Fault> {
+    let mut clips = Vec::new();
+    for name in names {
+        if is_playlist(name) {
+            let Some(playlist) = open_file(name, options, on_event)? else { return Ok(None) };
+            clips.extend(playlist.clips);
+        } else if is_folder(name) {
+            // One whose name is not text cannot be opened.
+            clips.extend(clips_in(Path::new(name)).iter().filter_map(|clip| clip.to_str().map(String::from)));
+        } else {
+            clips.push(name.clone());
+        }
+    }
+    Ok(Some(Playlist { clips }))
+}
+
+/// Opens the playlist with this path or URL.
+fn open_file(
     name: &str,
     options: &SourceOptions,
     on_event: &mut dyn FnMut(OpenEvent) -> ControlFlow<()>,
@@ -82,17 +125,17 @@ pub fn open(
     Ok(Some(Playlist { clips }))
 }
 
-/// Opens a playlist as [`open`] does, without a way to stop.
+/// Lists clips as [`open`] does, without a way to stop.
 ///
 /// # Errors
 /// As for [`open`].
 #[cfg(feature = "window")]
 pub(crate) fn wait(
-    name: &str,
+    names: &[String],
     options: &SourceOptions,
     mut on_event: impl FnMut(&OpenEvent),
 ) -> Result<Playlist, Fault> {
-    let opened = open(name, options, &mut |event| {
+    let opened = open(names, options, &mut |event| {
         on_event(&event);
         ControlFlow::Continue(())
     });
@@ -278,12 +321,32 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("l.json");
         let name = path.to_str().unwrap();
-        let open = || open(name, &SourceOptions::default(), &mut |_| ControlFlow::Continue(()));
+        let open = || open(&[name.into()], &SourceOptions::default(), &mut |_| ControlFlow::Continue(()));
         assert!(open().unwrap_err().to_string().starts_with(name));
         std::fs::write(&path, r#"{"version":1,"clips":["a.aarc"]}"#).unwrap();
         let expected = folder.path().join("a.aarc").to_str().unwrap().to_owned();
         assert_eq!(open().unwrap().unwrap().clips, [expected]);
         std::fs::write(&path, " ".repeat(BYTES_MAX + 1)).unwrap();
         assert!(open().unwrap_err().to_string().contains("larger than 1 MiB"));
+    }
+
+    #[test]
+    fn folders_and_several_names_are_lists_of_clips() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+        std::fs::create_dir(folder.path().join("clips")).unwrap();
+        for name in ["clips/b.aarc", "clips/a.aarc", "clips/notes.txt", "c.aarc"] {
+            std::fs::write(path(name), "").unwrap();
+        }
+        std::fs::write(path("l.json"), r#"{"version":1,"clips":["c.aarc"]}"#).unwrap();
+        let names = ["clips", "l.json", "d.aarc"].map(path);
+        let listed = open(&names, &SourceOptions::default(), &mut |_| ControlFlow::Continue(()));
+        assert_eq!(
+            listed.unwrap().unwrap().clips,
+            ["clips/a.aarc", "clips/b.aarc", "c.aarc", "d.aarc"].map(path)
+        );
+        assert!(is_list(&names) && is_list(&names[..1]) && is_list(&names[1..2]));
+        std::fs::create_dir(folder.path().join("empty")).unwrap();
+        assert!(!is_list(&names[2..]) && !is_list(&[]) && !is_list(&[path("empty")]));
     }
 }

@@ -80,10 +80,10 @@ pub(super) struct QueueState<C> {
     cyclic: bool,
     /// Whether the next clip was asked for.
     next_wanted: bool,
-    /// What was opened last, a clip or a playlist.
-    named: Option<String>,
-    /// What the clip on display was opened as: itself, or its playlist.
-    opened_as: Option<String>,
+    /// What was opened last: clips, playlists and folders; nothing for the demo.
+    named: Vec<String>,
+    /// What the clip on display was opened as: itself, or what lists it.
+    opened_as: Vec<String>,
     /// The playlist on display.
     queue: Option<Queue>,
     /// The playlist that is being opened, until one of its clips is shown.
@@ -108,8 +108,8 @@ impl<C> QueueState<C> {
         QueueState {
             cyclic,
             next_wanted: false,
-            named: None,
-            opened_as: None,
+            named: Vec::new(),
+            opened_as: Vec::new(),
             queue: None,
             opened: None,
             neighbours: Neighbours::default(),
@@ -123,33 +123,32 @@ impl<C> QueueState<C> {
         }
     }
 
-    /// Opens a clip or a playlist, which replaces everything once a clip of it can be shown.
-    pub(super) fn open(&mut self, name: Option<String>) {
+    /// Opens clips, playlists and folders, which replace everything once a clip of them can be shown.
+    pub(super) fn open(&mut self, names: impl IntoIterator<Item = String>) {
         if self.current.is_some() && self.neighbours_before.is_none() {
             self.neighbours_before = Some(self.neighbours.clone());
         }
-        self.open_named(name, false);
+        self.open_named(names.into_iter().collect(), false);
     }
 
-    fn open_named(&mut self, name: Option<String>, has_neighbours: bool) {
-        self.named.clone_from(&name);
+    fn open_named(&mut self, names: Vec<String>, has_neighbours: bool) {
+        self.named.clone_from(&names);
         self.forget_next();
         self.opened = None;
-        self.load(Loading::Opening { has_neighbours }, Selection::Named(name));
+        self.load(Loading::Opening { has_neighbours }, Selection::Named(names));
     }
 
-    /// Takes over a clip that is on display already, its playlist, and its newer versions. `named` is the clip or
-    /// the playlist that was opened.
+    /// Takes over a clip that is on display already, its playlist, and its newer versions. `named` is what was opened.
     #[cfg(feature = "window")]
     pub(super) fn adopt(
         &mut self,
-        named: Option<String>,
+        named: Vec<String>,
         entry: Entry,
         queue: Option<Queue>,
         rest: crate::content::Arrival,
     ) {
         if queue.is_none() {
-            self.neighbours = Neighbours::find(named.as_deref());
+            self.neighbours = Neighbours::find(named.first().map(String::as_str));
         }
         self.named.clone_from(&named);
         self.opened_as = named;
@@ -230,7 +229,7 @@ impl<C> QueueState<C> {
         let (name, neighbours) = self.neighbours.step(direction)?;
         // Past one that cannot be read, skips go on.
         (self.neighbours, self.neighbours_before) = (neighbours, None);
-        self.open_named(Some(name), true);
+        self.open_named(vec![name], true);
         Some(Change::Waiting)
     }
 
@@ -410,9 +409,9 @@ impl<C> QueueState<C> {
         self.loading.is_some()
     }
 
-    /// What was opened last, a clip or a playlist.
+    /// What was opened last, if it has one name.
     pub(super) fn named(&self) -> Option<&str> {
-        self.named.as_deref()
+        if let [name] = &self.named[..] { Some(name) } else { None }
     }
 
     /// The clip on display.
@@ -700,7 +699,7 @@ mod tests {
             path.to_str().unwrap().to_owned()
         });
         let opened = |state: &mut State| match state.take_request() {
-            Some((Selection::Named(name), _)) => name,
+            Some((Selection::Named(names), _)) => names.into_iter().next(),
             _ => None,
         };
         for (direction, beside, second) in [(Direction::Forward, &c, &d), (Direction::Back, &a, &d)] {
@@ -782,7 +781,7 @@ mod tests {
         state.open(Some("list".into()));
         state.take_request();
         state.reload();
-        assert!(matches!(state.take_request(), Some((Selection::Named(Some(_)), _))));
+        assert!(matches!(state.take_request(), Some((Selection::Named(names), _)) if names == ["list"]));
     }
 
     #[test]

@@ -10,7 +10,7 @@ use program::{Fault, counted};
 
 /// Whether a field is at a path: a folder with a field or several, or a file with the extension of a field
 /// that is no package.
-pub(super) fn is_field(path: &Path) -> bool {
+pub(crate) fn is_field(path: &Path) -> bool {
     if path.is_dir() {
         return list_folder(path).is_ok_and(|names| names.iter().any(|name| is_field_name(name)));
     }

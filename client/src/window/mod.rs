@@ -32,7 +32,7 @@ use winit::window::WindowId;
 
 use crate::args::Args;
 use crate::clips::{Entry, Queue, playlist};
-use crate::content::{Arrival, OpenEvent, OpenTake, Wait, cache_dir};
+use crate::content::{Arrival, OpenEvent, OpenTake, SourceOptions, Wait, cache_dir};
 use crate::gpu::DEVICE_REPLACED;
 use crate::terminal::Reporter;
 use crate::{content, headless, viewpoint};
@@ -52,7 +52,7 @@ pub fn run(args: &Args) -> Result<(), Fault> {
     let settings = headless::settings(args, &clip)?;
     let source = args.source(cache_dir());
     let size = args.size;
-    let named = args.clip.clone();
+    let named = args.names();
     let start = Start { named, entry, clip, rest, queue, notes, reporter, source, viewpoint, settings, size };
     let event_loop = display::connect()?;
     let mut app = App { start: Some(start), proxy: event_loop.create_proxy(), session: None, result: Ok(()) };
@@ -69,7 +69,7 @@ struct First {
     /// What more its source has to tell.
     rest: Arrival,
     queue: Option<Queue>,
-    /// Remarks on it.
+    /// Remarks on it, and on the clips before it, which do not load.
     notes: Vec<String>,
 }
 
@@ -77,35 +77,45 @@ struct First {
 /// before it.
 fn first_clip(args: &Args, reporter: &mut Reporter) -> Result<First, Fault> {
     let source = args.source(cache_dir());
-    let wait = |entry: Entry, queue, reporter: &mut Reporter| -> Result<First, Fault> {
-        let mut rest = content::open(entry.name.as_deref(), &source)?;
-        let mut notes = Vec::new();
-        let clip = rest.wait(Wait::Playable, |event| {
-            reporter.print(event);
-            if let OpenEvent::Note(text) = event {
-                notes.push(text.clone());
-            }
-        })?;
-        Ok(First { entry, clip, rest, queue, notes })
+    let mut notes = Vec::new();
+    let mut tell = |event: &OpenEvent| {
+        reporter.print(event);
+        if let OpenEvent::Note(text) = event {
+            notes.push(text.clone());
+        }
     };
-    let Some(list) = args.clip.as_deref().filter(|name| playlist::is_playlist(name)) else {
-        return wait(Entry::single(args.clip.clone()), None, reporter);
-    };
-    let playlist = playlist::wait(list, &source, |event| reporter.print(event))?;
-    let queue = Queue::new(playlist.clips);
-    let mut last = None;
+    let names = args.names();
+    if !playlist::is_list(&names) {
+        let entry = Entry::single(args.clip.clone());
+        let (clip, rest) = open_entry(&entry, &source, &mut tell)?;
+        return Ok(First { entry, clip, rest, queue: None, notes });
+    }
+    let mut queue = Queue::new(playlist::wait(&names, &source, &mut tell)?.clips);
+    let mut last: Option<Fault> = None;
     for entry in queue.all() {
         if let Some(fault) = last.take() {
-            reporter.print(&OpenEvent::Note(format!("{fault}; skipped")));
+            tell(&OpenEvent::Note(format!("{fault}; skipped")));
         }
-        let mut queue = queue.clone();
-        queue.go_to(entry.number);
-        match wait(entry, Some(queue), reporter) {
+        match open_entry(&entry, &source, &mut tell) {
+            Ok((clip, rest)) => {
+                queue.go_to(entry.number);
+                return Ok(First { entry, clip, rest, queue: Some(queue), notes });
+            }
             Err(fault) => last = Some(fault),
-            first => return first,
         }
     }
     Err(last.expect("a playlist has a clip"))
+}
+
+/// Waits until a clip can be played. Returns what more its source has to tell, too.
+fn open_entry(
+    entry: &Entry,
+    source: &SourceOptions,
+    tell: impl FnMut(&OpenEvent),
+) -> Result<(Arc<OpenTake>, Arrival), Fault> {
+    let mut rest = content::open(entry.name.as_deref(), source)?;
+    let clip = rest.wait(Wait::Playable, tell)?;
+    Ok((clip, rest))
 }
 
 /// The state of the event loop.
@@ -160,7 +170,7 @@ impl ApplicationHandler<Event> for App {
                     Err(fault) => self.fail(event_loop, fault),
                 },
             },
-            WindowEvent::DroppedFile(path) => session.receive_file(&path),
+            WindowEvent::DroppedFile(path) => session.receive_file(path),
             event => session.input(&event),
         }
     }
@@ -168,6 +178,12 @@ impl ApplicationHandler<Event> for App {
     fn user_event(&mut self, _: &ActiveEventLoop, event: Event) {
         if let Some(session) = &mut self.session {
             session.receive(event);
+        }
+    }
+
+    fn about_to_wait(&mut self, _: &ActiveEventLoop) {
+        if let Some(session) = &mut self.session {
+            session.open_received();
         }
     }
 

@@ -65,8 +65,8 @@ const NO_DIALOG: &str =
 
 /// What to open a window with.
 pub(super) struct Start {
-    /// The clip or the playlist that was opened.
-    pub(super) named: Option<String>,
+    /// The clips, playlists and folders that were opened.
+    pub(super) named: Vec<String>,
     /// The take to show, and what more its source has to tell.
     pub(super) entry: Entry,
     pub(super) clip: Arc<OpenTake>,
@@ -212,6 +212,8 @@ pub(super) struct Session {
     is_continuous: bool,
     /// Whether other windows cover this one.
     is_covered: bool,
+    /// Files that were dropped on the window, one event each, until all of them are known.
+    dropped: Vec<PathBuf>,
     clips: ClipController<WindowTarget>,
     library: Library,
     /// Whether the dialog that chooses a file is open.
@@ -257,7 +259,7 @@ impl Session {
         let options = LoadOptions { source: start.source, min_layers: 1, is_complete: false };
         let mut clips = ClipController::new(options, true, waker(&proxy))?;
         let mut library = Library::open();
-        if let Some(name) = &start.named {
+        if let [name] = &start.named[..] {
             library.remember(name);
         }
         let target = WindowTarget::new(&screen, &proxy);
@@ -274,6 +276,7 @@ impl Session {
             last_frame: None,
             is_continuous: false,
             is_covered: false,
+            dropped: Vec::new(),
             clips,
             library,
             is_picking: false,
@@ -303,30 +306,47 @@ impl Session {
         self.window.request_redraw();
     }
 
-    /// Loads a file that was dropped on the window.
-    pub(super) fn receive_file(&mut self, path: &Path) {
+    /// Takes in a file or a folder that was dropped on the window.
+    pub(super) fn receive_file(&mut self, path: PathBuf) {
         self.screen.input.egui_input_mut().hovered_files.clear();
-        self.load_file(path);
+        self.dropped.push(path);
     }
 
-    /// Loads a clip or a playlist in the background, while the present one plays.
-    fn load_file(&mut self, path: &Path) {
-        match path.to_str() {
-            Some(name) => self.load(name.into()),
-            None => self
-                .set_message(Message::Error(format!("{}: its name is not text: rename it", path.display()))),
+    /// Loads what was dropped on the window, in the order of the names.
+    pub(super) fn open_received(&mut self) {
+        if !self.dropped.is_empty() {
+            let mut paths = std::mem::take(&mut self.dropped);
+            paths.sort();
+            self.load_files(&paths);
         }
     }
 
-    fn load(&mut self, name: String) {
-        self.set_message(Message::Working(format!("Opening {}", title(Some(&name)))));
-        self.clips.open(Some(name));
+    /// Loads files and folders in the background, while the present clip plays.
+    fn load_files(&mut self, paths: &[PathBuf]) {
+        let names: Vec<String> = paths.iter().filter_map(|path| path.to_str().map(String::from)).collect();
+        let unnamed = paths.iter().find(|path| path.to_str().is_none());
+        if !names.is_empty() {
+            self.load(names);
+        }
+        if let Some(path) = unnamed {
+            let why = format!("{}: its name is not text: rename it", path.display());
+            self.set_message(Message::Error(why));
+        }
+    }
+
+    fn load(&mut self, names: Vec<String>) {
+        let what = match &names[..] {
+            [name] => title(Some(name)),
+            _ => format!("{} files", names.len()),
+        };
+        self.set_message(Message::Working(format!("Opening {what}")));
+        self.clips.open(names);
     }
 
     /// Opens what the viewer chose.
     fn open_chosen(&mut self, opening: Opening) {
         match opening {
-            Opening::Clip(name) => self.load(name),
+            Opening::Clip(name) => self.load(vec![name]),
             Opening::Beside(direction) => match self.clips.skip(direction) {
                 Some(change) => self.apply(change),
                 None if !self.clips.has_neighbour(direction) => self.note("There is no other clip".into()),
@@ -390,7 +410,7 @@ impl Session {
             Event::Picked(picked) => {
                 self.is_picking = false;
                 match picked {
-                    Picked::File(path) => self.load_file(&path),
+                    Picked::File(path) => self.load_files(&[path]),
                     Picked::Nothing => {}
                     Picked::NoDialog => self.set_message(Message::Error(NO_DIALOG.into())),
                 }

@@ -28,6 +28,7 @@ pub(crate) fn trials() -> Vec<Trial> {
         trial("a static clip rests", rests),
         trial("a covered window draws nothing", rests_covered),
         trial("other clips are opened from the folder and by a dialog", opens_others),
+        trial("files that are dropped together are a playlist", opens_dropped),
         trial("a window closes while its dialog is open", closes_with_dialog),
         trial("a broken clip opens no window", bad_clip),
         Trial::test("without a display", || without_display().map_err(Failed::from)),
@@ -203,6 +204,34 @@ fn opens_others(display: &Display) -> Result<(), String> {
         return Err(format!("it remembers {recent}"));
     }
     Ok(())
+}
+
+/// Files that are dropped together play one after another, and so do the clips of a folder.
+fn opens_dropped(display: &Display) -> Result<(), String> {
+    let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
+    let root = folder.path();
+    fs::create_dir(root.join("more")).map_err(|error| error.to_string())?;
+    for name in ["a.aarc", "b.aarc", "c.aarc", "more/d.aarc", "more/e.aarc"] {
+        write_clip(&root.join(name));
+    }
+    let mut command = display.command(client());
+    let player = display.open(command.arg(root.join("a.aarc")).args(["--size", "800x600"]), "a.aarc")?;
+    let window = player.window;
+    display.wait_until(window, |screen| screen.colors() > 500).ok_or("it shows no image")?;
+    let shows = |title: &str| {
+        let shown = display.wait_until(window, |_| display.title(window) == title);
+        shown.ok_or_else(|| format!("{} instead of {title}", display.title(window)))
+    };
+    for (dropped, [first, last]) in
+        [(&["c.aarc", "b.aarc"][..], ["b.aarc", "c.aarc"]), (&["more"], ["d.aarc", "e.aarc"])]
+    {
+        let paths: Vec<PathBuf> = dropped.iter().map(|name| root.join(name)).collect();
+        display.drop_files(window, &paths);
+        for title in [first, last, first] {
+            shows(title)?;
+        }
+    }
+    player.close()
 }
 
 /// The program waits neither for the dialog nor for what is chosen in it.
