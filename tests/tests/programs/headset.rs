@@ -1,7 +1,9 @@
 //! `cargo xtask headset` from end to end, with a script in place of `adb` and a folder in place of the headset.
 
+use std::env;
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
+use std::process::Command;
 
 use aarc_tests::outcome::{DATA, DEVICE, Outcome};
 use aarc_tests::programs::{Folder, run};
@@ -78,14 +80,20 @@ fn desk() -> Result<Folder, String> {
 
 /// Measures in a folder with this list of devices and this failure.
 fn headset(folder: &Folder, line: &str, devices: &str, failure: &str) -> Result<Outcome, String> {
+    Ok(run(measurement(folder, line)?.env("DEVICES", devices).env("FAIL", failure)))
+}
+
+/// A measurement that finds the script first.
+fn measurement(folder: &Folder, line: &str) -> Result<Command, String> {
     let xtask = workspace::build("xtask", "dev").map_err(|fault| fault.to_string())?;
-    let mut command = folder.command(&xtask, &format!("headset --adb ./adb -o out {line}"));
+    let programs = env::var_os("PATH").unwrap_or_default();
+    let programs = env::join_paths([folder.path("")].into_iter().chain(env::split_paths(&programs)));
+    let mut command = folder.command(&xtask, &format!("headset -o out {line}"));
     command
+        .env("PATH", programs.map_err(|error| error.to_string())?)
         .env("FAKE", folder.path(""))
-        .env("DEVICES", devices)
-        .env("FAIL", failure)
         .env_remove("ANDROID_SERIAL");
-    Ok(run(&mut command))
+    Ok(command)
 }
 
 const READY: &str = "quest\\tdevice\\n";
@@ -149,7 +157,6 @@ fn refusals() -> Result<(), String> {
             "the player ended: the intent's args: only for development builds",
         ),
         ("none.aarc", READY, "", DATA, "none.aarc"),
-        ("a.aarc --apk none.apk", READY, "", DATA, "none.apk"),
     ];
     for (line, devices, failure, code, what) in cases {
         let folder = desk()?;
@@ -165,6 +172,8 @@ fn refusals() -> Result<(), String> {
         }
     }
     let folder = desk()?;
-    fs::remove_file(folder.path("adb")).map_err(|error| error.to_string())?;
-    headset(&folder, "a.aarc", READY, "")?.refuses(DEVICE, "./adb devices", "platform tools")
+    let mut alone = measurement(&folder, "a.aarc")?;
+    run(alone.env("PATH", folder.path("files"))).refuses(DEVICE, "adb devices", "platform tools")?;
+    fs::remove_file(folder.path("aarc.apk")).map_err(|error| error.to_string())?;
+    headset(&folder, "a.aarc", READY, "")?.refuses(DATA, "aarc.apk", "client/HEADSET.md")
 }

@@ -81,20 +81,18 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         prerequisites(args.openxr_loader.as_deref(), args.library.is_some()).map_err(Fault::Device)?;
     let parts = workspace::target_folder().join("apk/parts");
     fs::create_dir_all(&parts).with_context(|| parts.display().to_string())?;
-    let loader_part = parts.join(LOADER);
-    take_loader(&loader, &loader_part)?;
+    take_loader(&loader, &parts.join(LOADER))?;
     let library = match (&args.library, toolchain) {
         (Some(library), _) => library.clone(),
         (None, Some(toolchain)) => toolchain.build(args.release)?,
         (None, None) => unreachable!("there is a toolchain or a library"),
     };
-    let library_part = parts.join(LIBRARY);
-    fs::copy(&library, &library_part)
+    fs::copy(&library, parts.join(LIBRARY))
         .map_err(|error| Fault::Data(format!("{}: {error}", library.display())))?;
     let notices_part = parts.join("NOTICES.txt");
     let notices = notices(&[&["--package", "client"], &FEATURES[..]].concat(), TARGET)?;
     fs::write(&notices_part, notices + LOADER_NOTICE).with_context(|| notices_part.display().to_string())?;
-    pack(&library_part, &loader_part, &notices_part, &args.out)?;
+    pack(&parts, &args.out)?;
     println!("{}", workspace::shell_line(&["adb", "install", "-r", &args.out.to_string_lossy()]));
     Ok(())
 }
@@ -223,29 +221,10 @@ fn take_loader(from: &Path, to: &Path) -> Result<(), Fault> {
     fs::write(to, bytes).map_err(|error| Fault::Usage(format!("{}: {error}", to.display())))
 }
 
-/// Runs the packer.
-fn pack(library: &Path, loader: &Path, notices: &Path, out: &Path) -> anyhow::Result<()> {
-    let root = workspace::root();
+/// Runs the packer on the folder of `parts`; it takes the key from the environment.
+fn pack(parts: &Path, out: &Path) -> anyhow::Result<()> {
     let mut packer = Command::new(workspace::build_packer()?);
-    packer
-        .args(["--app-version", env!("CARGO_PKG_VERSION"), "--manifest"])
-        .arg(root.join("android/AndroidManifest.xml"))
-        .arg("--icon")
-        .arg(root.join("android/icon.png"))
-        .arg("--library")
-        .arg(library)
-        .arg("--openxr-loader")
-        .arg(loader)
-        .arg("--clip")
-        .arg(root.join("assets/demo.aarc"))
-        .arg("--notices")
-        .arg(notices)
-        .arg("--out")
-        .arg(out);
-    match env::var_os("APK_KEYSTORE") {
-        Some(keystore) => packer.arg("--keystore").arg(keystore),
-        None => packer.arg("--debug-key").arg(root.join("android/debug-key.pem")),
-    };
+    packer.arg(workspace::root()).arg(parts).arg(env!("CARGO_PKG_VERSION")).arg(out);
     let status = packer.stdin(Stdio::null()).status().context("cannot run the packer")?;
     if !status.success() {
         return Err(Fault::Data("the APK could not be packed; the packer's message is above".into()).into());

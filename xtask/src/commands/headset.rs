@@ -26,6 +26,9 @@ use self::local::Local;
 use self::table::Table;
 use self::target::{Run, Target};
 
+/// The APK to install, where `cargo xtask apk` writes it.
+const APK: &str = "aarc.apk";
+
 /// Where the viewer stands, by the player's options.
 const DISTANCES: [&str; 3] = ["near", "standing", "inside"];
 
@@ -34,7 +37,7 @@ const BUDGETS: [&str; 2] = ["20000", "10000"];
 
 /// Play clips in a headset and print a table of its frame rates to paste into an issue
 ///
-/// Installs the APK on the headset that adb finds, plays every clip from three distances, and removes the clips again.
+/// Installs aarc.apk, a development build, as only those write statistics, on the headset that adb finds, plays every clip from three distances, and removes the clips again.
 /// ANDROID_SERIAL chooses among several headsets. client/HEADSET.md says what the table means.
 #[derive(clap::Args)]
 pub(crate) struct Args {
@@ -42,20 +45,12 @@ pub(crate) struct Args {
     #[arg(value_name = "CLIP")]
     clips: Vec<PathBuf>,
 
-    /// APK to install: a development build, as only those write statistics
-    #[arg(long, value_name = "FILE.apk", default_value = "aarc.apk")]
-    apk: PathBuf,
-
     /// Seconds to measure of each clip from each distance
     #[arg(long, value_name = "S", value_parser = seconds, default_value = "60")]
     seconds: f64,
 
-    /// Android's program for connected devices
-    #[arg(long, value_name = "PROGRAM", default_value = "adb")]
-    adb: OsString,
-
     /// Measure on this machine's OpenXR runtime instead, with this player
-    #[arg(long, value_name = "PROGRAM", conflicts_with_all = ["apk", "adb"])]
+    #[arg(long, value_name = "PROGRAM")]
     player: Option<PathBuf>,
 
     /// Folder to write: the table, and the player's statistics of each run
@@ -77,15 +72,14 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     if let Some(player) = &args.player {
         return measure(args, &clips(args)?, &Local { player: player.clone() });
     }
-    if !args.apk.is_file() {
-        let apk = args.apk.display();
+    if !Path::new(APK).is_file() {
         return Err(
-            Fault::Data(format!("{apk}: there is no such file: make it as client/HEADSET.md says")).into()
+            Fault::Data(format!("{APK}: there is no such file: make it as client/HEADSET.md says")).into()
         );
     }
-    let device = Device::find(&args.adb)?;
+    let device = Device::find()?;
     let clips = clips(args)?;
-    device.install(&args.apk)?;
+    device.install(Path::new(APK))?;
     let result = measure(args, &clips, &device);
     device.clean();
     result

@@ -11,17 +11,12 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::{Context, bail, ensure};
-use program::output;
 use serde_json::Value;
 use xtask::workspace;
 
-/// Write the licences of everything that the player and the host tool contain.
+/// Print the licences of everything that the player and the host tool contain.
 #[derive(clap::Args)]
-pub(crate) struct Args {
-    /// File to write
-    #[arg(short, long, value_name = "PATH", default_value = "NOTICES.txt")]
-    out: PathBuf,
-}
+pub(crate) struct Args {}
 
 /// Parts of lower-case names of files that hold a licence.
 const NAMES: [&str; 6] = ["licen", "copying", "notice", "copyright", "ofl", "ufl"];
@@ -39,9 +34,9 @@ pub(super) const HOST: &str = "host-tuple";
 /// Licence of the text that stands in for packages that ship none; all of these allow it.
 const DEFAULT_LICENCE: &str = "Apache-2.0";
 
-pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
-    let text = notices(&PROGRAMS, HOST)?;
-    Ok(output::write(&args.out, text.as_bytes())?)
+pub(crate) fn run(_args: &Args) -> anyhow::Result<()> {
+    print!("{}", notices(&PROGRAMS, HOST)?);
+    Ok(())
 }
 
 /// Start of the name of the package that the player has for the responses of a head, and the file of their licence.

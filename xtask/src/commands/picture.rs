@@ -1,4 +1,4 @@
-//! `cargo xtask picture`: renders clips with the player and tiles the images into one PNG, one row per clip.
+//! `cargo xtask picture`: renders clips with the player and tiles the images into README's picture, one row per clip.
 //!
 //! Column i of n shows the instant i / n of the clip from viewpoint i.
 
@@ -18,15 +18,15 @@ const COLUMNS: u32 = 4;
 /// Width and height of an image in pixels.
 const SIDE: u32 = 256;
 
-/// Render clips into one PNG: a row per clip, four instants from four viewpoints
+/// The picture, below the root of the repository.
+const PICTURE: &str = "assets/picture.png";
+
+/// Render clips into README's picture, assets/picture.png: a row per clip, four instants from four viewpoints
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// Packages
     #[arg(required = true, value_name = "CLIP")]
     clips: Vec<PathBuf>,
-    /// PNG file to write
-    #[arg(short, long, value_name = "PATH", default_value = "assets/picture.png")]
-    out: PathBuf,
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
@@ -39,7 +39,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         }
     }
     let picture = tiled(&images, COLUMNS);
-    Ok(output::write_png(&args.out, picture.as_raw(), picture.dimensions())?)
+    Ok(output::write_png(&workspace::root().join(PICTURE), picture.as_raw(), picture.dimensions())?)
 }
 
 /// Length of a clip in seconds.

@@ -1,14 +1,16 @@
 //! [`Adb`]: Android's program for connected devices, and the headset that it talks to.
 
 use std::env;
-use std::ffi::{OsStr, OsString};
+use std::ffi::OsStr;
 use std::process::{Command, Stdio};
 
 use program::{Fault, counted};
 
+/// The program, as PATH has it.
+const PROGRAM: &str = "adb";
+
 /// The program, for one headset.
 pub(super) struct Adb {
-    program: OsString,
     serial: String,
 }
 
@@ -16,11 +18,11 @@ impl Adb {
     /// Finds the headset: the only device, or the device that `ANDROID_SERIAL` names.
     ///
     /// # Errors
-    /// [`Fault::Device`] if `program` cannot be run, or there is not exactly one device that allows debugging.
-    pub(super) fn find(program: &OsStr) -> Result<Adb, Fault> {
+    /// [`Fault::Device`] if the program cannot be run, or there is not exactly one device that allows debugging.
+    pub(super) fn find() -> Result<Adb, Fault> {
         let chosen = env::var("ANDROID_SERIAL").ok().filter(|serial| !serial.is_empty());
-        let serial = choose(&list(program)?, chosen.as_deref())?;
-        Ok(Adb { program: program.to_owned(), serial })
+        let serial = choose(&list()?, chosen.as_deref())?;
+        Ok(Adb { serial })
     }
 
     /// Runs a command for the headset and returns what it prints.
@@ -28,7 +30,7 @@ impl Adb {
     /// # Errors
     /// [`Fault::Device`] with the last line of the error, or that the headset is gone.
     pub(super) fn run(&self, args: &[&OsStr]) -> Result<String, Fault> {
-        let mut command = Command::new(&self.program);
+        let mut command = Command::new(PROGRAM);
         command.args(["-s", &self.serial]).args(args);
         output(&mut command).map_err(|line| match self.is_attached() {
             true => {
@@ -51,16 +53,15 @@ impl Adb {
     }
 
     fn is_attached(&self) -> bool {
-        list(&self.program).is_ok_and(|devices| choose(&devices, Some(&self.serial)).is_ok())
+        list().is_ok_and(|devices| choose(&devices, Some(&self.serial)).is_ok())
     }
 }
 
 /// The devices that `adb` lists: serial number and state.
-fn list(program: &OsStr) -> Result<Vec<(String, String)>, Fault> {
-    let text = output(Command::new(program).arg("devices")).map_err(|line| {
-        let program = program.display();
+fn list() -> Result<Vec<(String, String)>, Fault> {
+    let text = output(Command::new(PROGRAM).arg("devices")).map_err(|line| {
         Fault::Device(format!(
-            "{program} devices: {line}: install Android's platform tools, or give --adb PROGRAM"
+            "{PROGRAM} devices: {line}: install Android's platform tools, and put {PROGRAM} on PATH"
         ))
     })?;
     let device =

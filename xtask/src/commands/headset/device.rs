@@ -1,6 +1,5 @@
 //! [`Device`]: the player's app on a headset, driven through adb.
 
-use std::ffi::OsStr;
 use std::fs;
 use std::path::Path;
 use std::thread::sleep;
@@ -35,12 +34,12 @@ pub(super) struct Device {
 }
 
 impl Device {
-    /// Finds the headset with the program `adb`.
+    /// Finds the headset with `adb`.
     ///
     /// # Errors
     /// Those of [`Adb::find`].
-    pub(super) fn find(adb: &OsStr) -> Result<Device, Fault> {
-        Ok(Device { adb: Adb::find(adb)? })
+    pub(super) fn find() -> Result<Device, Fault> {
+        Ok(Device { adb: Adb::find()? })
     }
 
     /// Installs the app, and starts it once if its folder does not exist.
