@@ -7,7 +7,7 @@ use std::sync::LazyLock;
 use clap::Parser;
 use glam::UVec2;
 #[cfg(not(target_os = "android"))]
-use program::generate::Generated;
+use program::generate::GenerateOption;
 use program::{Lens, Standpoint};
 
 use crate::content::SourceOptions;
@@ -89,8 +89,14 @@ pub struct Args {
     pub out: Option<PathBuf>,
 
     /// Times to render, in seconds from the start of the clip [default: 0].
-    #[arg(long, value_name = "S[,S..]", value_delimiter = ',', value_parser = finite, requires = "headless")]
-    #[arg(allow_negative_numbers = true)]
+    #[arg(
+        long,
+        value_name = "S[,S..]",
+        value_delimiter = ',',
+        value_parser = finite,
+        allow_negative_numbers = true,
+        requires = "headless"
+    )]
     pub time: Vec<f64>,
 
     /// Render the poster of the clip, the time and view that stand for it in file managers [default of a clip without
@@ -125,8 +131,14 @@ pub struct Args {
 
     /// Render both eyes as this headset shows them: with its angles, in images of the size that it recommends
     /// unless --size says otherwise.
-    #[arg(long, value_enum, value_name = "HEADSET", requires = "headless", group = "worn")]
-    #[arg(conflicts_with_all = ["camera", "stereo"])]
+    #[arg(
+        long,
+        value_enum,
+        value_name = "HEADSET",
+        requires = "headless",
+        group = "worn",
+        conflicts_with_all = ["camera", "stereo"]
+    )]
     pub lens: Option<Lens>,
 
     /// With --lens or --xr: stand 0.7 m in front of the middle of the content [default with --lens: at --view; with
@@ -192,10 +204,10 @@ pub struct Args {
     #[arg(long, value_name = "FILE.json", requires = "windowless")]
     pub stats: Option<PathBuf>,
 
-    /// Print the man page, or completions for a shell, and exit.
+    /// The document to print instead.
     #[cfg(not(target_os = "android"))]
-    #[arg(long, value_enum, value_name = "WHAT", exclusive = true)]
-    pub generate: Option<Generated>,
+    #[command(flatten)]
+    pub generate: GenerateOption,
 }
 
 impl Args {

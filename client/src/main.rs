@@ -23,7 +23,7 @@ fn main() -> ExitCode {
 }
 
 fn run(args: &Args) -> Result<(), Fault> {
-    if let Some(document) = args.generate {
+    if let Some(document) = args.generate.generate {
         generate::print(document, Args::command())
     } else if args.headless {
         headless::run(args)

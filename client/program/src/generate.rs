@@ -26,6 +26,14 @@ pub enum Generated {
     Zsh,
 }
 
+/// The option that names such a document.
+#[derive(clap::Args, Clone, Copy, Debug)]
+pub struct GenerateOption {
+    /// Print the man page, or completions for a shell, and exit.
+    #[arg(long, value_enum, value_name = "WHAT", exclusive = true)]
+    pub generate: Option<Generated>,
+}
+
 /// Prints the document on standard output.
 ///
 /// # Errors

@@ -33,8 +33,8 @@ impl PosterChange {
         let point = |[x, y, z]: &[f32; 3]| format!("{x},{y},{z}");
         let mut command = Command::new(studio);
         command.arg("poster").arg(format!("--time={}", self.time_s));
-        command.arg(format!("--eye={}", point(position))).arg(format!("--target={}", point(target)));
-        command.arg(format!("--fov={}", fov_y.to_degrees())).arg("--").arg(&self.clip);
+        command.arg(format!("--view={}:{}:{}", point(position), point(target), fov_y.to_degrees()));
+        command.arg("--").arg(&self.clip);
         let output = command.stdin(Stdio::null()).output().map_err(|error| {
             Fault::Usage(format!(
                 "{STUDIO} writes posters and cannot be run: {error}: install it beside the player"
@@ -92,9 +92,7 @@ mod tests {
         let expected = [
             "poster",
             "--time=0.30000000000000004",
-            "--eye=-0.1,1.5,3",
-            "--target=0,0.0000001,-2",
-            "--fov=57.29578",
+            "--view=-0.1,1.5,3:0,0.0000001,-2:57.29578",
             "--",
             "/clips/a b.aarc",
         ];

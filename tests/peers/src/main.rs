@@ -30,6 +30,12 @@ const INSTANT: f64 = 0.5;
 /// Frames per round.
 const FRAMES: usize = 12;
 
+/// Rounds of playing and decoding: enough for a median with a minimum and a maximum.
+const ROUNDS: usize = 5;
+
+/// Size of the images.
+const SIZE: [u32; 2] = [640, 480];
+
 /// Players of dynamic fields.
 const DYNAMIC: [PlayerKind; 4] =
     [PlayerKind::Ours, PlayerKind::OursSqrt8, PlayerKind::Gsplat, PlayerKind::GsplatMended];
@@ -58,12 +64,6 @@ struct MeasureArgs {
     /// Use only the N Gaussians that contribute most to images
     #[arg(long, value_name = "N")]
     budget: Option<usize>,
-    /// Size of the images
-    #[arg(long, value_name = "WxH", value_parser = size, default_value = "640x480")]
-    size: [u32; 2],
-    /// Rounds of playing and decoding
-    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u8).range(1..))]
-    rounds: u8,
     /// WebGL driver
     #[arg(long, value_enum, default_value_t)]
     webgl: WebGl,
@@ -98,7 +98,6 @@ fn run(args: &MeasureArgs) -> anyhow::Result<()> {
         let folder = modules.with_file_name("").display().to_string();
         return Err(Fault::Device(format!("the peers of npm are missing: run `npm ci` in {folder}")).into());
     }
-    let rounds = usize::from(args.rounds);
     let progress = ProgressBar::new_spinner();
     progress.set_style(ProgressStyle::with_template("{elapsed_precise} {msg}")?);
     progress.enable_steady_tick(Duration::from_secs(1));
@@ -106,8 +105,8 @@ fn run(args: &MeasureArgs) -> anyhow::Result<()> {
     let compared = ComparedField::load(&args.input, args.budget, &progress)?;
     let ComparedField { name, info, field: _, package, clip } = &compared;
     let viewpoint = &info.viewpoints[0];
-    let dynamic = Workload::swinging(viewpoint, info, args.size, FRAMES, |part| part);
-    let frozen = Workload::swinging(viewpoint, info, args.size, FRAMES, |_| INSTANT);
+    let dynamic = Workload::swinging(viewpoint, info, SIZE, FRAMES, |part| part);
+    let frozen = Workload::swinging(viewpoint, info, SIZE, FRAMES, |_| INSTANT);
     let played = clip.merged();
     let splatv = formats::write_splatv(&played, info);
     let ply = formats::write_static_ply(&formats::frozen(&played, INSTANT), None);
@@ -122,19 +121,19 @@ fn run(args: &MeasureArgs) -> anyhow::Result<()> {
     fs::write(dynamic_folder.join(PlayerKind::Gsplat.field()), &splatv)?;
     fs::write(frozen_folder.join(PlayerKind::Viewer.field()), ply)?;
 
-    let options = (rounds, args.webgl);
+    let options = (ROUNDS, args.webgl);
     let report = PeerReport {
         name: name.clone(),
         gaussians: clip.len(),
         package_bytes: package.len(),
         splatv_bytes: splatv.len(),
         machine: machine(),
-        size: args.size,
+        size: SIZE,
         frames: FRAMES,
-        rounds,
+        rounds: ROUNDS,
         dynamic: playing::compare(&DYNAMIC, (clip, &dynamic), &dynamic_folder, options, &progress)?,
         frozen: playing::compare(&FROZEN, (clip, &frozen), &frozen_folder, options, &progress)?,
-        coding: coding::compare(&compared, INSTANT, &coded, rounds, &progress)?,
+        coding: coding::compare(&compared, INSTANT, &coded, ROUNDS, &progress)?,
     };
     progress.finish_and_clear();
     fs::write(args.out.join("peers.json"), serde_json::to_vec_pretty(&report)?)?;
@@ -148,11 +147,4 @@ fn created(folder: &Path) -> anyhow::Result<PathBuf> {
     let fault = |error: std::io::Error| Fault::Data(format!("{}: {error}", folder.display()));
     fs::create_dir_all(folder).map_err(fault)?;
     Ok(folder.canonicalize().map_err(fault)?)
-}
-
-/// Parses an image size, as WxH.
-fn size(text: &str) -> Result<[u32; 2], String> {
-    let size = text.split_once('x').and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
-    size.filter(|size| size.iter().all(|side| (1..=8192).contains(side)))
-        .ok_or("not a size WxH of 1x1 to 8192x8192 pixels".into())
 }

@@ -42,7 +42,6 @@ const BUDGETS: [&str; 2] = ["20000", "10000"];
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// Packages to play [default: the demo, and the demo cut to 20,000 and 10,000 Gaussians]
-    #[arg(value_name = "CLIP")]
     clips: Vec<PathBuf>,
 
     /// Seconds to measure of each clip from each distance

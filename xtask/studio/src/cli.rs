@@ -3,7 +3,7 @@
 use std::sync::LazyLock;
 
 use clap::{CommandFactory, Parser, Subcommand};
-use program::generate::{self, Generated};
+use program::generate::{self, GenerateOption};
 
 use crate::commands;
 
@@ -47,9 +47,8 @@ xtask/README.md says more.";
 #[command(after_long_help = AFTER_HELP, arg_required_else_help = true)]
 #[command(args_conflicts_with_subcommands = true)]
 pub struct Cli {
-    /// Print the man page, or completions for a shell, and exit.
-    #[arg(long, value_enum, value_name = "WHAT")]
-    generate: Option<Generated>,
+    #[command(flatten)]
+    generate: GenerateOption,
 
     #[command(subcommand)]
     command: Option<Command>,
@@ -61,7 +60,7 @@ impl Cli {
     /// # Errors
     /// [`program::Fault`] with an exit code of its own; any other error is a failed check or a defect.
     pub fn run(&self) -> anyhow::Result<()> {
-        if let Some(document) = self.generate {
+        if let Some(document) = self.generate.generate {
             generate::print(document, Cli::command())?;
         }
         self.command.as_ref().map_or(Ok(()), Command::run)
@@ -110,6 +109,7 @@ impl Command {
 #[cfg(test)]
 mod tests {
     use clap::ValueEnum;
+    use program::generate::Generated;
 
     use super::*;
 

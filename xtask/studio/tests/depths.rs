@@ -220,7 +220,7 @@ fn photographs_together() {
         let expected = expected(&photograph, [0.0; 3], [1.0; 3]);
         assert_close(&read(&folder.path().join(format!("maps/{name}.pfm"))), &expected);
     }
-    let fit = ["fit", "stage", "-o", "field.ply", "--depths", "maps", "--steps", "1", "--gaussians", "50"];
+    let fit = ["fit", "stage", "-o", "field.ply", "--anchor", "maps", "--steps", "1", "--gaussians", "50"];
     let outcome = aarc_studio(folder.path(), &fit);
     assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
 }

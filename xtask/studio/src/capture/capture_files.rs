@@ -115,7 +115,7 @@ impl CaptureFiles {
     pub fn state_fps(&mut self, fps: f64) -> Result<(), Fault> {
         if let Some(stated) = self.stated_fps.filter(|stated| *stated != fps) {
             return Err(Fault::Usage(format!(
-                "--fps {fps}: the capture states {stated} frames per second; leave --fps out, or correct the capture"
+                "--set fps={fps}: the capture states {stated} frames per second; leave it out, or correct the capture"
             )));
         }
         let factor = self.fps() / fps;

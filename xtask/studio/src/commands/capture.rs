@@ -18,11 +18,15 @@ use refine::fit::Lpips;
 
 use super::fit_source::FitSource;
 
-/// The cameras, frames and pixels of a capture that a command reads.
+/// The cameras, frames and pixels of a capture that a command reads, and the frames that it holds out.
 #[derive(clap::Args, Clone, Debug)]
 pub(crate) struct FrameSelection {
     #[command(flatten)]
     part: PartSelection,
+    /// Frames that are held out from fitting, which a field records; by default none, and with a fitted field to judge or
+    /// to refine those that it records
+    #[arg(long, value_enum)]
+    holdout: Option<HeldFrames>,
     /// Size in pixels to shrink the photographs to; their own by default
     #[arg(long, value_name = "WxH", value_parser = size)]
     size: Option<(u32, u32)>,
@@ -61,6 +65,16 @@ impl From<HeldFrames> for Holdout {
 }
 
 impl FrameSelection {
+    /// The frames that count as held out, if they are stated.
+    pub(crate) fn holdout(&self) -> Option<Holdout> {
+        self.holdout.map(Holdout::from)
+    }
+
+    /// The frames that a fit holds out.
+    pub(crate) fn holdout_of_fit(&self) -> Holdout {
+        self.holdout().unwrap_or(Holdout::None)
+    }
+
     /// Opens a capture and applies the selection.
     pub(crate) fn open(&self, folder: &Path) -> anyhow::Result<CaptureFiles> {
         self.part.open(folder, self.size)
@@ -87,9 +101,8 @@ impl FrameSelection {
         folder: &Path,
         path: &Path,
         scene: &Scene,
-        holdout: Option<Holdout>,
     ) -> anyhow::Result<TrainingViews> {
-        self.part.photographs_of(folder, self.size, path, scene, holdout)
+        self.part.photographs_of(folder, self.size, path, scene, self.holdout())
     }
 
     /// Whether it selects all frames.
@@ -99,7 +112,7 @@ impl FrameSelection {
 
     /// Whether it selects the whole capture.
     pub(crate) fn is_default(&self) -> bool {
-        self.part.is_default() && self.size.is_none()
+        self.part.is_default() && self.size.is_none() && self.holdout.is_none()
     }
 }
 

@@ -2,9 +2,10 @@
 
 use std::path::PathBuf;
 
-use super::capture::{FrameSelection, HeldFrames};
+use super::capture::FrameSelection;
+use super::options::OutOption;
 
-/// Estimate depth maps of a capture's photographs with a network, for `fit --depths`.
+/// Estimate depth maps of a capture's photographs with a network, for `fit --anchor DIR`: one PFM file for each training photograph.
 ///
 /// Needs a build with --features onnx.
 #[derive(clap::Args)]
@@ -15,14 +16,10 @@ pub struct Args {
     /// xtask/CAPTURE.md). ONNX Runtime is loaded from the system's library path, or from ORT_DYLIB_PATH
     #[arg(long, value_name = "DIR")]
     backbone: PathBuf,
-    /// Folder to write the maps to, one PFM file for each training photograph
-    #[arg(short, long, value_name = "DIR")]
-    out: PathBuf,
+    #[command(flatten)]
+    out: OutOption,
     #[command(flatten)]
     selection: FrameSelection,
-    /// Frames that are held out from fitting; they get no depth maps
-    #[arg(long, value_enum, default_value_t = HeldFrames::None)]
-    holdout: HeldFrames,
 }
 
 #[cfg(not(feature = "onnx"))]
@@ -43,7 +40,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     use refine::capture::{PhotoId, Split};
 
     let capture_files = args.selection.open(&args.capture)?;
-    let splits = Split::assign(&capture_files.capture, args.holdout.into())
+    let splits = Split::assign(&capture_files.capture, args.selection.holdout_of_fit())
         .map_err(|error| Fault::Data(error.to_string()))?;
     let train = splits.into_iter().filter(|(_, split)| *split == Split::Train);
     let mut photo_ids: Vec<PhotoId> = train.map(|(photo_id, _)| photo_id).collect();
@@ -55,7 +52,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         let maps =
             backbone.depths(photo_ids.iter().map(|photo_id| capture_files.unprocessed_photo(*photo_id)))?;
         for (photo_id, map) in photo_ids.iter().zip(&maps) {
-            let path = args.out.join(format!("{}.pfm", capture_files.name(*photo_id)));
+            let path = args.out.path.join(format!("{}.pfm", capture_files.name(*photo_id)));
             let folder = path.parent().expect("it is a file");
             output::make_folder(folder)?;
             output::write(&path, &pfm_file(map))?;
@@ -64,6 +61,6 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         }
     }
     bar.finish_and_clear();
-    println!("{} depth maps of {}x{} in {}", photo_ids.len(), size.0, size.1, args.out.display());
+    println!("{} depth maps of {}x{} in {}", photo_ids.len(), size.0, size.1, args.out.path.display());
     Ok(())
 }

@@ -17,9 +17,10 @@ use refine::fit::Lpips;
 use refine::image::Image;
 use serde_json::{Map, Value, json};
 
-use super::capture::{FrameSelection, HeldFrames, LpipsOption, describe};
+use super::capture::{FrameSelection, LpipsOption, describe};
 use super::fit::name_of;
 use super::fit_source::FitSource;
+use super::options::JsonOption;
 
 /// Compare a field, a package or a folder of pictures with the photographs of a capture.
 #[derive(clap::Args)]
@@ -34,19 +35,14 @@ pub struct Args {
     captures: Vec<PathBuf>,
     #[command(flatten)]
     selection: FrameSelection,
-    /// Frames that were held out from fitting; by default what the field file records, and none where
-    /// SUBJECT has no record, such as a package
-    #[arg(long, value_enum)]
-    holdout: Option<HeldFrames>,
     /// Also compare held frames with two baselines: SUBJECT at the nearest fitted frame, and a blend of the
     /// two fitted frames around; SUBJECT is a field or package
     #[arg(long)]
     baselines: bool,
     #[command(flatten)]
     lpips: LpipsOption,
-    /// Print JSON
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    json: JsonOption,
     /// Folder to write eval.md, eval.csv, eval.json and pictures to: beside the photographs; of a field or
     /// package also between frames and from other places; of a package also its first layers. Of
     /// several scenes one folder each, named as its capture
@@ -66,7 +62,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     if let ([subject], [capture]) = (&subjects[..], &captures[..]) {
         let scene = Evaluation { subject, capture, out: args.out.clone(), args, lpips: lpips.as_ref() };
         let evaluated = scene.evaluate()?;
-        match args.json {
+        match args.json.is_given {
             true => println!("{:#}", evaluated.json),
             false => print!("{}\n\n{}", evaluated.about, evaluated.table),
         }
@@ -81,7 +77,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         for ((subject, capture), name) in subjects.iter().zip(captures).zip(&names) {
             let out = args.out.as_ref().map(|out| out.join(name));
             let evaluated = Evaluation { subject, capture, out, args, lpips: lpips.as_ref() }.evaluate()?;
-            if !args.json {
+            if !args.json.is_given {
                 print!("{name}: {}\n\n{}\n", evaluated.about, evaluated.table);
             }
             scenes.insert(name.clone(), evaluated.json);
@@ -95,12 +91,12 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
             output::write(&out.join("eval.json"), format!("{json:#}\n").as_bytes())?;
             output::write(&out.join("eval.md"), table.as_bytes())?;
         }
-        match args.json {
+        match args.json.is_given {
             true => println!("{json:#}"),
             false => print!("{table}"),
         }
     }
-    if !args.json {
+    if !args.json.is_given {
         println!("\ntrain: fitted to; interp_b: held frames; recon: held cameras; interp_a: both held");
         println!(
             "PSNR; aligned: after one transform of colours per camera; moving: pixels off the camera's median"
@@ -141,7 +137,7 @@ impl Evaluation<'_> {
             Subject::Drawn(input) => FitSource::new(path, input),
             Subject::Pictures(_) => FitSource::of_pictures(path),
         };
-        let (holdout, note) = source.held_frames(args.holdout.map(Holdout::from));
+        let (holdout, note) = source.held_frames(args.selection.holdout());
         let mut capture_files = args.selection.open_for(capture, &source, holdout)?;
         if source.has_plate {
             capture_files.keep_background();

@@ -13,6 +13,8 @@ use crate::fields::FitRecord;
 use crate::input::{Input, clip_time};
 use crate::messages::decimal;
 
+use super::options::OutOption;
+
 /// Write a clip or field in another format.
 #[derive(clap::Args)]
 #[command(group(ArgGroup::new("format").required(true)))]
@@ -31,7 +33,7 @@ pub struct Args {
     /// For tools of glTF with KHR_gaussian_splatting: the field at the time given by --at, y up, in metres
     #[arg(long, group = "format")]
     glb: bool,
-    /// A folder of static PLYs, one a frame, all with the same rows; each has the Gaussians of all frames
+    /// A new folder of static PLYs, one a frame, all with the same rows; each has the Gaussians of all frames
     #[arg(long, group = "format", conflicts_with = "at")]
     sequence: bool,
     /// Frames per second of --sequence [default: the frame rate of the capture]
@@ -40,9 +42,8 @@ pub struct Args {
     /// Seconds from the start of the clip
     #[arg(long, value_name = "SECONDS")]
     at: Option<f64>,
-    /// File to write; with --sequence, a new folder
-    #[arg(short, long, value_name = "PATH")]
-    out: PathBuf,
+    #[command(flatten)]
+    out: OutOption,
 }
 
 /// A field to be written, and the metadata of its clip.
@@ -75,7 +76,7 @@ impl Source {
 
     /// Says which parts of the clip the output does not hold, and what it shows too much of.
     fn print_loss(&self, args: &Args, mut lost: Vec<&str>) {
-        let (out, beyond) = (args.out.display(), self.beyond);
+        let (out, beyond) = (args.out.path.display(), self.beyond);
         if self.has_plate {
             lost.insert(0, "the background plate");
         }
@@ -94,7 +95,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     if args.sequence {
         return write_sequence(args);
     }
-    output::check(&args.out)?;
+    output::check(&args.out.path)?;
     let source = Source::load(args)?;
     let t = args.at.map(|seconds| clip_time("--at", seconds, &source.info)).transpose()?;
     let target = args.target();
@@ -113,15 +114,15 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         )));
     }
     let bytes = target.write(field, &source.info, &source.record.comments()).map_err(Fault::Usage)?;
-    output::write(&args.out, &bytes)?;
+    output::write(&args.out.path, &bytes)?;
     source.print_loss(args, target.lost(field, &source.info));
-    println!("{}: {} Gaussians, {} bytes", args.out.display(), field.len(), bytes.len());
+    println!("{}: {} Gaussians, {} bytes", args.out.path.display(), field.len(), bytes.len());
     Ok(())
 }
 
 /// Writes a folder of frames.
 fn write_sequence(args: &Args) -> anyhow::Result<()> {
-    let folder = OutputFolder::begin(&args.out)?;
+    let folder = OutputFolder::begin(&args.out.path)?;
     let source = Source::load(args)?;
     let fps = args.fps.unwrap_or(source.info.fps);
     let frames = SequenceFrames::new(&source.field, &source.info, fps)
@@ -137,7 +138,7 @@ fn write_sequence(args: &Args) -> anyhow::Result<()> {
     }
     folder.finish()?;
     source.print_loss(args, Target::StaticPly.lost(&source.field, &source.info));
-    let (out, count, rows) = (args.out.display(), frames.count(), frames.rows());
+    let (out, count, rows) = (args.out.path.display(), frames.count(), frames.rows());
     println!("{out}: {count} frames of {rows} Gaussians, {bytes} bytes");
     Ok(())
 }

@@ -1,5 +1,6 @@
 //! `cargo xtask fit`: fits a field to the photographs of a capture.
 
+use std::convert::Infallible;
 use std::ffi::OsStr;
 use std::num::NonZero;
 use std::path::{Path, PathBuf};
@@ -22,7 +23,6 @@ use crate::takes::{List, ListedTake, Shard};
 use anyhow::{Context, bail};
 use clap::builder::PossibleValue;
 use clap::{Args as _, FromArgMatches, ValueEnum};
-use codec::PixelFilter;
 use program::{Fault, output};
 use refine::capture::Holdout;
 use refine::fit::{Backend, DensityRule, Learned, Lpips};
@@ -30,45 +30,36 @@ use refine::reference::RenderScene;
 use serde_json::{Value, json};
 
 use super::backend::BackendOption;
-use super::capture::{
-    FrameSelection, HeldFrames, LpipsOption, describe, load_training_views, note_assumed_fps,
-};
+use super::capture::{FrameSelection, LpipsOption, describe, load_training_views, note_assumed_fps};
 use super::fit_folder::{fit_folder, report_finished, report_folder};
 use super::fit_plate::{PlateWhen, fit_plate, settle_plate, write_plate};
 use super::fit_progress::show;
 use super::fit_setting::{self, FitConstants, FitSetting, Subjects, check_settings, fit_setting};
 use super::fit_source::FitSource;
+use super::options::JsonOption;
 use super::takes::{self, TakeCommand, TakeOptions, part_seconds};
 
 /// Fit a field to the photographs of a capture.
+///
+/// The table and the picture of the fit (.fit.csv, .fit.png) are written beside the field file and, until it is done, a
+/// .checkpoint, from which the same command resumes. An output without extension is a field folder: the fit slides along
+/// the capture, with the memory of a few seconds, and the same command resumes it.
 #[derive(clap::Args, Clone, Debug)]
 pub struct Args {
     /// Folder of the capture: its cameras and photographs (layouts: xtask/CAPTURE.md)
     #[arg(required_unless_present = "list", conflicts_with = "list")]
     capture: Option<PathBuf>,
-    /// Field file (.ply) to write; CAPTURE's name with .ply in the current folder by default. The table and
-    /// the picture of the fit (.fit.csv, .fit.png) are written beside it and, until it is done, a
-    /// .checkpoint, from which the same command resumes. A name without extension is that of a field folder: the
-    /// fit slides along the capture, with the memory of a few seconds, and the same command resumes it
-    #[arg(short, long, value_name = "PATH")]
-    out: Option<PathBuf>,
     #[command(flatten)]
     many: TakeOptions,
     #[command(flatten)]
     selection: FrameSelection,
-    /// Frames that are held out from fitting; the field file records them, and `eval` measures them separately
-    #[arg(long, value_enum, default_value_t = HeldFrames::None)]
-    holdout: HeldFrames,
-    /// Source of the first Gaussians
-    #[arg(long, value_enum, default_value_t = Anchor::Sweep)]
+    /// Source of the first Gaussians: the visual hull of the masks (hull), refined where the photographs agree (sweep);
+    /// random positions (none); or a folder of depth maps with the names of the photographs, 16-bit PNG in thousandths of a
+    /// unit, PFM or NPY
+    #[arg(long, value_name = "sweep|hull|none|DIR", default_value = "sweep", value_parser = anchor)]
     anchor: Anchor,
-    /// Folder of depth maps to anchor with, with the names of the photographs: 16-bit PNG in thousandths
-    /// of a unit, PFM or NPY
-    #[arg(long, value_name = "DIR", conflicts_with_all = ["anchor", "list"])]
-    depths: Option<PathBuf>,
     /// Fitted field or package to start from instead of an anchor
-    #[arg(long, value_name = "FIELD",
-          conflicts_with_all = ["anchor", "depths", "filter", "sh_degree", "list"])]
+    #[arg(long, value_name = "FIELD", conflicts_with_all = ["anchor", "sh_degree", "list"])]
     from: Option<PathBuf>,
     /// Cameras as an earlier fit learned them, a file .cameras.json: this fit starts from them
     #[arg(long, value_name = "FILE", conflicts_with = "list")]
@@ -83,9 +74,8 @@ pub struct Args {
     segments: Option<Segments>,
     #[command(flatten)]
     options: FitOptions,
-    /// Print JSON
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    json: JsonOption,
 }
 
 /// The options of a fit to any capture, which `report --fit` shares.
@@ -94,9 +84,6 @@ pub(super) struct FitOptions {
     /// Number of steps; by default 5600 per training frame, at most 96000, and 10000 for whole photographs with a plate
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
     steps: Option<u64>,
-    /// Low-pass filter of the field
-    #[arg(long, value_enum, default_value_t = Filter::Mip)]
-    filter: Filter,
     /// Number of Gaussians below which pruning stops, and approximate number at the start; by default 12000
     /// per training frame, at most 200000, for whole photographs 2000 and 60000 beside those of the plate; fewer for
     /// photographs below 512x375
@@ -112,9 +99,6 @@ pub(super) struct FitOptions {
     pub(super) lpips: LpipsOption,
     #[command(flatten)]
     pub(super) backend: BackendOption,
-    /// Captured frames per second, of a capture that does not state them; 30 by default
-    #[arg(long, value_parser = positive)]
-    fps: Option<f64>,
     /// What to learn of each camera beside the field; by default what capture.json names, else gains of whole photographs whose
     /// cameras disagree about colours. A file .cameras.json is written beside the field, where `eval` and `package --refine` find it
     #[arg(long, value_enum, value_name = "PART[,PART..]|none", value_delimiter = ',')]
@@ -127,14 +111,26 @@ pub(super) struct FitOptions {
     pub(super) settings: Vec<FitSetting>,
 }
 
-#[derive(Clone, Copy, Debug, ValueEnum)]
+/// Source of the first Gaussians.
+#[derive(Clone, Debug)]
 enum Anchor {
-    /// The visual hull of the masks, refined where the photographs agree
+    /// The visual hull of the masks, refined where the photographs agree.
     Sweep,
-    /// The visual hull of the masks
+    /// The visual hull of the masks.
     Hull,
-    /// None: Gaussians at random positions
+    /// None: Gaussians at random positions.
     None,
+    /// A folder of depth maps.
+    Depths(PathBuf),
+}
+
+fn anchor(text: &str) -> Result<Anchor, Infallible> {
+    Ok(match text {
+        "sweep" => Anchor::Sweep,
+        "hull" => Anchor::Hull,
+        "none" => Anchor::None,
+        folder => Anchor::Depths(folder.into()),
+    })
 }
 
 /// A part of a camera, or none.
@@ -169,14 +165,6 @@ impl ValueEnum for Learn {
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
-enum Filter {
-    /// That of Mip-Splatting: right at any resolution
-    Mip,
-    /// That of 3D Gaussian Splatting, for programs that have no other: right at about the resolution of the photographs
-    Blur,
-}
-
-#[derive(Clone, Copy, Debug, ValueEnum)]
 enum Rule {
     /// Split, clone and prune, but never below --gaussians
     Floor,
@@ -184,11 +172,6 @@ enum Rule {
     Paper,
     /// Relocate dead Gaussians to where they are needed; their number stays
     Relocate,
-}
-
-fn positive(text: &str) -> Result<f64, String> {
-    let number = text.parse().ok().filter(|x| (1e-3..=1e6).contains(x));
-    number.ok_or_else(|| "a number from 0.001 to 1000000".into())
 }
 
 /// Fits a capture with the defaults of `fit`; its plates are found if the plan has one.
@@ -208,8 +191,14 @@ pub(super) fn by_default(
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
-    args.options.check_settings(args.no_anchor(), args.depths.is_some())?;
-    match args.many.list_and_folder(&args.out) {
+    let has_depths = matches!(args.anchor, Anchor::Depths(_));
+    args.options.check_settings(args.no_anchor(), args.from.is_some(), has_depths)?;
+    match args.many.list_and_folder() {
+        Some(_) if has_depths => {
+            bail!(Fault::Usage(
+                "--anchor: a folder has the depth maps of one capture; leave --list out".into()
+            ))
+        }
         Some((list, folder)) => run_many(args, list, folder),
         None => run_one(args),
     }
@@ -218,7 +207,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
 fn run_one(args: &Args) -> anyhow::Result<()> {
     let start = Instant::now();
     let default = || PathBuf::from(format!("{}.ply", name_of(args.capture())));
-    let out = args.out.clone().unwrap_or_else(default);
+    let out = args.many.out.clone().unwrap_or_else(default);
     if out.extension().is_none() {
         return slide(args, &out);
     }
@@ -244,7 +233,7 @@ fn run_many(args: &Args, list: &Path, folder: &Path) -> anyhow::Result<()> {
         options: format!("{:?}", args.for_any_capture()),
         inputs: args.options.lpips.lpips_weights.iter().map(PathBuf::as_path).collect(),
         forget: fit::remove_checkpoint,
-        json: args.json,
+        json: args.json.is_given,
     };
     takes::run(&List::read(list)?, args.many.shard, folder, &job, &mut |take: &ListedTake, out: &Path| {
         fit_capture(&Args { capture: Some(take.path.clone()), ..args.clone() }, out)?.to_json(out)
@@ -260,7 +249,7 @@ impl Args {
     fn no_anchor(&self) -> Option<&'static str> {
         match self.anchor {
             _ if self.from.is_some() => Some("a fit that starts from a field has no anchor"),
-            Anchor::None if self.depths.is_none() => Some("--anchor none starts at random positions"),
+            Anchor::None => Some("--anchor none starts at random positions"),
             _ => None,
         }
     }
@@ -269,7 +258,6 @@ impl Args {
     fn for_any_capture(&self) -> Args {
         Args {
             capture: None,
-            out: None,
             many: TakeOptions::default(),
             options: FitOptions {
                 // `TakeCommand::inputs` holds them, as their contents count.
@@ -277,7 +265,7 @@ impl Args {
                 settings: self.options.settings_of_result(),
                 ..self.options.clone()
             },
-            json: false,
+            json: JsonOption::default(),
             ..self.clone()
         }
     }
@@ -290,19 +278,21 @@ impl FitOptions {
         FitOptions::from_arg_matches(&none).is_ok_and(|default| format!("{default:?}") == format!("{self:?}"))
     }
 
-    /// Refuses settings that would have no effect, where there is no anchor for a reason, and perhaps depth maps.
+    /// Refuses settings that would have no effect, where there is no anchor for a reason, and perhaps a field to start from
+    /// or depth maps.
     pub(super) fn check_settings(
         &self,
         no_anchor: Option<&'static str>,
+        has_field: bool,
         has_depths: bool,
     ) -> Result<(), Fault> {
         let prunes = !matches!(self.rule, Rule::Relocate);
-        check_settings(&self.settings, Subjects { no_anchor, has_depths, prunes })
+        check_settings(&self.settings, Subjects { no_anchor, has_field, has_depths, prunes })
     }
 
     /// Checks the frame rate, and states it to a capture that does not.
     pub(super) fn state_fps(&self, capture_files: &mut CaptureFiles) -> Result<(), Fault> {
-        self.fps.map_or(Ok(()), |fps| capture_files.state_fps(fps))
+        FitConstants::new(&self.settings).fps.map_or(Ok(()), |fps| capture_files.state_fps(fps))
     }
 
     /// The plan of these options for a capture whose background `plate` tells, with the default anchor and the floor.
@@ -324,8 +314,16 @@ impl FitOptions {
 
     /// `default`, with what these options state instead.
     fn plan_from(&self, default: FitPlan) -> Result<FitPlan, Fault> {
-        let FitConstants { anchor_cameras, mirror, motion_start, has_floor, fragment_weight, seed, .. } =
-            FitConstants::new(&self.settings);
+        let FitConstants {
+            anchor_cameras,
+            mirror,
+            motion_start,
+            filter,
+            has_floor,
+            fragment_weight,
+            seed,
+            ..
+        } = FitConstants::new(&self.settings);
         let gaussians = self.gaussians.map_or(default.gaussians, |n| n as usize);
         Ok(FitPlan {
             lpips: self.lpips.record()?,
@@ -333,10 +331,7 @@ impl FitOptions {
             anchor_cameras,
             mirror,
             motion_start,
-            filter: match self.filter {
-                Filter::Mip => PixelFilter::Mip,
-                Filter::Blur => PixelFilter::Blur,
-            },
+            filter,
             gaussians,
             floor: if has_floor { gaussians } else { 0 },
             rule: match self.rule {
@@ -398,7 +393,7 @@ fn fit_capture(args: &Args, out: &Path) -> anyhow::Result<FitResult> {
     };
     args.options.state_fps(&mut capture_files)?;
     correct(args, &mut capture_files)?;
-    let holdout = Holdout::from(args.holdout);
+    let holdout = args.selection.holdout_of_fit();
     let splits = describe(&capture_files, holdout)?;
     let lpips = args.options.lpips.load()?;
     let plate = plate_plan(args, &mut capture_files, holdout)?;
@@ -413,7 +408,7 @@ fn fit_capture(args: &Args, out: &Path) -> anyhow::Result<FitResult> {
     let mut views = load_training_views(&plan.start_files(&capture_files), holdout)?;
     let plate = fit_plate(&plan, &mut capture_files, &mut views, runtime, out)?;
     let runtime = args.options.runtime(&mut *backend, lpips.as_ref());
-    note_assumed_fps(&capture_files, "--fps states another number");
+    note_assumed_fps(&capture_files, "--set fps=N states another number");
     let fitted = fit_and_write(out, &plan, &capture_files, &views, plate.as_ref(), runtime)?;
     let step = (views.train.len() / COUNTED_VIEWS).max(1);
     let counted = views.train.iter().step_by(step).map(|(photo_id, _)| photo_id);
@@ -456,7 +451,7 @@ fn held_cameras(
 /// What a fit makes of the background, whose plates are found if it needs them. Without a word on it, one that starts from
 /// a field goes on as that was fitted, and other starts than an anchor at surfaces are of the whole scene.
 fn plate_plan(args: &Args, capture_files: &mut CaptureFiles, holdout: Holdout) -> anyhow::Result<PlatePlan> {
-    let is_whole = args.depths.is_some() || matches!(args.anchor, Anchor::None);
+    let is_whole = matches!(args.anchor, Anchor::Depths(_) | Anchor::None);
     match args.options.plate {
         PlateWhen::Auto if capture_files.has_mattes() && args.from.is_some() => {
             let from = args.from.as_ref().map(|from| Input::load(from)).transpose()?;
@@ -478,7 +473,7 @@ fn open_for_start(args: &Args, from: &Path) -> anyhow::Result<CaptureFiles> {
     check_one_field(from)?;
     let input = Input::load(from)?;
     let source = FitSource::new(from, &input);
-    let holdout = Holdout::from(args.holdout);
+    let holdout = args.selection.holdout_of_fit();
     let capture_files = match input.is_static() {
         true => {
             let mut capture_files = args.selection.open(args.capture())?;
@@ -545,14 +540,14 @@ pub(super) fn fit_and_write(
 
 fn plan(args: &Args, plan: FitPlan) -> anyhow::Result<FitPlan> {
     let FitConstants { depth_scale, .. } = FitConstants::new(&args.options.settings);
-    let start = match (&args.depths, &args.from) {
-        (Some(folder), _) => FitStart::Depths(folder.to_string_lossy().into_owned(), depth_scale),
-        (_, Some(path)) => FitStart::Field(path.to_string_lossy().into_owned(), fit::file_crc(path)?),
-        _ => match args.anchor {
-            Anchor::Sweep => FitStart::Sweep,
-            Anchor::Hull => FitStart::Hull,
-            Anchor::None => FitStart::Scatter,
-        },
+    let start = match (&args.from, &args.anchor) {
+        (Some(path), _) => FitStart::Field(path.to_string_lossy().into_owned(), fit::file_crc(path)?),
+        (None, Anchor::Depths(folder)) => {
+            FitStart::Depths(folder.to_string_lossy().into_owned(), depth_scale)
+        }
+        (None, Anchor::Sweep) => FitStart::Sweep,
+        (None, Anchor::Hull) => FitStart::Hull,
+        (None, Anchor::None) => FitStart::Scatter,
     };
     Ok(FitPlan { start, ..plan })
 }
@@ -581,13 +576,13 @@ fn slide(args: &Args, out: &Path) -> anyhow::Result<()> {
     let segments = args.segments.as_ref().map(|segments| (segments, shard.unwrap_or(Shard::ALL)));
     WorkFolder::tidy(out)?;
     if segments.is_some() && FieldFolder::is_one(out) {
-        report_finished(out, args.json);
+        report_finished(out, args.json.is_given);
         return Ok(());
     }
     let mut capture_files = args.selection.open(args.capture())?;
     args.options.state_fps(&mut capture_files)?;
     correct(args, &mut capture_files)?;
-    let holdout = Holdout::from(args.holdout);
+    let holdout = args.selection.holdout_of_fit();
     let duration_s = capture_files.capture.duration_s();
     if fit::train_frames(&capture_files, holdout)?.len() < 2 || duration_s <= 0.0 {
         bail!(Fault::Usage(format!(
@@ -600,13 +595,13 @@ fn slide(args: &Args, out: &Path) -> anyhow::Result<()> {
     let work = WorkFolder::open(&plan, &capture_files, out, segments.is_some())?;
     let mut backend = args.options.backend.open()?;
     let runtime = args.options.runtime(&mut *backend, lpips.as_ref());
-    note_assumed_fps(&capture_files, "--fps states another number");
+    note_assumed_fps(&capture_files, "--set fps=N states another number");
     eprintln!("note: {}", describe(&capture_files, holdout)?);
     let slid = fit_folder(out, &plan, &capture_files, runtime, work, segments)?;
     if args.learned.is_some() {
         output::write(&cameras_path(out), capture_files.corrections().to_json().as_bytes())?;
     }
-    report_folder(out, &slid, capture_files.capture.duration_s(), args.json);
+    report_folder(out, &slid, capture_files.capture.duration_s(), args.json.is_given);
     Ok(())
 }
 
@@ -657,7 +652,7 @@ impl FitResult {
 }
 
 fn report(args: &Args, result: &FitResult, out: &Path, start: Instant) -> anyhow::Result<()> {
-    if args.json {
+    if args.json.is_given {
         println!("{:#}", result.to_json(out)?);
         return Ok(());
     }

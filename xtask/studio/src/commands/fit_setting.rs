@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use clap::ValueEnum;
+use codec::PixelFilter;
 use program::Fault;
 use refine::anchor::Mirror;
 
@@ -15,7 +16,9 @@ pub(super) enum FitSetting {
     Mirror(Mirror),
     MotionStart(bool),
     DepthScale(DepthScale),
+    Filter(PixelFilter),
     Floor(bool),
+    Fps(f64),
     FragmentWeight(f64),
     CheckpointEvery(Duration),
     Seed(u64),
@@ -23,8 +26,9 @@ pub(super) enum FitSetting {
 
 /// The help of `--set`.
 pub(super) const HELP: &str = "A constant of the fit, for experiments: anchor-cameras=NAME[,NAME..], mirror=auto|on|off, \
-    motion-start=on|off, depth-scale=auto|metric|rig|hull, floor=on|off, fragment-weight=W, checkpoint-every=S, seed=N \
-    (xtask/README.md lists them); repeatable";
+    motion-start=on|off, depth-scale=auto|metric|rig|hull, filter=mip|blur, floor=on|off, fragment-weight=W, \
+    checkpoint-every=S, seed=N; or fps=F, the frame rate of a capture that states none (xtask/README.md lists them); \
+    repeatable";
 
 /// All of these constants.
 #[derive(Clone, Debug, PartialEq)]
@@ -37,8 +41,12 @@ pub(super) struct FitConstants {
     pub(super) motion_start: bool,
     /// How depth maps are scaled to the units of the cameras.
     pub(super) depth_scale: DepthScale,
+    /// Low-pass filter of the field.
+    pub(super) filter: PixelFilter,
     /// Whether pruning stops at the number of Gaussians asked for.
     pub(super) has_floor: bool,
+    /// Captured frames per second, of a capture that does not state them.
+    pub(super) fps: Option<f64>,
     /// Weight of the area that Gaussians cover in the loss, 0 to 1; `None` for the plan's weight.
     pub(super) fragment_weight: Option<f64>,
     pub(super) checkpoint_every: Duration,
@@ -54,7 +62,9 @@ impl FitConstants {
             mirror: Mirror::Auto,
             motion_start: true,
             depth_scale: DepthScale::Auto,
+            filter: PixelFilter::Mip,
             has_floor: true,
+            fps: None,
             fragment_weight: None,
             checkpoint_every: CHECKPOINT_EVERY,
             seed: 0,
@@ -65,7 +75,9 @@ impl FitConstants {
                 FitSetting::Mirror(mirror) => constants.mirror = *mirror,
                 FitSetting::MotionStart(is_on) => constants.motion_start = *is_on,
                 FitSetting::DepthScale(scale) => constants.depth_scale = *scale,
+                FitSetting::Filter(filter) => constants.filter = *filter,
                 FitSetting::Floor(is_on) => constants.has_floor = *is_on,
+                FitSetting::Fps(fps) => constants.fps = Some(*fps),
                 FitSetting::FragmentWeight(weight) => constants.fragment_weight = Some(*weight),
                 FitSetting::CheckpointEvery(time) => constants.checkpoint_every = *time,
                 FitSetting::Seed(seed) => constants.seed = *seed,
@@ -80,6 +92,8 @@ impl FitConstants {
 pub(super) struct Subjects {
     /// Why there is no anchor, if there is none.
     pub(super) no_anchor: Option<&'static str>,
+    /// Whether the fit starts from a field.
+    pub(super) has_field: bool,
     /// Whether there are depth maps.
     pub(super) has_depths: bool,
     /// Whether the number of Gaussians changes.
@@ -88,12 +102,15 @@ pub(super) struct Subjects {
 
 /// Refuses settings that would have no effect.
 pub(super) fn check_settings(settings: &[FitSetting], subjects: Subjects) -> Result<(), Fault> {
-    let Subjects { no_anchor, has_depths, prunes } = subjects;
+    let Subjects { no_anchor, has_field, has_depths, prunes } = subjects;
     for setting in settings {
         let (key, why) = match (setting, no_anchor) {
             (FitSetting::AnchorCameras(_), Some(why)) => ("anchor-cameras", why),
             (FitSetting::Mirror(_), Some(why)) => ("mirror", why),
             (FitSetting::MotionStart(_), Some(why)) => ("motion-start", why),
+            (FitSetting::Filter(_), _) if has_field => {
+                ("filter", "a fit that starts from a field keeps its filter")
+            }
             (FitSetting::DepthScale(_), _) if !has_depths => ("depth-scale", "there are no depth maps"),
             (FitSetting::Floor(_), _) if !prunes => {
                 ("floor", "--rule relocate keeps the number of Gaussians")
@@ -120,7 +137,16 @@ pub(super) fn fit_setting(text: &str) -> Result<FitSetting, String> {
         "depth-scale" => DepthScale::from_str(value, false)
             .map(FitSetting::DepthScale)
             .map_err(|_| "depth-scale is auto, metric, rig or hull".into()),
+        "filter" => match value {
+            "mip" => Ok(FitSetting::Filter(PixelFilter::Mip)),
+            "blur" => Ok(FitSetting::Filter(PixelFilter::Blur)),
+            _ => Err("filter is mip or blur".into()),
+        },
         "floor" => switch(key, value).map(FitSetting::Floor),
+        "fps" => {
+            let fps = value.parse().ok().filter(|fps| (1e-3..=1e6).contains(fps));
+            fps.map(FitSetting::Fps).ok_or_else(|| "fps is a number from 0.001 to 1000000".into())
+        }
         "fragment-weight" => fragment_weight(value).map(FitSetting::FragmentWeight),
         "checkpoint-every" => {
             let seconds = value.parse().ok().filter(|seconds| (1e-3..=1e6).contains(seconds));
@@ -160,6 +186,8 @@ mod tests {
         assert_eq!(set("mirror=off"), FitConstants { mirror: Mirror::Off, ..default.clone() });
         assert_eq!(set("motion-start=off"), FitConstants { motion_start: false, ..default.clone() });
         assert_eq!(set("depth-scale=rig"), FitConstants { depth_scale: DepthScale::Rig, ..default.clone() });
+        assert_eq!(set("filter=blur"), FitConstants { filter: PixelFilter::Blur, ..default.clone() });
+        assert_eq!(set("fps=12.5"), FitConstants { fps: Some(12.5), ..default.clone() });
         assert_eq!(set("floor=off"), FitConstants { has_floor: false, ..default.clone() });
         let fragment_weight = Some(0.25);
         assert_eq!(set("fragment-weight=0.25"), FitConstants { fragment_weight, ..default.clone() });
@@ -171,7 +199,9 @@ mod tests {
             "mirror",
             "motion-start",
             "depth-scale",
+            "filter",
             "floor",
+            "fps",
             "fragment-weight",
             "checkpoint-every",
             "seed",
@@ -187,7 +217,9 @@ mod tests {
             ("fragment-weight=2", "0 to 1"),
             ("checkpoint-every=0", "seconds from"),
             ("depth-scale=big", "auto, metric, rig or hull"),
+            ("filter=none", "mip or blur"),
             ("floor=2", "floor is on or off"),
+            ("fps=0", "0.001 to"),
             ("gravity=9.81", "no constant gravity"),
         ] {
             assert!(fit_setting(text).unwrap_err().contains(why), "{text}");

@@ -6,6 +6,8 @@ use clap::ValueEnum;
 
 use crate::ingest::{self, ExtractFormat, IngestOptions, MattePolicy, Offsets, ResizePolicy, UpSource};
 
+use super::options::{JsonOption, OutOption};
+
 /// Make a capture of a rig's videos and calibration, and a page that shows whether it is any good.
 ///
 /// The capture refers to the videos. xtask/CAPTURE.md says which calibrations are read, and how starts are found.
@@ -13,9 +15,8 @@ use crate::ingest::{self, ExtractFormat, IngestOptions, MattePolicy, Offsets, Re
 pub struct Args {
     /// Folder of videos, one for each camera, with their calibration
     rig: PathBuf,
-    /// Folder of the capture to make
-    #[arg(short, long, value_name = "DIR")]
-    out: PathBuf,
+    #[command(flatten)]
+    out: OutOption,
     /// The calibration; by default the only one in the folder of videos
     #[arg(long, value_name = "FILE")]
     calibration: Option<PathBuf>,
@@ -50,9 +51,8 @@ pub struct Args {
     /// Whether masks of the subject are made, by the difference from the plates
     #[arg(long, value_name = "on|off", default_value = "on")]
     mattes: Mattes,
-    /// Print what was found as JSON
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    json: JsonOption,
 }
 
 /// What happened to videos. The variants' docs are help texts.
@@ -112,11 +112,11 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         },
     };
     // JSON alone belongs on standard output.
-    let mut say = |line: &str| if args.json { eprintln!("{line}") } else { println!("{line}") };
-    let findings = ingest::ingest(&args.rig, &args.out, &options, &mut say)?;
-    match args.json {
+    let mut say = |line: &str| if args.json.is_given { eprintln!("{line}") } else { println!("{line}") };
+    let findings = ingest::ingest(&args.rig, &args.out.path, &options, &mut say)?;
+    match args.json.is_given {
         true => println!("{}", serde_json::to_string_pretty(&findings)?),
-        false => println!("next        look at the page, then: fit {} -o field.ply", args.out.display()),
+        false => println!("next        look at the page, then: fit {} -o field.ply", args.out.path.display()),
     }
     Ok(())
 }

@@ -17,6 +17,8 @@ use crate::left_out::{LeftOut, TakeLeftOut};
 use crate::segments::{Course, Span, TakeFile, course, gaps};
 use rows::{Alive, Attribute, Audio, Damage, Layer, Plate, PosterRow, SectionSum, SegmentRow, ViewpointRow};
 
+use super::options::JsonOption;
+
 /// Fractions of the duration at which alive Gaussians are counted.
 const TIMES: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
 
@@ -25,15 +27,14 @@ const TIMES: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
 pub struct Args {
     /// Package: a clip or a take
     clip: PathBuf,
-    /// Print JSON
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    json: JsonOption,
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let file = TakeFile::open(&args.clip)?;
     let inspection = Inspection::new(&file)?;
-    if args.json {
+    if args.json.is_given {
         println!("{}", serde_json::to_string_pretty(&inspection)?);
     } else {
         inspection.print(&args.clip);

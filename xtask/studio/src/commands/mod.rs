@@ -15,6 +15,7 @@ mod fit_source;
 pub(crate) mod ingest;
 pub(crate) mod inspect;
 pub(crate) mod join;
+mod options;
 pub(crate) mod package;
 pub(crate) mod poster;
 pub(crate) mod render;

@@ -22,7 +22,6 @@ use crate::takes::{List, ListedTake, OutputState, Record, key};
 use anyhow::bail;
 use clap::{ArgGroup, ValueEnum};
 use program::{Fault, output};
-use refine::capture::Holdout;
 use refine::code::JOINT_ROUNDS;
 use refine::fit::Backend;
 use refine::prune::Ranking;
@@ -30,10 +29,11 @@ use serde_json::{Value, json};
 
 use super::audio::AudioOptions;
 use super::backend::BackendOption;
-use super::capture::{FrameSelection, HeldFrames, note_assumed_fps};
+use super::capture::{FrameSelection, note_assumed_fps};
 use super::fit_plate::PlateWhen;
 use super::fit_setting::fragment_weight;
 use super::fit_source::FitSource;
+use super::options::JsonOption;
 use super::takes::{self, TakeCommand, TakeOptions, part_seconds};
 
 /// Maximum loss in dB of a prefix of a package against a package of its size.
@@ -62,9 +62,6 @@ pub struct Args {
     /// `fit` does by default
     #[arg(required_unless_present = "list", conflicts_with = "list")]
     scene: Option<PathBuf>,
-    /// Package to write; SCENE's name with .aarc in the current folder by default
-    #[arg(short, long, value_name = "PATH")]
-    out: Option<PathBuf>,
     #[command(flatten)]
     many: TakeOptions,
     /// Most Gaussians to keep, of a take at any instant; all that can be seen by default
@@ -124,17 +121,12 @@ pub struct Args {
     /// Check that each prefix of the package is as good as a package of its size
     #[arg(long = "ladder")]
     prefix_quality: bool,
-    /// Print the report as JSON
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    json: JsonOption,
     #[command(flatten)]
     sound: AudioOptions,
     #[command(flatten, next_help_heading = "Of the capture, where one is looked at")]
     selection: FrameSelection,
-    /// Frames that are held out from fitting and refining; by default none, and with --refine those that
-    /// the field file records
-    #[arg(long, value_enum, help_heading = "Of the capture, where one is looked at")]
-    holdout: Option<HeldFrames>,
 }
 
 /// A ranking, or none in particular.
@@ -180,7 +172,7 @@ fn joint_rounds(text: &str) -> Result<usize, String> {
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     args.check_effects()?;
     args.sound.check(args.many.list.is_some())?;
-    match args.many.list_and_folder(&args.out) {
+    match args.many.list_and_folder() {
         Some((list, folder)) => run_many(args, list, folder),
         None => run_one(args),
     }
@@ -190,14 +182,14 @@ fn run_one(args: &Args) -> anyhow::Result<()> {
     let start = Instant::now();
     if let Some(sources) = args.take()? {
         let written = write_take(args, &sources)?;
-        match args.json {
+        match args.json.is_given {
             true => println!("{:#}", written.to_json()?),
             false => written.print(start.elapsed().as_secs_f64()),
         }
         return Ok(());
     }
     let written = write_package(args)?;
-    if args.json {
+    if args.json.is_given {
         println!("{:#}", written.to_json()?);
     } else {
         println!("{}", written.scene);
@@ -220,12 +212,13 @@ fn run_many(args: &Args, list: &Path, folder: &Path) -> anyhow::Result<()> {
         options: format!("{:?}", args.options()),
         inputs: Vec::new(),
         forget: |_| Ok(()),
-        json: args.json,
+        json: args.json.is_given,
     };
     // All shards write the same playlist, in any order.
     output::write(&folder.join(playlist::FILE), &playlist)?;
     takes::run(&list, args.many.shard, folder, &job, &mut |take: &ListedTake, out: &Path| {
-        let args = Args { scene: Some(take.path.clone()), out: Some(out.into()), ..args.clone() };
+        let many = TakeOptions { out: Some(out.into()), ..args.many.clone() };
+        let args = Args { scene: Some(take.path.clone()), many, ..args.clone() };
         if let Some(sources) = args.take()? {
             return write_take(&args, &sources)?.to_json();
         }
@@ -275,11 +268,6 @@ impl Args {
         self.scene.as_deref().expect("there is a scene where there is no list")
     }
 
-    /// Holdout of the fit to a capture.
-    fn holdout_of_fit(&self) -> Holdout {
-        self.holdout.unwrap_or(HeldFrames::None).into()
-    }
-
     /// Refuses options that would have no effect beside another one.
     fn check_effects(&self) -> Result<(), Fault> {
         let is_fixed = matches!(self.coder, Coder::Fixed);
@@ -311,11 +299,7 @@ impl Args {
             (is_folder && self.split.is_some(), "--split", "it is a take of segments already"),
             (self.refine.is_some(), "--refine", "a take has the photographs of several fits"),
             (self.prefix_quality, "--ladder", "it compares whole clips"),
-            (
-                !(self.selection.is_default() && self.holdout.is_none()),
-                "--frames",
-                "a take looks at no photographs",
-            ),
+            (!self.selection.is_default(), "--frames", "a take looks at no photographs"),
         ];
         if let Some((_, option, why)) = others.into_iter().find(|(is_given, ..)| *is_given) {
             bail!(Fault::Usage(format!("{option}: {name}: {why}; leave it out")));
@@ -363,13 +347,13 @@ impl Args {
 
     /// The options that apply to every take.
     fn options(&self) -> Args {
-        Args { scene: None, out: None, many: TakeOptions::default(), json: false, ..self.clone() }
+        Args { scene: None, many: TakeOptions::default(), json: JsonOption::default(), ..self.clone() }
     }
 }
 
 /// Makes and writes a package.
 fn write_package(args: &Args) -> anyhow::Result<WrittenPackage> {
-    if let Some(out) = &args.out {
+    if let Some(out) = &args.many.out {
         output::check(out)?;
     }
     let captured = Captured::open(args)?;
@@ -380,7 +364,7 @@ fn write_package(args: &Args) -> anyhow::Result<WrittenPackage> {
         }
         _ => Scene::load(args.scene())?,
     };
-    let out = args.out.clone().unwrap_or_else(|| PathBuf::from(format!("{}.aarc", scene.name)));
+    let out = args.many.out.clone().unwrap_or_else(|| PathBuf::from(format!("{}.aarc", scene.name)));
     output::check(&out)?;
     let of_capture = captured.as_ref().and_then(|captured| captured.sound(&scene, args));
     let of_capture = of_capture.as_ref().map(|(sound, first_s)| (sound, *first_s));
@@ -427,7 +411,7 @@ fn write_package(args: &Args) -> anyhow::Result<WrittenPackage> {
 
 /// Makes and writes a take.
 fn write_take(args: &Args, sources: &SegmentSources) -> anyhow::Result<WrittenTake> {
-    let out = args.out.clone().unwrap_or_else(|| PathBuf::from(format!("{}.aarc", sources.name)));
+    let out = args.many.out.clone().unwrap_or_else(|| PathBuf::from(format!("{}.aarc", sources.name)));
     output::check(&out)?;
     let soundtrack = args.sound.soundtrack(None, sources.duration_s)?;
     let report =
@@ -536,7 +520,7 @@ impl Captured {
                     .into()
             )),
             (None, None) if !is_scene => {
-                if !(args.selection.is_default() && args.holdout.is_none()) {
+                if !args.selection.is_default() {
                     bail!(Fault::Usage(
                         "--frames, --size, --cameras, --held-cameras and --holdout select photographs, which a field \
                          needs for --refine only; add --refine, or leave them out"
@@ -549,7 +533,7 @@ impl Captured {
         };
         let mut capture_files = args.selection.open(folder)?;
         let plate = match is_scene {
-            true => PlateWhen::Auto.find(&mut capture_files, args.holdout_of_fit())?,
+            true => PlateWhen::Auto.find(&mut capture_files, args.selection.holdout_of_fit())?,
             false => PlatePlan::None,
         };
         let captured = Captured { folder: folder.to_owned(), capture_files, is_scene, plate };
@@ -566,7 +550,7 @@ impl Captured {
 
     /// The plan of the fit of a capture.
     fn plan(&self, args: &Args) -> Result<FitPlan, Fault> {
-        let plan = FitPlan::default_for(&self.capture_files, args.holdout_of_fit(), self.plate)?;
+        let plan = FitPlan::default_for(&self.capture_files, args.selection.holdout_of_fit(), self.plate)?;
         Ok(plan.with_coarse_steps(&self.capture_files))
     }
 
@@ -609,16 +593,15 @@ impl Captured {
 
     /// The photographs for the refinement of `scene`.
     fn photographs(&self, scene: &Scene, args: &Args) -> anyhow::Result<TrainingViews> {
-        let holdout = args.holdout.map(Holdout::from);
         // The cameras that a fit learned are beside its field.
         let path = if self.is_scene { field_path(args) } else { args.scene().to_owned() };
-        args.selection.photographs_of(&self.folder, &path, scene, holdout)
+        args.selection.photographs_of(&self.folder, &path, scene)
     }
 }
 
 /// Path of the field of a capture.
 fn field_path(args: &Args) -> PathBuf {
-    match &args.out {
+    match &args.many.out {
         Some(out) => out.with_extension("ply"),
         None => PathBuf::from(format!("{}.ply", super::fit::name_of(args.scene()))),
     }

@@ -3,6 +3,7 @@
 //! Only the beginning of the file changes: the head, and of a take its first segment. Gaussians are copied, not coded
 //! anew. The new file takes the place of the old one when it is complete.
 
+use std::convert::Infallible;
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
@@ -14,6 +15,8 @@ use serde_json::json;
 
 use crate::messages::{bad_package, decimal, unreadable};
 use crate::segments::TakeFile;
+
+use super::options::JsonOption;
 
 /// Bytes that are copied at a time.
 const COPIED_BYTES: usize = 1 << 20;
@@ -34,33 +37,38 @@ pub struct Args {
     /// Seconds from the start of the clip [default: as before, else 0]
     #[arg(long, value_name = "S", group = "change")]
     time: Option<f64>,
-    /// Look from this viewpoint, by name or number [default: as before, else the first]
-    #[arg(long, value_name = "NAME|INDEX", group = "change")]
-    view: Option<String>,
-    /// Look from this point, in the axes and units of the clip
-    #[arg(long, value_name = "X,Y,Z", value_parser = point, allow_hyphen_values = true)]
-    #[arg(requires = "target", conflicts_with = "view", group = "change")]
-    eye: Option<[f32; 3]>,
-    /// Look at this point
-    #[arg(long, value_name = "X,Y,Z", value_parser = point, allow_hyphen_values = true, requires = "eye")]
-    target: Option<[f32; 3]>,
-    /// Vertical field of view in degrees, with --eye [default: that of the first viewpoint]
-    #[arg(long, value_name = "DEGREES", value_parser = degrees, requires = "eye")]
-    fov: Option<f32>,
+    /// Look from this viewpoint, by name or number; or from one point at another, in the axes and units of the clip, with
+    /// this vertical field of view in degrees, by default the first viewpoint's [default: as before, else the first]
+    #[arg(long, value_name = "NAME|INDEX|X,Y,Z:X,Y,Z[:DEGREES]", value_parser = view, allow_hyphen_values = true,
+          group = "change")]
+    view: Option<View>,
     /// Remove the poster
-    #[arg(long, conflicts_with_all = ["time", "view", "eye"], group = "change")]
+    #[arg(long, conflicts_with_all = ["time", "view"], group = "change")]
     remove: bool,
     /// Package to write [default: CLIP, whose place the new file takes when it is complete]
     #[arg(short, long, value_name = "PATH", requires = "change")]
     out: Option<PathBuf>,
-    /// Print JSON
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    json: JsonOption,
+}
+
+/// Where a poster looks from.
+#[derive(Clone, Debug)]
+enum View {
+    /// A viewpoint of the clip, by name or number.
+    Named(String),
+    /// Two points.
+    Free {
+        eye: [f32; 3],
+        target: [f32; 3],
+        /// Vertical field of view in degrees.
+        fov: Option<f32>,
+    },
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let out = args.out.as_ref().unwrap_or(&args.clip);
-    let is_changed = args.time.is_some() || args.view.is_some() || args.eye.is_some() || args.remove;
+    let is_changed = args.time.is_some() || args.view.is_some() || args.remove;
     if is_changed {
         output::check(out)?;
     }
@@ -70,7 +78,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let bad = |error: codec::Error| bad_package(&args.clip, &error);
     let before = codec::poster(&start, &Limits::default());
     if !is_changed {
-        print(&args.clip, before.map_err(bad)?.as_ref(), args.json);
+        print(&args.clip, before.map_err(bad)?.as_ref(), args.json.is_given);
         return Ok(());
     }
     // A damaged poster is replaced.
@@ -90,7 +98,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
             }
         }
     })?;
-    print(out, poster.as_ref(), args.json);
+    print(out, poster.as_ref(), args.json.is_given);
     Ok(())
 }
 
@@ -126,37 +134,35 @@ fn chosen(args: &Args, file: &TakeFile, before: Option<Poster>) -> Result<Poster
         return Err(Fault::Usage(format!("--time {time_s}: choose a time from 0 to {end} s")));
     }
     let viewpoints = file.viewpoints();
-    let Viewpoint { position, target, fov_y, .. } = match (&args.view, args.eye, args.target, before) {
-        (Some(name), ..) => viewpoint(&viewpoints, name)?.clone(),
-        (None, Some(position), Some(target), _) => {
-            if position == target {
-                return Err(Fault::Usage("--target is --eye: choose a point in front of it".into()));
-            }
-            check_tilt(position, target, take.info.up)?;
-            let fov_y = args.fov.map_or(viewpoints[0].fov_y, f32::to_radians);
-            Viewpoint { position, target, fov_y, name: String::new() }
+    let Viewpoint { position, target, fov_y, .. } = match (&args.view, before) {
+        (Some(View::Named(name)), _) => viewpoint(&viewpoints, name)?.clone(),
+        (&Some(View::Free { eye, target, fov }), _) => {
+            check_direction(eye, target, take.info.up)?;
+            let fov_y = fov.map_or(viewpoints[0].fov_y, f32::to_radians);
+            Viewpoint { position: eye, target, fov_y, name: String::new() }
         }
-        (.., Some(before)) => before.viewpoint(),
-        _ => viewpoints[0].clone(),
+        (None, Some(before)) => before.viewpoint(),
+        (None, None) => viewpoints[0].clone(),
     };
     Ok(Poster { time_s, position, target, fov_y })
 }
 
 /// # Errors
-/// [`Fault::Usage`] for a view along the up axis, which would be turned around it by chance.
-fn check_tilt(eye: [f32; 3], target: [f32; 3], up: [f32; 3]) -> Result<(), Fault> {
+/// [`Fault::Usage`] for a view without a direction, or along the up axis, which would be turned around it by chance.
+fn check_direction(eye: [f32; 3], target: [f32; 3], up: [f32; 3]) -> Result<(), Fault> {
+    let point = |[x, y, z]: [f32; 3]| format!("{x},{y},{z}");
+    let (view, up_axis) = (format!("--view {}:{}", point(eye), point(target)), point(up));
+    if eye == target {
+        return Err(Fault::Usage(format!("{view}: it looks at its own eye: choose a point in front of it")));
+    }
     let [from, to, axis] = [eye, target, up].map(|point| DVec3::from(point.map(f64::from)));
     let tilt = (to - from).cross(axis).length();
     if tilt >= TILT_MIN * (to - from).length() * axis.length() {
         return Ok(());
     }
-    let point = |[x, y, z]: [f32; 3]| format!("{x},{y},{z}");
     Err(Fault::Usage(format!(
-        "--eye {} and --target {}: the view is along the clip's up axis {}, so no side of the picture is up: move one of \
-         them aside",
-        point(eye),
-        point(target),
-        point(up)
+        "{view}: the view is along the clip's up axis {up_axis}, so no side of the picture is up: move one of the points \
+         aside"
     )))
 }
 
@@ -192,15 +198,24 @@ fn print(path: &Path, poster: Option<&Poster>, is_json: bool) {
     }
 }
 
-fn point(text: &str) -> Result<[f32; 3], String> {
-    let numbers: Option<Vec<f32>> = text.split(',').map(|number| number.trim().parse().ok()).collect();
-    let point = numbers.and_then(|numbers| <[f32; 3]>::try_from(numbers).ok());
-    point
-        .filter(|point| point.iter().all(|x| x.abs() <= COORDINATE_MAX))
-        .ok_or_else(|| "not three numbers X,Y,Z".into())
+/// Parses two points and perhaps an angle; everything else names a viewpoint.
+fn view(text: &str) -> Result<View, Infallible> {
+    let free = || {
+        let mut parts = text.split(':');
+        let (eye, target) = (point(parts.next()?)?, point(parts.next()?)?);
+        let fov = parts.next().map(degrees);
+        let is_complete = parts.next().is_none() && fov != Some(None);
+        is_complete.then_some(View::Free { eye, target, fov: fov.flatten() })
+    };
+    Ok(free().unwrap_or_else(|| View::Named(text.into())))
 }
 
-fn degrees(text: &str) -> Result<f32, String> {
-    let angle = text.parse::<f32>().ok().filter(|angle| (1.0..=179.0).contains(angle));
-    angle.ok_or_else(|| "not an angle from 1 to 179 degrees".into())
+fn point(text: &str) -> Option<[f32; 3]> {
+    let numbers: Option<Vec<f32>> = text.split(',').map(|number| number.trim().parse().ok()).collect();
+    let point = numbers.and_then(|numbers| <[f32; 3]>::try_from(numbers).ok());
+    point.filter(|point| point.iter().all(|x| x.abs() <= COORDINATE_MAX))
+}
+
+fn degrees(text: &str) -> Option<f32> {
+    text.parse::<f32>().ok().filter(|angle| (1.0..=179.0).contains(angle))
 }

@@ -16,6 +16,8 @@ use serde::Serialize;
 use crate::input::{Input, clip_time};
 use crate::machine::machine;
 
+use super::options::OutOption;
+
 /// Default size of an image in pixels.
 const DEFAULT_SIZE: [u32; 2] = [1280, 720];
 
@@ -51,9 +53,8 @@ pub struct Args {
     /// Render the left and the right eye side by side
     #[arg(long)]
     stereo: bool,
-    /// PNG file to write, or the folder for the images of several times
-    #[arg(short, long, value_name = "PATH")]
-    out: PathBuf,
+    #[command(flatten)]
+    out: OutOption,
     /// Write counts and timings of the frames to this file; fragments in quads of three radii
     #[arg(long, value_name = "FILE.json")]
     stats: Option<PathBuf>,
@@ -89,7 +90,7 @@ struct FrameStats {
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
-    let output = ImageOutput::check(&args.out, args.time.len() > 1)?;
+    let output = ImageOutput::check(&args.out.path, args.time.len() > 1)?;
     args.stats.as_deref().map_or(Ok(()), output::check)?;
     let input = Input::load_at(&args.input, &args.time)?;
     let info = input.info();

@@ -23,6 +23,7 @@ use std::time::Instant;
 use self::ablation::{Comparison, Request, comparison};
 use super::capture::PartSelection;
 use super::fit::FitOptions;
+use super::options::JsonOption;
 use super::package::budget;
 use super::render::size;
 
@@ -81,9 +82,8 @@ pub struct Args {
     /// Folder for the files of the report
     #[arg(short, long, value_name = "DIR", default_value = "report")]
     out: PathBuf,
-    /// Print the report as JSON
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    json: JsonOption,
     #[command(flatten, next_help_heading = "Of the photographs of --fit, --refine and --capture")]
     part: PartSelection,
     #[command(flatten, next_help_heading = "Of the fits of --fit")]
@@ -126,7 +126,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     let text = text.join("\n");
     let json = format!("{:#}\n", Value::Object(parts.into_iter().flat_map(|part| part.json).collect()));
     write(&args.out, [(PAGE, &page), (NUMBERS, &json)])?;
-    if args.json {
+    if args.json.is_given {
         print!("{json}");
     } else {
         print!("{text}");

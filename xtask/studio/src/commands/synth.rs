@@ -1,6 +1,6 @@
 //! `aarc-studio synth`: procedural data.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Instant;
 
 use crate::messages::count;
@@ -11,6 +11,7 @@ use codec::{ClipInfo, Field};
 use program::output;
 
 use super::fit_setting::switch;
+use super::options::OutOption;
 use super::render::size;
 
 /// Make a procedural scene.
@@ -22,45 +23,38 @@ pub struct Args {
 
 #[derive(Subcommand)]
 enum SyntheticScene {
-    /// The demo scene: a juggler in a circus ring, 3 seconds that loop, as a field file
-    Clip {
-        /// File to write (.ply)
-        #[arg(short, long, value_name = "PATH")]
-        out: PathBuf,
-    },
-    /// A figure whose thin limbs a ranking cuts off and the topology floor keeps, as a field file
-    Limbs {
-        /// File to write (.ply)
-        #[arg(short, long, value_name = "PATH")]
-        out: PathBuf,
-    },
+    /// The demo scene: a juggler in a circus ring, 3 seconds that loop, as a field file (.ply)
+    Clip(OutOption),
+    /// A figure whose thin limbs a ranking cuts off and the topology floor keeps, as a field file (.ply)
+    Limbs(OutOption),
     /// A capture by a ray tracer: a figure that strikes, seen from a ring of cameras, with masks and depths
-    Stage {
-        /// Folder to make
-        #[arg(short, long, value_name = "DIR")]
-        out: PathBuf,
-        /// Number of cameras; one in eight is held out
-        #[arg(long, value_name = "N", default_value_t = 8)]
-        cameras: usize,
-        /// Number of frames, at most 100,000: up to 33 are one blow, more are a chain of different blows
-        #[arg(long, value_name = "N", default_value_t = 9)]
-        frames: usize,
-        /// Size of the pictures
-        #[arg(long, value_name = "WxH", default_value = "64x64", value_parser = size)]
-        size: [u32; 2],
-        /// Add a floor and a chair, which stand still
-        #[arg(long)]
-        props: bool,
-    },
+    Stage(StageArgs),
     /// The stage as a rig of real cameras records it: videos with sound, not synchronous, not alike, in a room
     Rig(RigArgs),
 }
 
 #[derive(clap::Args)]
+struct StageArgs {
+    #[command(flatten)]
+    out: OutOption,
+    /// Number of cameras; one in eight is held out
+    #[arg(long, value_name = "N", default_value_t = 8)]
+    cameras: usize,
+    /// Number of frames, at most 100,000: up to 33 are one blow, more are a chain of different blows
+    #[arg(long, value_name = "N", default_value_t = 9)]
+    frames: usize,
+    /// Size of the pictures
+    #[arg(long, value_name = "WxH", default_value = "64x64", value_parser = size)]
+    size: [u32; 2],
+    /// Add a floor and a chair, which stand still
+    #[arg(long)]
+    props: bool,
+}
+
+#[derive(clap::Args)]
 struct RigArgs {
-    /// Folder to make
-    #[arg(short, long, value_name = "DIR")]
-    out: PathBuf,
+    #[command(flatten)]
+    out: OutOption,
     /// Number of cameras
     #[arg(long, value_name = "N", default_value_t = 12)]
     cameras: usize,
@@ -73,93 +67,99 @@ struct RigArgs {
     /// Size of the upright pictures, in even numbers
     #[arg(long, value_name = "WxH", default_value = "320x240", value_parser = size)]
     size: [u32; 2],
-    /// Seed of everything that is drawn
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    seed: u64,
-    /// Quality of the videos, x264's constant rate factor: 0 loses nothing, 51 is worst
-    #[arg(long, value_name = "N", default_value_t = 12)]
-    crf: u8,
     /// Write the figure's masks, too, masks/CAMERA/FRAME.png for each frame of the videos, and plates without it,
     /// plates/CAMERA.png
     #[arg(long)]
     masks: bool,
-    /// Let the figure cast a shadow on the floor, so that the background is not static
-    #[arg(long)]
-    shadow: bool,
-    /// Leave out everything that perturbs, except what --perturb names
-    #[arg(long)]
-    clean: bool,
     /// How much perturbs: starts, drift, exposure, white-balance, noise, sound-skew and sound-noise are numbers; offsets,
-    /// rotated and variable-rate are on or off
-    #[arg(long, value_name = "PART=X[,PART=X..]", value_delimiter = ',', value_parser = perturbation)]
+    /// rotated and variable-rate are on or off; none, as the first part, leaves out all of them that are not named. Also
+    /// seed=N of what is drawn, shadow=on on the floor, and crf=N, x264's constant rate factor
+    #[arg(long, value_name = "none|PART=X[,PART=X..]", value_delimiter = ',', value_parser = perturbation)]
     perturb: Vec<Perturbation>,
 }
+
+/// Quality of the videos where `--perturb` states none: x264's constant rate factor.
+const CRF: u8 = 12;
 
 /// How much of a part perturbs.
 #[derive(Clone, Copy, Debug)]
 enum Perturbation {
-    Number(fn(&mut rig::Perturbations, f64), f64),
-    Switch(fn(&mut rig::Perturbations, bool), bool),
+    Nothing,
+    Number(fn(&mut rig::RigSettings, f64), f64),
+    Whole(fn(&mut rig::RigSettings, u64), u64),
+    Switch(fn(&mut rig::RigSettings, bool), bool),
 }
 
-/// Parses `PART=X`.
+/// Parses `PART=X`, or `none`.
 fn perturbation(text: &str) -> Result<Perturbation, String> {
-    let (part, value) = text.split_once('=').ok_or("PART=X, such as exposure=0.2")?;
-    let number = |set: fn(&mut rig::Perturbations, f64)| match value.parse() {
+    if text == "none" {
+        return Ok(Perturbation::Nothing);
+    }
+    let (part, value) = text.split_once('=').ok_or("none or PART=X, such as exposure=0.2")?;
+    let number = |set: fn(&mut rig::RigSettings, f64)| match value.parse() {
         Ok(number) => Ok(Perturbation::Number(set, number)),
         Err(_) => Err(format!("{part} is a number, such as {part}=0.1")),
     };
-    let switch = |set: fn(&mut rig::Perturbations, bool)| {
+    let whole = |set: fn(&mut rig::RigSettings, u64)| match value.parse() {
+        Ok(number) => Ok(Perturbation::Whole(set, number)),
+        Err(_) => Err(format!("{part} is a whole number from 0 on")),
+    };
+    let switch = |set: fn(&mut rig::RigSettings, bool)| {
         switch(part, value).map(|is_on| Perturbation::Switch(set, is_on))
     };
     match part {
-        "starts" => number(|rig, x| rig.starts_s = x),
-        "drift" => number(|rig, x| rig.drift_ppm = x),
-        "exposure" => number(|rig, x| rig.exposure = x),
-        "white-balance" => number(|rig, x| rig.white_balance = x),
-        "noise" => number(|rig, x| rig.noise = x),
-        "sound-skew" => number(|rig, x| rig.sound_skew_s = x),
-        "sound-noise" => number(|rig, x| rig.sound_noise_db = Some(x)),
-        "offsets" => switch(|rig, on| rig.offsets = on),
-        "rotated" => switch(|rig, on| rig.rotated = on),
-        "variable-rate" => switch(|rig, on| rig.variable_rate = on),
+        "starts" => number(|rig, x| rig.perturbations.starts_s = x),
+        "drift" => number(|rig, x| rig.perturbations.drift_ppm = x),
+        "exposure" => number(|rig, x| rig.perturbations.exposure = x),
+        "white-balance" => number(|rig, x| rig.perturbations.white_balance = x),
+        "noise" => number(|rig, x| rig.perturbations.noise = x),
+        "sound-skew" => number(|rig, x| rig.perturbations.sound_skew_s = x),
+        "sound-noise" => number(|rig, x| rig.perturbations.sound_noise_db = Some(x)),
+        "offsets" => switch(|rig, on| rig.perturbations.offsets = on),
+        "rotated" => switch(|rig, on| rig.perturbations.rotated = on),
+        "variable-rate" => switch(|rig, on| rig.perturbations.variable_rate = on),
+        "shadow" => switch(|rig, on| rig.shadow = on),
+        "seed" => whole(|rig, x| rig.seed = x),
+        "crf" => whole(|rig, x| rig.crf = u8::try_from(x).unwrap_or(u8::MAX)),
         _ => Err(format!("{part}: nothing of this name perturbs")),
     }
 }
 
 impl RigArgs {
     fn settings(&self) -> rig::RigSettings {
-        let mut perturbations = if self.clean { rig::Perturbations::NONE } else { rig::Perturbations::ALL };
-        for perturbation in &self.perturb {
-            match *perturbation {
-                Perturbation::Number(set, number) => set(&mut perturbations, number),
-                Perturbation::Switch(set, is_on) => set(&mut perturbations, is_on),
-            }
-        }
-        rig::RigSettings {
+        let mut settings = rig::RigSettings {
             cameras: self.cameras,
             seconds: self.seconds,
             fps: self.fps,
             size: self.size,
-            seed: self.seed,
-            crf: self.crf,
-            shadow: self.shadow,
+            seed: 0,
+            crf: CRF,
+            shadow: false,
             masks: self.masks,
-            perturbations,
+            perturbations: rig::Perturbations::ALL,
+        };
+        for perturbation in &self.perturb {
+            match *perturbation {
+                Perturbation::Nothing => settings.perturbations = rig::Perturbations::NONE,
+                Perturbation::Number(set, number) => set(&mut settings, number),
+                Perturbation::Whole(set, number) => set(&mut settings, number),
+                Perturbation::Switch(set, is_on) => set(&mut settings, is_on),
+            }
         }
+        settings
     }
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     match &args.scene {
-        SyntheticScene::Clip { out } => write_field(out, juggler::clip),
-        SyntheticScene::Limbs { out } => write_field(out, limbs::figure),
-        SyntheticScene::Stage { out, cameras, frames, size, props } => {
+        SyntheticScene::Clip(OutOption { path }) => write_field(path, juggler::clip),
+        SyntheticScene::Limbs(OutOption { path }) => write_field(path, limbs::figure),
+        SyntheticScene::Stage(StageArgs { out, cameras, frames, size, props }) => {
             let settings =
                 stage::StageSettings { cameras: *cameras, frames: *frames, size: *size, props: *props };
-            write_stage(out, &settings)
+            write_stage(&out.path, &settings)
         }
-        SyntheticScene::Rig(args) => write_rig(&args.out, &args.settings()),
+        SyntheticScene::Rig(args) => write_rig(&args.out.path, &args.settings()),
     }
 }
 

@@ -13,9 +13,12 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Options that select takes.
+/// Options of what is written, and for which takes.
 #[derive(clap::Args, Clone, Debug, Default)]
 pub(super) struct TakeOptions {
+    /// File to write [default: the input's name in the current folder, with .ply of a fit and .aarc of a package]
+    #[arg(short, long, value_name = "PATH")]
+    pub(super) out: Option<PathBuf>,
     /// Run for each take of a list: a text file with a path in each line, relative to its folder. --out is
     /// then the folder for the outputs, a record beside each, and a summary. An output is made again only if
     /// its take or an option changes. A failed take does not stop the others
@@ -27,9 +30,9 @@ pub(super) struct TakeOptions {
 }
 
 impl TakeOptions {
-    /// The list and the folder of its outputs, `out`, if there is a list.
-    pub(super) fn list_and_folder<'a>(&'a self, out: &'a Option<PathBuf>) -> Option<(&'a Path, &'a Path)> {
-        self.list.as_deref().zip(out.as_deref())
+    /// The list and the folder of its outputs, if there is a list.
+    pub(super) fn list_and_folder(&self) -> Option<(&Path, &Path)> {
+        self.list.as_deref().zip(self.out.as_deref())
     }
 }
 

@@ -8,6 +8,8 @@ use serde_json::json;
 use crate::messages::decimal;
 use crate::segments::{TakeFile, TrimmedTake, trim};
 
+use super::options::{JsonOption, OutOption};
+
 /// Cut a part out of a take. Segments that overlap it are kept as they are, so it costs no quality and no time.
 #[derive(clap::Args)]
 pub struct Args {
@@ -19,23 +21,21 @@ pub struct Args {
     /// Second of the take at which it ends
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     to: f64,
-    /// Package to write
-    #[arg(short, long, value_name = "PATH")]
-    out: PathBuf,
-    /// Print JSON
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    out: OutOption,
+    #[command(flatten)]
+    json: JsonOption,
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
-    output::check(&args.out)?;
+    output::check(&args.out.path)?;
     let file = TakeFile::open(&args.take)?;
-    let trimmed = trim(&file, args.from, args.to, &args.out)?;
+    let trimmed = trim(&file, args.from, args.to, &args.out.path)?;
     let TrimmedTake { duration_s, source_s, segments, source_segments, bytes, before_s, after_s, .. } =
         trimmed;
-    if args.json {
+    if args.json.is_given {
         let trimmed = json!({
-            "out": args.out, "duration_s": duration_s, "segments": segments, "bytes": bytes,
+            "out": args.out.path, "duration_s": duration_s, "segments": segments, "bytes": bytes,
             "hidden_before_s": before_s, "hidden_after_s": after_s, "poster_lost": trimmed.is_poster_lost,
         });
         println!("{trimmed:#}");
@@ -45,7 +45,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         [duration_s, source_s, before_s, after_s].map(|seconds| decimal(seconds, 3));
     println!(
         "{}: {duration} of {source} s, {segments} of {}, {bytes} bytes",
-        args.out.display(),
+        args.out.path.display(),
         counted(source_segments, "segment")
     );
     if before_s > 0.0 || after_s > 0.0 {
@@ -54,7 +54,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         );
     }
     if trimmed.is_poster_lost {
-        let out = args.out.display();
+        let out = args.out.path.display();
         println!(
             "the poster was left behind with its segment; aarc-studio poster {out} --time S sets another"
         );

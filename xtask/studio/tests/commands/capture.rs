@@ -259,12 +259,12 @@ fn the_frame_rate_of_a_capture_is_that_of_its_clip() {
     let outcome = fit(&[]);
     assert!(outcome.code == Some(0) && !outcome.stderr.contains("assumed"), "{}", outcome.stderr);
     assert!((duration_s() - 0.1).abs() < 1e-6);
-    let error = fit(&["--fps", "25"]).error(2);
-    assert!(error.contains("--fps 25: the capture states 20 frames per second"), "{error}");
+    let error = fit(&["--set", "fps=25"]).error(2);
+    assert!(error.contains("--set fps=25: the capture states 20 frames per second"), "{error}");
     studio.manifest(|m| drop(m.as_object_mut().unwrap().remove("fps")));
     assert!(fit(&[]).stderr.contains("30 frames per second are assumed"));
     assert!((duration_s() - 2.0 / 30.0).abs() < 1e-6);
-    assert_eq!(fit(&["--fps", "25"]).code, Some(0));
+    assert_eq!(fit(&["--set", "fps=25"]).code, Some(0));
     assert!((duration_s() - 0.08).abs() < 1e-6);
 }
 

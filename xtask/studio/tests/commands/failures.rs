@@ -77,7 +77,7 @@ const FAILURES: &[Failure] = &[
         "no anchor: a visual hull needs two cameras or more",
         "give more, or depth maps",
     ),
-    ("fit stage --depths bare", DATA, "no anchor: no depth map", "name them as the photographs"),
+    ("fit stage --anchor bare", DATA, "no anchor: no depth map", "name them as the photographs"),
     ("fit stage --from nope.ply", DATA, "nope.ply: there is no such file", "check the path"),
     ("fit stage --from field.ply", USAGE, "field.ply is of 50 frames", "select its frames with --frames"),
     (

@@ -302,9 +302,9 @@ fn an_assumed_frame_rate_is_noted_once_and_before_the_fit() {
         stderr.lines().filter(|line| line.contains("frames per second")).map(str::to_owned).collect()
     };
     let fit = ["fit", "stage", "-o", "field.ply", "--steps", "1", "--gaussians", "50"];
-    let expected = ["note: 30 frames per second are assumed; --fps states another number"];
+    let expected = ["note: 30 frames per second are assumed; --set fps=N states another number"];
     assert_eq!(notes(&fit), expected);
-    assert!(notes(&[&fit[..], &["--fps", "25"]].concat()).is_empty());
+    assert!(notes(&[&fit[..], &["--set", "fps=25"]].concat()).is_empty());
     // No fit can start from one camera, so that the note comes before the error.
     let lines = |args: &[&str]| -> Vec<String> {
         let outcome = aarc_studio(folder, args);
@@ -453,7 +453,7 @@ fn errors_take_one_line() {
         error(3, &["--frames", "1..2", "--held-cameras", "00,01,02,04,05,06,07"]).contains("none is left")
     );
     assert!(error(3, &["--cameras", "00"]).contains("visual hull needs two cameras or more"));
-    assert!(error(3, &["--depths", "nowhere"]).contains("no anchor: no depth map"));
+    assert!(error(3, &["--anchor", "nowhere"]).contains("no anchor: no depth map"));
     assert!(error(3, &["--lpips-weights", "stage/capture.json"]).contains("stage/capture.json"));
     assert!(error(3, &["--from", "missing.ply"]).contains("missing.ply"));
     assert_eq!(fs::read_dir(folder).unwrap().count(), 1, "nothing is left behind");

@@ -43,7 +43,7 @@ fn a_clip_gets_a_poster_in_place_and_loses_it_again() {
     let (folder, path) = (folder.path(), folder.path().join("a.aarc"));
     fs::write(&path, clip()).unwrap();
     assert_eq!(shown(folder), Value::Null);
-    poster(folder, "--time 0.5 --eye -1,2,-3.5 --target 0,0,0.25 --fov 40").success();
+    poster(folder, "--time 0.5 --view -1,2,-3.5:0,0,0.25:40").success();
     let seen = shown(folder);
     assert_eq!(seen["time_s"], 0.5, "{seen}");
     assert_eq!(seen["position"], serde_json::json!([-1.0, 2.0, -3.5]));
@@ -105,11 +105,13 @@ fn what_cannot_be_done_leaves_the_file_as_it_is() {
         ("--time -1", 2),
         ("--time nan", 2),
         ("--view nowhere", 2),
-        ("--eye 1,2,3", 2),
-        ("--eye 1,2 --target 0,0,0", 2),
-        ("--eye 1,2,3 --target 1,2,3", 2),
-        ("--eye 1,2,3 --target 1,8,-5", 2),
-        ("--eye 1,2,3 --target 1.0001,8,-5", 2),
+        ("--view 1,2,3", 2),
+        ("--view 1,2:0,0,0", 2),
+        ("--view 1,2,3:0,0,0:180", 2),
+        ("--view 1,2,3:0,0,0:40:1", 2),
+        ("--view 1,2,3:1,2,3", 2),
+        ("--view 1,2,3:1,8,-5", 2),
+        ("--view 1,2,3:1.0001,8,-5", 2),
         ("--time 0 --remove", 2),
         ("-o b.aarc", 2),
         ("--time 0 -o none/b.aarc", 2),
@@ -118,12 +120,12 @@ fn what_cannot_be_done_leaves_the_file_as_it_is() {
         assert_eq!(outcome.code, Some(code), "{args}: {outcome:?}");
         assert!(fs::read(&path).unwrap() == clip(), "{args}");
     }
-    let along = poster(folder, "--eye 1,2,3 --target 1,8,-5");
-    let expected = "error: --eye 1,2,3 and --target 1,8,-5: the view is along the clip's up axis 0,0.6,-0.8, so no side of the \
-                    picture is up: move one of them aside\n";
+    let along = poster(folder, "--view 1,2,3:1,8,-5");
+    let expected = "error: --view 1,2,3:1,8,-5: the view is along the clip's up axis 0,0.6,-0.8, so no side of the \
+                    picture is up: move one of the points aside\n";
     assert_eq!(along.stderr, expected);
     // As steep as the camera of the player.
-    poster(folder, "--eye 1,2,3 --target 1.01,8,-5 -o b.aarc").success();
+    poster(folder, "--view 1,2,3:1.01,8,-5 -o b.aarc").success();
     fs::write(&path, &clip()[..clip().len() - 1]).unwrap();
     assert_eq!(poster(folder, "--time 0").code, Some(3));
     fs::write(&path, "nothing").unwrap();
@@ -149,7 +151,7 @@ fn inspect_shows_the_poster_and_says_that_it_is_damaged() {
         fs::write(&path, &package).unwrap();
         let inspect = |args: &[&str]| aarc_studio(folder, &[&["inspect", "a.aarc"], args].concat());
         assert_eq!(inspect(&["--json"]).json()["poster"], Value::Null);
-        poster(folder, "--time 1.5 --eye 0,1,3 --target 0,0,0").success();
+        poster(folder, "--time 1.5 --view 0,1,3:0,0,0").success();
         let (seen, expected) = (inspect(&["--json"]).json()["poster"].clone(), shown(folder));
         for key in ["time_s", "position", "target"] {
             assert_eq!(seen[key], expected[key], "{key}");

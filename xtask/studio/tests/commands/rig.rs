@@ -105,7 +105,7 @@ fn a_rig_is_deterministic_and_says_what_perturbs_it() {
     let small = RigSettings { size: [32, 24], seconds: 1.0, masks: true, ..settings(Perturbations::ALL) };
     let first = written(&small);
     let folder = first.folder.path();
-    let options = ["--cameras", "4", "--seconds", "1", "--size", "32x24", "--seed", "3", "--masks"];
+    let options = ["--cameras", "4", "--seconds", "1", "--size", "32x24", "--masks", "--perturb", "seed=3"];
     let outcome = aarc_studio(folder, &[&["synth", "rig", "-o", "again"], &options[..]].concat()).success();
     let pictures = first.rig.pictures();
     assert!(
@@ -137,7 +137,7 @@ fn a_rig_is_deterministic_and_says_what_perturbs_it() {
     };
     assert_eq!(is_perturbed(&first.truth), [true; 9]);
     let clean = |more: &[&str]| {
-        let command = ["synth", "rig", "-o", "clean", "--clean"];
+        let command = ["synth", "rig", "-o", "clean", "--perturb", "none"];
         aarc_studio(folder, &[&command[..], &options, more].concat()).success();
         let truth = json_file(&folder.join("clean/truth.json"));
         fs::remove_dir_all(folder.join("clean")).unwrap();
@@ -385,6 +385,8 @@ fn bad_requests_end_with_one_line() {
     assert!(error(&["--perturb", "rotated=1"]).contains("rotated is on or off"));
     assert!(error(&["--perturb", "rain=1"]).contains("rain: nothing of this name perturbs"));
     assert!(error(&["--perturb", "noise"]).contains("such as exposure=0.2"));
+    assert!(error(&["--perturb", "seed=-1"]).contains("seed is a whole number"));
+    assert!(error(&["--perturb", "crf=300"]).contains("use 0 to 51"));
     fs::create_dir(folder.join("rig")).unwrap();
     fs::write(folder.join("rig/mine.txt"), "mine").unwrap();
     assert!(error(&[]).contains("cannot write rig: there is something already, name another folder"));
@@ -402,8 +404,20 @@ fn a_full_disk_leaves_nothing() {
     }
     let folder = tempdir().unwrap();
     let folder = folder.path();
-    let rig =
-        ["synth", "rig", "-o", "rig", "--cameras", "1", "--seconds", "1", "--size", "320x240", "--crf", "0"];
+    let rig = [
+        "synth",
+        "rig",
+        "-o",
+        "rig",
+        "--cameras",
+        "1",
+        "--seconds",
+        "1",
+        "--size",
+        "320x240",
+        "--perturb",
+        "crf=0",
+    ];
     // Enough for the sound, not for the pictures.
     let error = tool::with_small_disk(folder, 300, &rig).error(2);
     assert!(

@@ -62,7 +62,7 @@ pub(super) fn comparison(text: &str) -> Result<Comparison, String> {
 /// Fits and measures what the folder of the report lacks, and collects all of it.
 pub(super) fn measure(request: &Request) -> anyhow::Result<Ablation> {
     let Request { capture, size, part, options, others, out, .. } = *request;
-    options.check_settings(None, false)?;
+    options.check_settings(None, false, false)?;
     let mut capture_files = part.open(capture, size)?;
     check_apart(capture, out)?;
     options.state_fps(&mut capture_files)?;
@@ -81,7 +81,7 @@ pub(super) fn measure(request: &Request) -> anyhow::Result<Ablation> {
         lpips: plan.lpips.clone(),
         plan: FitPlan { lpips: None, ..plan },
     };
-    note_assumed_fps(&capture_files, "--fps states another number");
+    note_assumed_fps(&capture_files, "--set fps=N states another number");
     output::make_folder(out)?;
     let mut ablation = about(capture, &capture_files, &full.plan)?;
     ablation.lpips = lpips.as_ref().map(|lpips| lpips.network().to_string());

@@ -51,12 +51,12 @@ pub const VARIANTS: &[Variant] = &[
     },
     Variant {
         name: "blur",
-        about: "--filter blur: that of 3D Gaussian Splatting",
+        about: "--set filter=blur: that of 3D Gaussian Splatting",
         plan: |full| {
             let filter = PixelFilter::Blur;
             (full.plan.filter != filter).then(|| FitPlan { filter, ..full.plan.clone() })
         },
-        absent: "the full fit has it, by --filter blur",
+        absent: "the full fit has it, by --set filter=blur",
     },
     Variant {
         name: "no fragment term",
