@@ -79,6 +79,7 @@ const FAILURES: &[Failure] = &[
     ),
     ("fit stage --anchor bare", DATA, "no anchor: no depth map", "name them as the photographs"),
     ("fit stage --from nope.ply", DATA, "nope.ply: there is no such file", "check the path"),
+    ("fit stage --from field.ply --set filter=mip", USAGE, "--set filter: a fit that starts", "leave it out"),
     ("fit stage --from field.ply", USAGE, "field.ply is of 50 frames", "select its frames with --frames"),
     (
         "fit stage --from late.ply",
@@ -113,6 +114,7 @@ const FAILURES: &[Failure] = &[
         "name torchvision's vgg16-397923af.pth",
     ),
     ("fit --list nope.txt -o out", DATA, "nope.txt: there is no such file", "check the path"),
+    ("fit --list empty.txt -o bare --anchor maps", USAGE, "--anchor: a folder has", "leave --list out"),
     ("fit --list empty.txt -o bare", DATA, "empty.txt: names no take", "write the path of one in each line"),
     // Options without effect.
     ("fit stage --set depth-scale=rig", USAGE, "depth-scale: there are no depth maps", "leave it out"),
