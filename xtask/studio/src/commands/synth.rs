@@ -71,9 +71,9 @@ struct RigArgs {
     /// plates/CAMERA.png
     #[arg(long)]
     masks: bool,
-    /// How much perturbs: starts, drift, exposure, white-balance, noise, sound-skew and sound-noise are numbers; offsets,
-    /// rotated and variable-rate are on or off; none, as the first part, leaves out all of them that are not named. Also
-    /// seed=N of what is drawn, shadow=on on the floor, and crf=N, x264's constant rate factor
+    /// How much perturbs the rig: starts, drift, exposure, white-balance, noise, sound-skew and sound-noise are numbers;
+    /// offsets, rotated, variable-rate and shadow are on or off; seed, of all that is drawn, and crf, x264's constant rate
+    /// factor, are whole numbers. none leaves out what does not follow
     #[arg(long, value_name = "none|PART=X[,PART=X..]", value_delimiter = ',', value_parser = perturbation)]
     perturb: Vec<Perturbation>,
 }
