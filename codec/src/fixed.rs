@@ -3,7 +3,7 @@
 //!
 //! A chunk is a list of ranges, then one plane of bytes per column and component; wider numbers are
 //! split into planes too. So bytes of one meaning lie together for zstd. Ranges belong to the chunk:
-//! chunks decode independently, and an outlier costs precision in its own chunk only.
+//! chunks decode independently. An outlier that would cost its chunk too much precision is cut to the range of the others.
 
 mod decode;
 #[cfg(feature = "encode")]

@@ -379,6 +379,47 @@ fn an_outlier_costs_precision_in_its_own_chunk_only() {
     assert!(worst <= 6.0 / 4096.0, "a centre of the first chunk is off by {worst}");
 }
 
+/// One number far beyond all others of its column.
+#[test]
+fn an_outlier_costs_the_other_rows_of_its_chunk_little() {
+    let outlier = 249;
+    let worst = |change: fn(&mut Field)| {
+        let mut source = field(Shape { some_static: false, ..Shape::full(250) }, 24);
+        let temporal = source.temporal.as_mut().unwrap();
+        (temporal.tau[outlier], temporal.s[outlier]) = (0.5, 0.003);
+        change(&mut source);
+        let clip = fixed_clip(&source, None, &[]);
+        let mut worst = Worst::default();
+        for decoded in [&clip.static_field, &clip.dynamic_field] {
+            for i in (0..decoded.len()).filter(|&i| source_row(decoded, i) != outlier) {
+                worst.compare(decoded, i, &source, source_row(decoded, i));
+            }
+        }
+        worst
+    };
+    let plain = worst(|_| ());
+    let changes: [(&str, fn(&mut Field)); 5] = [
+        ("colour", |field| field.sh[249 * 16] = [130.0; 3]),
+        ("harmonics", |field| field.sh[249 * 16 + 5] = [-60.0; 3]),
+        ("motion", |field| field.temporal.as_mut().unwrap().motion[249 * 3] = [400.0; 3]),
+        ("rate", |field| {
+            let rates = field.temporal.as_mut().unwrap().rotation_rates.as_mut().unwrap();
+            rates[249] = [0.0, 300.0, 0.0, 0.0];
+        }),
+        ("centre", |field| field.centers[249] = [2e4; 3]),
+    ];
+    for (what, change) in changes {
+        let found = worst(change);
+        let is_close = |found: f64, plain: f64| found < 4.0 * plain + 1e-3;
+        assert!(
+            is_close(found.position, plain.position)
+                && is_close(found.color, plain.color)
+                && is_close(found.covariance, plain.covariance),
+            "{what}: {found:?} for {plain:?}"
+        );
+    }
+}
+
 #[test]
 fn same_field_same_bytes() {
     let (source, plate) = (field(Shape::full(5000), 15), static_field(300, 2, 16));

@@ -53,7 +53,7 @@ impl Worst {
         worst
     }
 
-    fn compare(&mut self, decoded: &Field, i: usize, source: &Field, row: usize) {
+    pub(crate) fn compare(&mut self, decoded: &Field, i: usize, source: &Field, row: usize) {
         for step in 0..=20 {
             let t = f64::from(step) / 20.0;
             let opacity = source.opacity_at(row, t);
