@@ -117,6 +117,60 @@ fn motion_about_a_distant_window_centre_is_preserved() {
     Worst::measure(&[&clip.dynamic_field], &source).check(1e-3);
 }
 
+/// Nor must motion about a centre that is too far away for another window.
+#[test]
+fn motion_about_a_window_centre_out_of_sight_is_preserved() {
+    let shape = Shape { some_static: false, motion_order: 1, rotation_rates: false, ..Shape::full(250) };
+    let mut source = field(shape, 22);
+    let temporal = source.temporal.as_mut().unwrap();
+    temporal.s.fill(f32::INFINITY);
+    for i in 0..250 {
+        temporal.tau[i] = if i % 2 == 0 { 2e5 } else { -3e5 };
+        temporal.motion[i] = [2e-3, 0.0, -1e-3];
+        for (x, v) in source.centers[i].iter_mut().zip(temporal.motion[i]) {
+            *x += v * temporal.tau[i];
+        }
+    }
+    let clip = valid_clip(&package(&source, None, &uniform(Coder::Rans, &source, 80.0, &[])));
+    let fields = [&clip.static_field, &clip.dynamic_field];
+    Worst::measure(&fields, &source).check(1e-3);
+}
+
+/// What a clip shows of a window is as exact, and as large, wherever the window has its centre.
+#[test]
+fn windows_centred_outside_the_clip_are_coded_as_well_as_others() {
+    let coded = |width: f32, distance: f32| {
+        let mut source = field(Shape { some_static: false, ..Shape::full(250) }, 23);
+        let temporal = source.temporal.as_mut().unwrap();
+        for i in 0..250 {
+            source.opacities[i] = 0.5 + 0.002 * i as f32;
+            let s = width * (1.0 + 0.002 * i as f32);
+            temporal.s[i] = s;
+            temporal.tau[i] = if i % 2 == 0 { -distance * s } else { 1.0 + distance * s };
+        }
+        let package = package(&source, None, &uniform(Coder::Rans, &source, 60.0, &[]));
+        let clip = valid_clip(&package);
+        let decoded = &clip.dynamic_field;
+        let mut worst = Worst::default();
+        for i in 0..decoded.len() {
+            // The source row has the nearest colour.
+            let distance = |row: &usize| {
+                let (a, b) = (decoded.sh_of(i)[0], source.sh_of(*row)[0]);
+                (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f32>()
+            };
+            let row = (0..250).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap();
+            worst.compare(decoded, i, &source, row);
+        }
+        (worst.opacity, package.len())
+    };
+    let (inside, bytes) = coded(0.2, -1.0);
+    for (width, distance) in [(0.2, 1.0), (0.2, 2.0), (1.0, 2.0), (5.0, 2.0), (40.0, 1.5)] {
+        let (outside, outside_bytes) = coded(width, distance);
+        assert!(outside < inside, "{width} {distance}: {outside} for {inside}");
+        assert!(outside_bytes <= bytes, "{width} {distance}: {outside_bytes} bytes for {bytes}");
+    }
+}
+
 /// A package with every kind of chunk.
 fn full_package(rows: usize) -> Vec<u8> {
     package(&field(Shape::full(rows), 1), Some(&static_field(8, 1, 2)), &options(Coder::Rans, &[rows / 2]))

@@ -28,8 +28,8 @@ use crate::{
 /// Cells per position step of a median Gaussian, along an edge.
 const CELLS_PER_STEP: f64 = 0.25;
 
-/// Largest distance from the clip of the centre of an infinite window.
-const TAU_MAX: f64 = 1e5;
+/// Instants at which windows are compared that are centred outside the clip.
+const INSTANTS: usize = 9;
 
 /// The choices for a chunk of an earlier package.
 #[derive(Clone, Copy, Debug, Default)]
@@ -215,16 +215,15 @@ fn multiple(number: f64, step: f64) -> f64 {
 /// Converts row `i` to the coordinates that are coded, for a geometry step of `step`, without
 /// quantiser indices.
 fn target<'a>(field: &'a Field, i: usize, step: f64, columns: Columns) -> Target<'a> {
-    let opacity_number = opacity_number(f64::from(field.opacities[i]), row::opacity_step(step));
-    let mut window = [opacity_number, 0.0, 0.0];
+    let mut window = [opacity_number(f64::from(field.opacities[i]), row::opacity_step(step)), 0.0, 0.0];
     let (mut rotation, mut rate) = (field.rotations[i].map(f64::from), [0.0; 4]);
     let mut trajectory = [[0.0; 3]; 4];
     trajectory[0] = field.centers[i].map(f64::from);
     if let (Some(temporal), Some(_)) = (&field.temporal, columns.temporal) {
-        let CodedWindow { numbers, tau, decoded_tau, decoded_s } = coded_window(temporal, i, step);
-        [window[1], window[2]] = numbers;
-        let opacity = f64::from(row::decoded_opacity(opacity_number));
-        let span = Span::new(opacity, decoded_tau, decoded_s);
+        let (coded, tau) = coded_window(field, temporal, i, step);
+        window = coded.numbers;
+        let decoded_tau = coded.tau;
+        let span = Span::new(coded.opacity, coded.tau, coded.s);
         for axis in 0..3 {
             let mut powers = [trajectory[0][axis], 0.0, 0.0, 0.0];
             for (power, v) in powers[1..].iter_mut().zip(temporal.motion_of(i)) {
@@ -275,30 +274,103 @@ fn opacity_number(opacity: f64, step: f64) -> f64 {
     }
 }
 
-/// The window of a Gaussian in the coordinates that are coded.
+/// Opacity and window of a Gaussian: the numbers that are coded, and what they decode to.
+#[derive(Clone, Copy)]
 struct CodedWindow {
-    /// Width and centre, as in [`Target::window`].
-    numbers: [f64; 2],
-    /// Centre about which the source's trajectory is written.
+    /// As in [`Target::window`].
+    numbers: [f64; 3],
+    opacity: f64,
     tau: f64,
-    decoded_tau: f64,
-    decoded_s: f64,
+    s: f64,
 }
 
-fn coded_window(temporal: &Temporal, i: usize, step: f64) -> CodedWindow {
-    let tau = f64::from(temporal.tau[i]);
-    let width = multiple(trajectory::width_number(f64::from(temporal.s[i])), trajectory::width_step(step));
-    let decoded_s = f64::from(trajectory::width(width) as f32);
-    if decoded_s.is_infinite() {
-        // No farther than TAU_MAX, where cubic powers keep their precision.
-        let tau = tau.clamp(-TAU_MAX, TAU_MAX);
-        return CodedWindow { numbers: [width, 0.0], tau, decoded_tau: 0.5, decoded_s };
+impl CodedWindow {
+    /// The window of these numbers, the centre rounded to a multiple of its step.
+    fn new([opacity, width, center]: [f64; 3], step: f64) -> CodedWindow {
+        let s = f64::from(trajectory::width(width) as f32);
+        let center = match s.is_finite() {
+            true => multiple(center, trajectory::center_step(s, step)),
+            false => 0.0,
+        };
+        CodedWindow {
+            numbers: [opacity, width, center],
+            opacity: f64::from(row::decoded_opacity(opacity)),
+            tau: f64::from(row::decoded_tau(center)),
+            s,
+        }
+    }
+
+    /// The opacity at an instant, for each unit of the opacity.
+    fn share(&self, t: f64) -> f64 {
+        let z = (t - self.tau) / self.s;
+        math::exp(-0.5 * z * z)
+    }
+}
+
+/// The coded opacity and window of row `i`, and the centre about which its trajectory is written.
+fn coded_window(field: &Field, temporal: &Temporal, i: usize, step: f64) -> (CodedWindow, f64) {
+    let (tau, s) = (f64::from(temporal.tau[i]), f64::from(temporal.s[i]));
+    let opacity = opacity_number(f64::from(field.opacities[i]), row::opacity_step(step));
+    let width_step = trajectory::width_step(step);
+    let width = trajectory::width_number(s);
+    if s.is_finite()
+        && !(0.0..=1.0).contains(&tau)
+        && let Some(interval) = field.alive_interval(i)
+    {
+        return (tail(field, i, interval, width / width_step, step), tau);
+    }
+    let coded = CodedWindow::new([opacity, multiple(width, width_step), tau - 0.5], step);
+    if coded.s.is_infinite() {
+        return (coded, tau);
     }
     // Farther than 4 widths from the clip no opacity is visible.
-    let tau = tau.clamp(-4.0 * decoded_s, 1.0 + 4.0 * decoded_s);
-    let center = multiple(tau - 0.5, trajectory::center_step(decoded_s, step));
-    let decoded_tau = f64::from(row::decoded_tau(center));
-    CodedWindow { numbers: [width, center], tau, decoded_tau, decoded_s }
+    let tau = tau.clamp(-4.0 * coded.s, 1.0 + 4.0 * coded.s);
+    (CodedWindow::new([opacity, coded.numbers[1], tau - 0.5], step), tau)
+}
+
+/// The coded window of a row whose window is centred outside the clip, which shows a tail of it alone during `interval`. An
+/// error of the width or the centre shows many times larger there than at the centre, so the centre makes up for the
+/// rounding of the width, and the opacity for both. `width` is in steps.
+fn tail(field: &Field, i: usize, (start, end): (f64, f64), width: f64, step: f64) -> CodedWindow {
+    let temporal = field.temporal.as_ref().expect("the row has a window");
+    let (tau, s) = (f64::from(temporal.tau[i]), f64::from(temporal.s[i]));
+    let instants: [f64; INSTANTS] =
+        std::array::from_fn(|k| start + (end - start) * (k as f64 + 0.5) / INSTANTS as f64);
+    let shown = instants.map(|t| {
+        let z = (t - tau) / s;
+        f64::from(field.opacities[i]) * math::exp(-0.5 * z * z)
+    });
+    let sum = |term: &dyn Fn(usize) -> f64| (0..INSTANTS).map(term).sum::<f64>();
+    let middle = sum(&|k| shown[k] * shown[k] * instants[k]) / sum(&|k| shown[k] * shown[k]);
+    let (width_step, opacity_step) = (trajectory::width_step(step), row::opacity_step(step));
+    let mut best: Option<(f64, CodedWindow)> = None;
+    for width in [width.floor(), width.ceil()].map(|steps| steps * width_step) {
+        let s_coded = f64::from(trajectory::width(width) as f32);
+        // The slope of the logarithm of the opacity is as in the source.
+        let center = middle - (middle - tau) * (s_coded / s) * (s_coded / s) - 0.5;
+        let center_step = trajectory::center_step(s_coded, step);
+        for center in if s_coded.is_finite() {
+            [(center / center_step).floor(), (center / center_step).ceil()].map(|steps| steps * center_step)
+        } else {
+            [0.0; 2]
+        } {
+            let window = CodedWindow::new([0.0, width, center], step);
+            // The mean logarithm, weighted as the square of what shows, is as in the source.
+            let weighted =
+                |k: usize| shown[k] * shown[k] * (math::ln(window.share(instants[k])) - math::ln(shown[k]));
+            let opacity = sum(&weighted) / sum(&|k| shown[k] * shown[k]);
+            let opacity = opacity_number(math::exp(-opacity.max(0.0)), opacity_step);
+            let window = CodedWindow::new([opacity, width, center], step);
+            let error = sum(&|k| {
+                let error = window.opacity * window.share(instants[k]) - shown[k];
+                error * error
+            });
+            if best.as_ref().is_none_or(|(least, _)| error < *least) {
+                best = Some((error, window));
+            }
+        }
+    }
+    best.expect("there are candidates").1
 }
 
 /// Chooses the grid of a chunk: a cube around its Gaussians, with cells of a few position steps of a
