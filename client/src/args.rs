@@ -60,19 +60,16 @@ Examples:
 #[derive(Clone, Debug, Parser)]
 #[command(name = "aarc", version, long_version = VERSION.as_str(), after_long_help = AFTER_HELP)]
 pub struct Args {
-    /// A clip (.aarc) or a playlist of clips (.json): a path, or an http:// or https:// URL; or a folder of clips
-    /// [default: the built-in demo]. Built with the feature import, also the path of a field that aarc-studio package reads
+    /// Clips (.aarc) and playlists of clips (.json), as paths or as http:// or https:// URLs, and folders of clips: several
+    /// are one playlist [default: the built-in demo]. Built with the feature import, also the path of a field that aarc-studio package reads
     /// (.ply, .spz, .sog, .splat and others), of a folder with one, or of a folder of numbered PLYs, one a frame.
     ///
     /// A clip from a URL plays as soon as its first layer has arrived. Downloads are cached in
     /// $XDG_CACHE_HOME/aarc/clips and play from there without the network. The cache holds 512 MiB; the
     /// clips played longest ago are removed first. SSL_CERT_FILE names certificates to trust instead of
     /// Mozilla's; HTTPS_PROXY and HTTP_PROXY name a proxy.
-    pub clip: Option<String>,
-
-    /// More clips, playlists and folders: all together are one playlist. Not with --xr.
-    #[arg(value_name = "CLIP", conflicts_with = "xr")]
-    pub more: Vec<String>,
+    #[arg(value_name = "CLIP")]
+    pub clips: Vec<String>,
 
     /// Render to images instead of opening a window.
     #[arg(long, requires = "out", group = "windowless")]
@@ -211,11 +208,6 @@ pub struct Args {
 }
 
 impl Args {
-    /// What is to be played, in order; nothing for the demo.
-    pub(crate) fn names(&self) -> Vec<String> {
-        self.clip.iter().chain(&self.more).cloned().collect()
-    }
-
     /// Options of sources; downloads are cached in `cache_dir`.
     pub(crate) fn source(&self, cache_dir: Option<PathBuf>) -> SourceOptions {
         SourceOptions { cache_dir, ..SourceOptions::default() }
@@ -358,10 +350,10 @@ mod tests {
     #[test]
     fn several_names_are_one_list() {
         assert_eq!(
-            parse("aarc a.aarc b.json https://h/c.aarc").unwrap().names(),
+            parse("aarc a.aarc b.json https://h/c.aarc").unwrap().clips,
             ["a.aarc", "b.json", "https://h/c.aarc"]
         );
-        assert!(parse("aarc").unwrap().names().is_empty() && parse("aarc a b --xr").is_err());
+        assert!(parse("aarc").unwrap().clips.is_empty() && parse("aarc a b --xr").unwrap().clips.len() == 2);
     }
 
     #[test]

@@ -41,7 +41,7 @@ const CHANGE_TOLERANCE_S: f64 = 1e-6;
 /// The first [`Fault`]; images written before it stay.
 pub fn run(args: &Args) -> Result<(), Fault> {
     let output = check_outputs(args)?;
-    match playlist::is_list(&args.names()) {
+    match playlist::is_list(&args.clips) {
         true if args.poster => {
             Err(Fault::Usage("--poster is of one clip, not of a playlist: name a clip of it".into()))
         }
@@ -299,7 +299,7 @@ fn run_playlist(args: &Args, output: &ImageOutput) -> Result<(), Fault> {
     let mut reporter = Reporter::new();
     let options = LoadOptions { source: args.source(cache_dir()), min_layers: 1, is_complete: true };
     let mut clips = ClipController::new(options, false, || ())?;
-    clips.open(args.names());
+    clips.open(args.clips.iter().cloned());
     clips.set_target(HeadlessTarget { args: args.clone() }, 0.0);
     let mut run = PlaylistRun { args, output, device: None, pending: Vec::new(), start_s: 0.0, last: None };
     let mut failed: Option<Fault> = None;
@@ -324,7 +324,7 @@ fn run_playlist(args: &Args, output: &ImageOutput) -> Result<(), Fault> {
         }
         (None, Some(fault)) => Err(fault),
         (None, None) => {
-            let names: Vec<String> = args.names().iter().map(|name| redacted(name)).collect();
+            let names: Vec<String> = args.clips.iter().map(|name| redacted(name)).collect();
             Err(Fault::Data(format!("{}: no clip of it plays: name others", names.join(", "))))
         }
     }
@@ -458,12 +458,15 @@ fn load(args: &Args) -> Result<Loaded, Fault> {
     let start = Instant::now();
     let elapsed_ms = || start.elapsed().as_secs_f64() * 1e3;
     let (mut reporter, mut playable_ms) = (Reporter::new(), None);
-    let clip = open(args.clip.as_deref(), &args.source(cache_dir()))?.wait(Wait::Complete, |event| {
-        if let OpenEvent::Take(_) = event {
-            playable_ms.get_or_insert_with(elapsed_ms);
-        }
-        reporter.print(event);
-    })?;
+    let clip = open(args.clips.first().map(String::as_str), &args.source(cache_dir()))?.wait(
+        Wait::Complete,
+        |event| {
+            if let OpenEvent::Take(_) = event {
+                playable_ms.get_or_insert_with(elapsed_ms);
+            }
+            reporter.print(event);
+        },
+    )?;
     let poster = args.poster.then(|| clip.poster()).flatten();
     let whole_ms = elapsed_ms();
     let stats = LoadingStats { playable_ms: playable_ms.unwrap_or(whole_ms), whole_ms };

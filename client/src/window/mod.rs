@@ -52,7 +52,7 @@ pub fn run(args: &Args) -> Result<(), Fault> {
     let settings = headless::settings(args, &clip)?;
     let source = args.source(cache_dir());
     let size = args.size;
-    let named = args.names();
+    let named = args.clips.clone();
     let start = Start { named, entry, clip, rest, queue, notes, reporter, source, viewpoint, settings, size };
     let event_loop = display::connect()?;
     let mut app = App { start: Some(start), proxy: event_loop.create_proxy(), session: None, result: Ok(()) };
@@ -84,13 +84,13 @@ fn first_clip(args: &Args, reporter: &mut Reporter) -> Result<First, Fault> {
             notes.push(text.clone());
         }
     };
-    let names = args.names();
-    if !playlist::is_list(&names) {
-        let entry = Entry::single(args.clip.clone());
+    let names = &args.clips;
+    if !playlist::is_list(names) {
+        let entry = Entry::single(names.first().cloned());
         let (clip, rest) = open_entry(&entry, &source, &mut tell)?;
         return Ok(First { entry, clip, rest, queue: None, notes });
     }
-    let mut queue = Queue::new(playlist::wait(&names, &source, &mut tell)?.clips);
+    let mut queue = Queue::new(playlist::wait(names, &source, &mut tell)?.clips);
     let mut last: Option<Fault> = None;
     for entry in queue.all() {
         if let Some(fault) = last.take() {

@@ -53,7 +53,8 @@ fn play(app: AndroidApp) -> Result<(), Fault> {
     }
     let trust = if cfg!(debug_assertions) { Trust::All } else { Trust::Playback };
     let args = command_line(read_intent(&app), &folders, trust)?;
-    log::info!("playing {}", redacted(args.clip.as_deref().unwrap_or("the demo clip")));
+    let names: Vec<String> = args.clips.iter().map(|name| redacted(name)).collect();
+    log::info!("playing {}", if names.is_empty() { "the demo clip".into() } else { names.join(", ") });
     crate::xr::run::play(&args, &mut System::new(app))
 }
 

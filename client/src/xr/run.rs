@@ -55,7 +55,7 @@ pub(super) fn play(args: &Args, system: &mut System) -> Result<(), Fault> {
     };
     let speaker = if measures { Speaker::silent() } else { Speaker::new(system.state_dir()) };
     let place = Place::new(store, standpoint);
-    let mut show = Show::new(args.clip.clone(), options, quality, place, speaker, !measures)?;
+    let mut show = Show::new(args.clips.clone(), options, quality, place, speaker, !measures)?;
     let mut report = Report::new(args, started);
     let ended = run_devices(args, system, &runtime, &mut show, &mut report);
     show.save();

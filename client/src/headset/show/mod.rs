@@ -98,13 +98,13 @@ fn heard_at(head: &Pose, point: DVec3) -> DVec3 {
 }
 
 impl Show {
-    /// Opens `name`, a clip or a playlist, which loads once there is a device. `attended` is whether a
+    /// Opens `names`, clips and playlists, or the demo, which load once there is a device. `attended` is whether a
     /// viewer is there to read on the panel why it cannot be loaded.
     ///
     /// # Errors
     /// [`Fault::Device`] if the system refuses another thread.
     pub(crate) fn new(
-        name: Option<String>,
+        names: Vec<String>,
         options: LoadOptions,
         quality: Quality,
         place: Place,
@@ -112,9 +112,9 @@ impl Show {
         attended: bool,
     ) -> Result<Show, Fault> {
         let mut notices = Notices::new(attended);
-        notices.work(format!("Opening {}", title(name.as_deref())));
+        notices.work(format!("Opening {}", title(names.first().map(String::as_str))));
         let mut clips = ClipController::new(options, true, || ())?;
-        clips.open(name);
+        clips.open(names);
         Ok(Show {
             playing: None,
             clips,
@@ -242,9 +242,8 @@ impl Show {
                 self.clock.change_clip(duration_s, fps);
                 self.timer = FrameTimer::default();
                 // The clips of a playlist stand in one place.
-                let name =
-                    if self.clips.queue().is_some() { self.clips.named() } else { entry.name.as_deref() };
-                self.place.change(name);
+                let list = self.clips.queue().and_then(|_| self.clips.named());
+                self.place.change(list.or(entry.name.as_deref()));
             }
         }
         let title = title(entry.name.as_deref());

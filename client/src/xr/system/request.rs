@@ -15,7 +15,7 @@ use crate::content::redacted;
 
 /// Names of the arguments that every build takes.
 const PLAYBACK: [&str; 9] =
-    ["clip", "xr", "layer", "sort", "cutoff", "quality", "near", "standing", "inside"];
+    ["clips", "xr", "layer", "sort", "cutoff", "quality", "near", "standing", "inside"];
 
 /// Which options of an intent a build takes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -62,10 +62,12 @@ pub(in crate::xr) fn command_line(
         return Err(fault(&format!("--{name} is only for development builds: pack one without --release")));
     }
     let mut args = Args::from_arg_matches(&matches).map_err(refused)?;
-    args.clip = request.clip.or(args.clip).or_else(|| {
-        let clip = folders.iter().find_map(|folder| clips_in(folder).into_iter().next())?;
-        clip.into_os_string().into_string().ok()
-    });
+    if let Some(clip) = request.clip {
+        args.clips = vec![clip];
+    } else if args.clips.is_empty() {
+        let clip = folders.iter().find_map(|folder| clips_in(folder).into_iter().next());
+        args.clips.extend(clip.and_then(|clip| clip.into_os_string().into_string().ok()));
+    }
     Ok(args)
 }
 
@@ -83,7 +85,7 @@ mod tests {
         let folders = [first.path().to_owned(), "/nowhere".into(), second.path().to_owned()];
         let clip = |clip, options| {
             let args = command_line(request(clip, options), &folders, Trust::Playback);
-            args.unwrap().clip.map(PathBuf::from)
+            args.unwrap().clips.first().map(PathBuf::from)
         };
         assert_eq!(clip(None, None), None, "the demo");
         for name in ["b.aarc", "c.aarc", "a.txt"] {
@@ -101,7 +103,7 @@ mod tests {
         let parse = |options| command_line(request(None, Some(options)), &[], Trust::All);
         let args = parse(" --frames 10..20  --stats s.json ").unwrap();
         assert!(args.xr && args.frames == Some(10..20) && args.stats == Some("s.json".into()));
-        for options in ["--frames 3..3", "--headless --out o", "--nothing", "a b", "--help"] {
+        for options in ["--frames 3..3", "--headless --out o", "--nothing", "--help"] {
             let Err(Fault::Usage(message)) = parse(options) else { panic!("{options} is refused") };
             assert!(message.contains(options) && !message.contains('\n'), "{message}");
         }
@@ -109,7 +111,7 @@ mod tests {
 
     #[test]
     fn errors_tell_no_secrets() {
-        let secret = request(None, Some("a https://ann:key@h/b?key"));
+        let secret = request(None, Some("--sort https://ann:key@h/b?key"));
         let message = command_line(secret, &[], Trust::All).unwrap_err().to_string();
         assert!(message.contains("https://h/b") && !message.contains("key"), "{message}");
     }
@@ -118,7 +120,7 @@ mod tests {
     fn other_builds_take_only_options_of_playing() {
         let parse = |options: &str| command_line(request(None, Some(options)), &[], Trust::Playback);
         let args = parse("--layer 2 --sort depth --cutoff 5 --quality least --near a.aarc").unwrap();
-        assert!(args.xr && args.layer == Some(2) && args.clip == Some("a.aarc".into()));
+        assert!(args.xr && args.layer == Some(2) && args.clips == ["a.aarc"]);
         // Each option of the command line, also those that come later.
         for option in Args::command().get_arguments() {
             let (name, Some(long)) = (option.get_id().as_str(), option.get_long()) else { continue };
