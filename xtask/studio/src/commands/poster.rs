@@ -41,7 +41,7 @@ pub struct Args {
     /// this vertical field of view in degrees, by default the first viewpoint's [default: as before, else the first]
     #[arg(long, value_name = "NAME|INDEX|X,Y,Z:X,Y,Z[:DEGREES]", value_parser = view, allow_hyphen_values = true,
           group = "change")]
-    view: Option<View>,
+    view: Option<PosterView>,
     /// Remove the poster
     #[arg(long, conflicts_with_all = ["time", "view"], group = "change")]
     remove: bool,
@@ -54,7 +54,7 @@ pub struct Args {
 
 /// Where a poster looks from.
 #[derive(Clone, Debug)]
-enum View {
+enum PosterView {
     /// A viewpoint of the clip, by name or number.
     Named(String),
     /// Two points.
@@ -135,8 +135,8 @@ fn chosen(args: &Args, file: &TakeFile, before: Option<Poster>) -> Result<Poster
     }
     let viewpoints = file.viewpoints();
     let Viewpoint { position, target, fov_y, .. } = match (&args.view, before) {
-        (Some(View::Named(name)), _) => viewpoint(&viewpoints, name)?.clone(),
-        (&Some(View::Free { eye, target, fov }), _) => {
+        (Some(PosterView::Named(name)), _) => viewpoint(&viewpoints, name)?.clone(),
+        (&Some(PosterView::Free { eye, target, fov }), _) => {
             check_direction(eye, target, take.info.up)?;
             let fov_y = fov.map_or(viewpoints[0].fov_y, f32::to_radians);
             Viewpoint { position: eye, target, fov_y, name: String::new() }
@@ -199,15 +199,15 @@ fn print(path: &Path, poster: Option<&Poster>, is_json: bool) {
 }
 
 /// Parses two points and perhaps an angle; everything else names a viewpoint.
-fn view(text: &str) -> Result<View, Infallible> {
+fn view(text: &str) -> Result<PosterView, Infallible> {
     let free = || {
         let mut parts = text.split(':');
         let (eye, target) = (point(parts.next()?)?, point(parts.next()?)?);
         let fov = parts.next().map(degrees);
         let is_complete = parts.next().is_none() && fov != Some(None);
-        is_complete.then_some(View::Free { eye, target, fov: fov.flatten() })
+        is_complete.then_some(PosterView::Free { eye, target, fov: fov.flatten() })
     };
-    Ok(free().unwrap_or_else(|| View::Named(text.into())))
+    Ok(free().unwrap_or_else(|| PosterView::Named(text.into())))
 }
 
 fn point(text: &str) -> Option<[f32; 3]> {
