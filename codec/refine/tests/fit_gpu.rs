@@ -28,6 +28,7 @@ fn main() -> ExitCode {
         trial("the loss matches the CPU", losses),
         trial("a step matches the CPU", a_step),
         trial("cameras are learned as on the CPU", cameras),
+        trial("a step without a response forgets the response before", forgotten),
         trial("a fit is reproducible bit by bit", repeatable),
         trial("fifty steps stay close to the CPU", fifty_steps),
         trial("capacity control follows the CPU", controls),
@@ -396,6 +397,18 @@ fn cameras(mut gpu: Gpu) -> Result<(), DeviceError> {
     assert!((a.late(1) - b.late(1)).abs() < 0.1 * b.late(1).abs(), "{} {}", a.late(1), b.late(1));
     let [dim_a, dim_b] = [a, b].map(|rig| rig.response(1).vignette);
     assert!((dim_b + 0.2).abs() > 1e-3 && (dim_a - dim_b).abs() < 1e-5, "{dim_a} {dim_b}");
+    Ok(())
+}
+
+fn forgotten(mut gpu: Gpu) -> Result<(), DeviceError> {
+    let (views, start) = (training_views([64, 64], &[4.0]), cloud(47, 500, 2));
+    let dim = Response { vignette: -0.5, ..Response::NEUTRAL };
+    let seen = new_fit(&start, &views, 100).seen_by(Rig::new(Learned::default(), vec![dim], 0));
+    run_of(&mut gpu, seen, &views, 1, None)?;
+    let (_, found) = fitted(&mut gpu, &start, &views, [1, 100], None)?;
+    let (_, expected) = fitted(&mut Cpu::default(), &start, &views, [1, 100], None)?;
+    let (a, b) = (found[0].loss, expected[0].loss);
+    assert!((a / b - 1.0).abs() < 1e-5, "{a} for {b}");
     Ok(())
 }
 

@@ -181,10 +181,12 @@ impl Backend for Gpu {
         let (device, loaded) = self.loaded();
         let size = [view.camera.width, view.camera.height];
         assert_eq!(photograph.pixels.len() as u64, pixels(size), "a photograph of the camera's size");
-        if let Some(response) = &config.response {
+        if config.response.is_some() {
             loaded.learn_cameras(device)?;
-            device.write(&loaded.buffers.fixed.response, 0, &[transfer::response(response)]);
         }
+        // Kernels that learn cameras show every image by way of a response, left from the step before.
+        let response = config.response.as_ref().unwrap_or(&Response::NEUTRAL);
+        device.write(&loaded.buffers.fixed.response, 0, &[transfer::response(response)]);
         loaded.resize(device, size)?;
         device.write(&loaded.buffers.pixels.photograph, 0, &photograph.words());
         device.write(&loaded.buffers.fixed.adam_uniforms, 0, &[transfer::adam_uniforms(config)]);
