@@ -3,7 +3,7 @@
 //! The sensitivity of each Gaussian in pictures sets its precision. The package is decoded, rendered and
 //! compared with the field, and the precision is searched at which it just meets the target. Small fields
 //! are also coded with the same precision for all rows, as learning each row's precision can cost more
-//! than it saves.
+//! than it saves. Where their PSNR jumps over the target, some of the rows are coded more coarsely.
 //!
 //! [`JointRounding`] rounds the numbers together at coarser precisions, which still meet the target. It begins near the
 //! precision that was found, or for large fields, whose search would take longer than the rounds, near the precision
@@ -30,7 +30,7 @@ pub use joint::{JOINT_ROUNDS, JointRounding};
 use scan::Scan;
 pub use search::{Miss, SURPLUS_MAX_DB, TRIALS, WORST_BELOW_DB};
 use search::{SLOPE, Search};
-use trials::{Trials, decode};
+use trials::{Fineness, Trials, decode};
 
 /// A package with its decoded clip and quality.
 #[derive(Clone, Debug)]
@@ -217,10 +217,10 @@ impl<'a> TargetCoder<'a> {
             return Ok(Start { alone: Some(coded), precision, gain_db });
         }
         let mut search = Search::new(psnr_db);
-        let (_, fidelity) = self.own.compare(&self.own.encode(psnr_db)?)?;
+        let (_, fidelity) = self.own.compare(&self.own.encode(Fineness::even(psnr_db))?)?;
         search.record(&fidelity, usize::MAX);
         (0..TRIALS).for_each(|_| on_step());
-        let precision = self.own.at(search.next().unwrap_or(psnr_db));
+        let precision = self.own.at(Fineness::even(search.next().unwrap_or(psnr_db)));
         Ok(Start { alone: None, precision, gain_db })
     }
 
@@ -306,12 +306,13 @@ fn search(trials: &Trials, psnr_db: f64, mut on_step: impl FnMut()) -> Result<Me
     let mut search = Search::new(psnr_db);
     let mut steps = 0;
     while let Some(finer_db) = search.next() {
-        let bytes = trials.encode(finer_db)?;
+        let fineness = Fineness::even(finer_db);
+        let bytes = trials.encode(fineness)?;
         let (clip, fidelity) = trials.compare(&bytes)?;
         let miss = search.record(&fidelity, bytes.len());
         let coded = Coded { bytes, clip, fidelity, miss, bytes_alone: None };
         if best.as_ref().is_none_or(|best| coded.is_better_than(&best.coded)) {
-            best = Some(Met { coded, precision: trials.at(finer_db) });
+            best = Some(Met { coded, precision: trials.at(fineness) });
         }
         steps += 1;
         on_step();
@@ -320,25 +321,30 @@ fn search(trials: &Trials, psnr_db: f64, mut on_step: impl FnMut()) -> Result<Me
     Ok(best.expect("a search has at least one trial"))
 }
 
-/// Takes the coarsest precision of [`Scan`] that meets the target with fewer than `limit` bytes; `None` if none
-/// does.
+/// Trials that find how many rows can be coded more coarsely where the PSNR jumps; each halves what is unknown.
+const SHARE_TRIALS: usize = 7;
+
+/// Takes the coarsest precision of [`Scan`] that meets the target with fewer than `limit` bytes; `None` if none does.
+/// Where its PSNR is well above the target, as many rows are coarser as meet it.
 fn scan(
     trials: &mut Trials,
     psnr_db: f64,
     limit: usize,
     mut on_step: impl FnMut(),
 ) -> Result<Option<Met>, CodeError> {
-    let mut found: Option<(f64, Fidelity)> = None;
+    let mut found: Option<(Fineness, Fidelity)> = None;
+    let least_db = (psnr_db, psnr_db - WORST_BELOW_DB);
     let mut scan = Scan::new(psnr_db);
     let mut steps = 0;
     while let Some(finer_db) = scan.next() {
         // Finer packages are larger, so the scan goes on below this precision, as if it met the target.
-        if trials.bytes(finer_db)?.len() >= limit {
+        let fineness = Fineness::even(finer_db);
+        if trials.bytes(fineness)?.len() >= limit {
             scan.record(true);
         } else {
-            let fidelity = trials.meets(finer_db, (psnr_db, psnr_db - WORST_BELOW_DB))?;
+            let fidelity = trials.meets(fineness, least_db)?;
             scan.record(fidelity.is_some());
-            found = fidelity.map(|fidelity| (finer_db, fidelity)).or(found);
+            found = fidelity.map(|fidelity| (fineness, fidelity)).or(found);
         }
         steps += 1;
         if steps <= TRIALS {
@@ -346,12 +352,24 @@ fn scan(
         }
     }
     (steps..TRIALS).for_each(|_| on_step());
-    let Some((finer_db, fidelity)) = found else { return Ok(None) };
-    let bytes = trials.bytes(finer_db)?.to_vec();
+    let Some((mut fineness, mut fidelity)) = found else { return Ok(None) };
+    let mut too_many = 1.0;
+    for _ in 0..SHARE_TRIALS {
+        if search::miss_of(&fidelity, psnr_db) != Some(Miss::Above) {
+            break;
+        }
+        let coarser_share = 0.5 * (fineness.coarser_share + too_many);
+        let coarser = Fineness { coarser_share, ..fineness };
+        match trials.meets(coarser, least_db)? {
+            Some(met) => (fineness, fidelity) = (coarser, met),
+            None => too_many = coarser_share,
+        }
+    }
+    let bytes = trials.bytes(fineness)?.to_vec();
     let clip = decode(&bytes)?;
     let miss = search::miss_of(&fidelity, psnr_db);
     let coded = Coded { bytes, clip, fidelity, miss, bytes_alone: None };
-    Ok(Some(Met { coded, precision: trials.at(finer_db) }))
+    Ok(Some(Met { coded, precision: trials.at(fineness) }))
 }
 
 impl Coded {

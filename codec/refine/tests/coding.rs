@@ -1,10 +1,11 @@
-//! The coder `rans` keeps what the mip filter shows of detail below a pixel.
+//! The coder `rans` keeps what the mip filter shows of detail below a pixel, and a package meets its quality.
 
 use codec::{
     Camera, ClipInfo, Coder, EncodeOptions, Field, Limits, PixelFilter, Precision, SH_C0, Source,
     Surroundings, decode, encode,
 };
-use refine::prune::posed_views;
+use refine::code::{Coded, PackageTarget, code};
+use refine::prune::{Pictures, posed_views};
 use refine::reference::{Order, RenderScene, render, sensitivities};
 
 /// Size of the pictures that the field is coded for.
@@ -70,4 +71,29 @@ fn compensated_needles_are_right_at_8_times_the_resolution() {
     let blur = measured(PixelFilter::Blur, 55.0);
     assert!(mip.0 > 45.0 && mip.1 > 37.5, "{mip:?}");
     assert!(mip.0 > blur.0 + 4.0 && mip.1 > blur.1 + 3.0 && mip.2 < blur.2, "{mip:?}, for blur {blur:?}");
+}
+
+/// Gaussians of one shape have the same errors, so that the PSNR jumps from precision to precision.
+#[test]
+fn regular_fields_meet_their_quality() {
+    let shape = needles(1.0);
+    let rows: Vec<usize> = (0..1800).map(|i| i % shape.len()).collect();
+    let mut field = Field { filter: PixelFilter::Blur, ..shape.select(&rows) };
+    for (i, center) in field.centers.iter_mut().enumerate() {
+        *center = [i % 12, i / 12 % 12, i / 144].map(|x| 0.15 * x as f32 - 0.9);
+    }
+    field.log_scales.fill([-2.7; 3]);
+    field.opacities.fill(0.83);
+    field.rotations.fill([1.0, 0.0, 0.0, 0.0]);
+    let info = ClipInfo::default();
+    let source = Source { info: &info, field: &field, plate: None };
+    let cameras = Surroundings::new(&field, None, [0.0, 1.0, 0.0]).stand_points(0.0, SIZE).content;
+    let views = posed_views(&cameras, &[0.0]);
+    let judge = Pictures::take(&RenderScene::from(&field), views.clone(), || ());
+    for psnr_db in [40.0, 43.0, 46.0, 49.0, 52.0] {
+        let target = PackageTarget { layers: &[], psnr_db, by_device: false };
+        let Coded { fidelity, miss, .. } = code(&source, target, &views, &judge, None, || ()).unwrap();
+        println!("{psnr_db}: {}", fidelity.psnr_db);
+        assert_eq!(miss, None, "{psnr_db} dB: {fidelity:?}");
+    }
 }

@@ -1,6 +1,7 @@
 //! [`Trials`]: packages of a source at some precisions, and their errors in pictures.
 
 use std::collections::BTreeMap;
+use std::f32::consts::FRAC_1_SQRT_2;
 use std::num::NonZero;
 
 use codec::{Clip, Coder, EncodeOptions, Limits, Precision, Source, decode_parallel, encode_parallel};
@@ -14,6 +15,26 @@ use crate::reference::RenderScene;
 /// rows can be smaller. In large fields it was not in any case measured.
 const SMALL_ROWS: usize = 16_384;
 
+/// How finely a package is coded.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Fineness {
+    /// The precision, see [`Precision::psnr`].
+    pub(super) finer_db: f64,
+    /// Share of the rows, the last ones, that have steps a half octave coarser.
+    pub(super) coarser_share: f64,
+}
+
+impl Fineness {
+    /// The same precision for all rows.
+    pub(super) fn even(finer_db: f64) -> Fineness {
+        Fineness { finer_db, coarser_share: 0.0 }
+    }
+
+    fn key(self) -> [u64; 2] {
+        [self.finer_db, self.coarser_share].map(f64::to_bits)
+    }
+}
+
 /// Packages of a source, each made once, and their errors, each computed once.
 #[derive(Debug)]
 pub(super) struct Trials<'a> {
@@ -23,8 +44,8 @@ pub(super) struct Trials<'a> {
     /// All but [`Precision::psnr`].
     precision: Precision,
     pub(super) judge: &'a Pictures,
-    /// By the bits of the precision in dB.
-    pub(super) known: BTreeMap<u64, Trial>,
+    /// By the bits of the fineness.
+    pub(super) known: BTreeMap<[u64; 2], Trial>,
     /// Latest squared error in each picture, times the squared error of the precision: about the same for each trial.
     /// Infinite before the first.
     errors: Vec<f64>,
@@ -54,9 +75,16 @@ impl<'a> Trials<'a> {
         self.source.field.len() <= SMALL_ROWS
     }
 
-    /// The precision of all rows for one in dB.
-    pub(super) fn at(&self, finer_db: f64) -> Precision {
-        Precision { psnr: finer_db, ..self.precision.clone() }
+    /// The precision of all rows.
+    pub(super) fn at(&self, fineness: Fineness) -> Precision {
+        let mut precision = Precision { psnr: fineness.finer_db, ..self.precision.clone() };
+        let rows = &mut precision.sensitivities;
+        let coarser = (fineness.coarser_share * rows.len() as f64).round() as usize;
+        for row in rows.iter_mut().rev().take(coarser) {
+            row.color *= FRAC_1_SQRT_2;
+            row.geometry *= FRAC_1_SQRT_2;
+        }
+        precision
     }
 
     /// The options of a package at a precision.
@@ -69,9 +97,9 @@ impl<'a> Trials<'a> {
         }
     }
 
-    /// Packages the source at a precision in dB.
-    pub(super) fn encode(&self, finer_db: f64) -> Result<Vec<u8>, CodeError> {
-        let options = self.options(self.at(finer_db));
+    /// Packages the source.
+    pub(super) fn encode(&self, fineness: Fineness) -> Result<Vec<u8>, CodeError> {
+        let options = self.options(self.at(fineness));
         encode_parallel(self.source, &options, threads()).map_err(CodeError::Encode)
     }
 
@@ -82,31 +110,32 @@ impl<'a> Trials<'a> {
         Ok((clip, fidelity))
     }
 
-    /// The package at a precision in dB.
-    pub(super) fn bytes(&mut self, finer_db: f64) -> Result<&[u8], CodeError> {
-        if !self.known.contains_key(&finer_db.to_bits()) {
-            let trial = Trial { bytes: self.encode(finer_db)?, errors: vec![None; self.judge.len()] };
-            self.known.insert(finer_db.to_bits(), trial);
+    /// The package of a fineness.
+    pub(super) fn bytes(&mut self, fineness: Fineness) -> Result<&[u8], CodeError> {
+        let key = fineness.key();
+        if !self.known.contains_key(&key) {
+            let trial = Trial { bytes: self.encode(fineness)?, errors: vec![None; self.judge.len()] };
+            self.known.insert(key, trial);
         }
-        Ok(&self.known[&finer_db.to_bits()].bytes)
+        Ok(&self.known[&key].bytes)
     }
 
-    /// The fidelity at a precision in dB, if it is at least `least_db`: over all pictures, and in each. Renders
+    /// The fidelity of a fineness, if it is at least `least_db`: over all pictures, and in each. Renders
     /// the pictures with the largest errors first.
     pub(super) fn meets(
         &mut self,
-        finer_db: f64,
+        fineness: Fineness,
         least_db: (f64, f64),
     ) -> Result<Option<Fidelity>, CodeError> {
-        let clip = decode(self.bytes(finer_db)?)?;
+        let clip = decode(self.bytes(fineness)?)?;
         let mut order: Vec<usize> = (0..self.judge.len()).collect();
         order.sort_by(|&a, &b| self.errors[b].total_cmp(&self.errors[a]));
-        let trial = self.known.get_mut(&finer_db.to_bits()).expect("it was just made");
+        let trial = self.known.get_mut(&fineness.key()).expect("it was just made");
         let scene = RenderScene::from(&clip);
         let fidelity = self.judge.compare_at_least(&scene, least_db, &order, &mut trial.errors);
         for (latest, errors) in self.errors.iter_mut().zip(&trial.errors) {
             if let Some(errors) = errors {
-                *latest = errors.squared * libm::exp10(0.1 * finer_db);
+                *latest = errors.squared * libm::exp10(0.1 * fineness.finer_db);
             }
         }
         Ok(fidelity)
