@@ -750,10 +750,7 @@ fn print_choice(report: &PackageReport) {
         }
         None => {}
     }
-    let chosen = report.tried.iter().find(|tried| tried.chosen).filter(|_| report.refined.is_some());
-    let before =
-        chosen.map(|chosen| format!(", {:.2} dB before refining", chosen.psnr_db)).unwrap_or_default();
-    println!("{:16} {psnr:.2} dB against the whole field{before}", "fidelity");
+    println!("{:16} {psnr:.2} dB against the whole field, in further views", "fidelity");
 }
 
 /// The orders that were tried for the layers, by the fidelity of the first layers.

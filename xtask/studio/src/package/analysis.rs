@@ -11,7 +11,7 @@ use refine::reference::{Contribution, RenderScene};
 use super::encode::draft;
 use super::layer_order::{LayerOrder, layer_order};
 use super::settings::{LAYERS, PackageSettings};
-use super::views::{fragment_views, judging_views, ranking_views, render_scene};
+use super::views::{fragment_views, judging_views, ranking_views, render_scene, whole_views};
 use crate::progress::StagedProgress;
 use crate::scene::Scene;
 
@@ -137,6 +137,13 @@ impl<'a> FieldAnalysis<'a> {
     /// PSNR in dB of a clip in the judging pictures.
     pub(crate) fn psnr(&self, clip: &Clip) -> f64 {
         self.judge.psnr(&RenderScene::from(clip), || ())
+    }
+
+    /// PSNR in dB of a clip in pictures of the whole field that chose nothing.
+    pub(crate) fn reported_psnr(&self, clip: &Clip) -> f64 {
+        let views = whole_views(self.scene, self.field);
+        let pictures = Pictures::take(&render_scene(self.field, self.plate), views, || ());
+        pictures.psnr(&RenderScene::from(clip), || ())
     }
 }
 

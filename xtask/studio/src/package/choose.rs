@@ -36,9 +36,9 @@ pub(super) struct Choice<'a> {
 }
 
 impl Choice<'_> {
-    /// PSNR in dB of a clip against the whole field; `None` where nothing was left out.
+    /// PSNR in dB of a clip against the whole field, in pictures that chose nothing; `None` where nothing was left out.
     pub(super) fn whole_psnr_db(&self, clip: &Clip) -> Option<f64> {
-        self.whole.as_ref().map(|whole| whole.psnr(clip))
+        self.whole.as_ref().map(|whole| whole.reported_psnr(clip))
     }
 }
 

@@ -12,7 +12,7 @@ use refine::fit::Backend;
 
 use super::pipeline::{Package, package_with};
 use super::settings::PackageSettings;
-use super::views::{judging_views, render_scene};
+use super::views::{render_scene, whole_views};
 use super::visible::{VisibleScene, visible_scene};
 use crate::progress::StagedProgress;
 use crate::scene::Scene;
@@ -48,7 +48,7 @@ pub fn prefix_quality(
 ) -> anyhow::Result<Vec<PrefixStep>> {
     let limits = Limits::default();
     let VisibleScene { field, plate, .. } = visible_scene(scene, settings)?;
-    let judge = Pictures::take(&render_scene(&field, plate.as_ref()), judging_views(scene, &field), || ());
+    let judge = Pictures::take(&render_scene(&field, plate.as_ref()), whole_views(scene, &field), || ());
     let psnr_of = |bytes: &[u8]| -> anyhow::Result<f64> {
         let clip = codec::decode(bytes, &limits)?;
         Ok(judge.psnr(&reference::RenderScene::from(&clip), || ()))

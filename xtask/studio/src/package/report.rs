@@ -29,8 +29,8 @@ pub struct PackageReport {
     pub tried_orders: Vec<TriedOrder>,
     /// What of the topology is preserved.
     pub topology: PreservedTopology,
-    /// PSNR in dB between pictures of the decoded package and of the whole field; `None` where
-    /// nothing was left out for the budget.
+    /// PSNR in dB between pictures of the decoded package and of the whole field, from views that chose nothing; `None`
+    /// where nothing was left out for the budget.
     pub whole_psnr_db: Option<f64>,
     /// The candidates for the budget.
     pub tried: Vec<TriedCandidate>,

@@ -55,7 +55,8 @@ const STEERING_PLACES: Places = Places { aside: 10.0, viewpoint: false, turn: 0.
 /// Placement of the judging views. Only they include the viewpoints themselves, where playing starts.
 const JUDGING_PLACES: Places = Places { aside: 6.0, viewpoint: true, turn: 0.5 };
 
-/// Placement of the views that measure what is reported of a scene that states no viewpoint; they choose nothing.
+/// Placement of the views that measure what is reported of a selection, and of a scene that states no viewpoint; they
+/// choose nothing.
 const REPORTED_PLACES: Places = Places { aside: 3.0, viewpoint: false, turn: 0.75 };
 
 /// Placements of the views for joint rounding, apart from the placements of the steering and the judging views.
@@ -100,6 +101,12 @@ pub(crate) fn rounding_views(scene: &Scene, field: &Field) -> Vec<PosedView> {
 /// Views that compare selections with the whole field, in small pictures.
 pub(crate) fn judging_views(scene: &Scene, field: &Field) -> Vec<PosedView> {
     views_of(scene, field, JUDGING_PLACES, SIZE, STEERING)
+}
+
+/// Views that compare a package with the whole field, in small pictures. The best of many selections is better in the
+/// pictures that it was chosen by than in these.
+pub(crate) fn whole_views(scene: &Scene, field: &Field) -> Vec<PosedView> {
+    views_of(scene, field, REPORTED_PLACES, SIZE, STEERING)
 }
 
 /// Views that compare a package with the field before coding, in pictures of this `size`.

@@ -183,9 +183,9 @@ fn the_most_faithful_ranking_wins() {
     // Only what the pictures cannot tell apart is left to the topology.
     assert!(tried.iter().all(|tried| number(&tried["psnr_db"]) <= number(&best["psnr_db"]) + 0.1));
     assert!(auto["why"].as_str().unwrap().starts_with(best["ranking"].as_str().unwrap()), "{}", auto["why"]);
-    // Judged by drafts, which are a little more exact.
+    // Other pictures than those that chose it.
     let difference = number(&auto["whole_psnr_db"]) - number(&best["psnr_db"]);
-    assert!(difference.abs() < 0.2, "{difference} dB between draft and package");
+    assert!(difference.abs() < 1.0, "{difference} dB between draft and package");
     for key in ["recall", "precision", "saddle_drift"] {
         assert_eq!(auto["topology"][key], best[key]);
         assert!((0.0..=1.0).contains(&number(&best[key])), "{best}");
@@ -235,16 +235,20 @@ fn the_most_faithful_ranking_wins() {
 fn recoloring_gains_where_pruned_gaussians_leave_gaps() {
     let folder = tempdir().unwrap();
     assert_eq!(aarc_studio(folder.path(), &["synth", "limbs", "-o", "limbs.ply"]).code, Some(0));
-    // This coder's draft is its package.
-    let rank = ["--budget", "5000", "--rank", "blend-sum", "--no-floor", "--coder", "fixed", "--recolor"];
-    let args = [&["package", "limbs.ply", "-o", "limbs.aarc", "--json"], &rank[..]].concat();
-    let report = aarc_studio(folder.path(), &args).json();
+    let rank = ["--budget", "5000", "--rank", "blend-sum", "--no-floor", "--coder", "fixed"];
+    let package = |recolor: &[&str]| {
+        let args = [&["package", "limbs.ply", "-o", "limbs.aarc", "--json"], &rank[..], recolor].concat();
+        aarc_studio(folder.path(), &args).json()
+    };
+    let (plain, recolored) = (package(&[]), package(&["--recolor"]));
     let number = |value: &Value| value.as_f64().unwrap_or_else(|| panic!("not a number: {value}"));
-    let gain = number(&report["refit_gain_db"]);
+    let gain = number(&recolored["refit_gain_db"]);
     // Recorded: 0.29 dB.
     assert!(gain > 0.2, "{gain} dB");
-    let difference = number(&report["whole_psnr_db"]) - number(&report["tried"][0]["psnr_db"]);
-    assert!((difference - gain).abs() < 1e-6, "{difference} dB for a gain of {gain}");
+    // This coder's draft is its package, and yet other pictures are reported than those that chose.
+    assert_ne!(plain["whole_psnr_db"], plain["tried"][0]["psnr_db"]);
+    let difference = number(&recolored["whole_psnr_db"]) - number(&plain["whole_psnr_db"]);
+    assert!(difference > 0.2, "{difference} dB for a gain of {gain}");
 }
 
 #[test]
