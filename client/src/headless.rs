@@ -114,6 +114,20 @@ struct ClipRenderer<'a> {
     state: DeviceState,
 }
 
+/// Waits until what was written to the GPU lies there.
+fn finish_uploads(gpu: &Gpu) -> Result<(), Fault> {
+    gpu.submit(gpu.encoder());
+    gpu.wait()
+}
+
+/// A frame that was measured.
+struct MeasuredFrame {
+    /// With the wall time of drawing.
+    stats: FrameStats,
+    /// Its GPU time in milliseconds, if the device wrote one.
+    gpu_ms: Option<f64>,
+}
+
 /// The parts of a [`ClipRenderer`] that are lost with the device.
 struct DeviceState {
     image: Offscreen,
@@ -134,6 +148,7 @@ impl DeviceState {
         let start = Instant::now();
         let (mut renderer, mut take) = TakePlayer::new(gpu, opened.clone(), layout, || ())?;
         take.wait(gpu, &mut renderer, 0.0, Extent::All)?;
+        finish_uploads(gpu)?;
         let upload_ms = start.elapsed().as_secs_f64() * 1e3;
         Ok(DeviceState { image, renderer, take, upload_ms })
     }
@@ -166,26 +181,41 @@ impl<'a> ClipRenderer<'a> {
     }
 
     fn render(&mut self, time_s: f64) -> Result<FrameCounts, Fault> {
-        let t = clip_time(&self.clip, time_s);
-        let DeviceState { image, renderer, take, .. } = &mut self.state;
+        self.load(time_s)?;
+        self.draw(time_s)
+    }
+
+    /// Waits until everything at `time_s` is decoded and uploaded.
+    fn load(&mut self, time_s: f64) -> Result<(), Fault> {
+        let DeviceState { renderer, take, .. } = &mut self.state;
         take.wait(&self.device.gpu, renderer, time_s, Extent::All)?;
         let mut reporter = Reporter::new();
         take.take_notes().into_iter().for_each(|note| reporter.print(&OpenEvent::Note(note)));
+        Ok(())
+    }
+
+    /// Draws what is uploaded.
+    fn draw(&mut self, time_s: f64) -> Result<FrameCounts, Fault> {
+        let t = clip_time(&self.clip, time_s);
+        let DeviceState { image, renderer, .. } = &mut self.state;
         image.render(&self.device.gpu, renderer, t, &self.views, &self.settings)
     }
 
     /// Renders a frame, measures it, and reads the pixels of each eye.
-    fn measure(&mut self, time_s: f64) -> Result<(FrameStats, Vec<Pixels>), Fault> {
+    fn measure(&mut self, time_s: f64) -> Result<(MeasuredFrame, Vec<Pixels>), Fault> {
         self.with_device(|this| {
             if this.device.images == 0 {
                 // Drivers finish compiling in the first frame, which would distort its timings.
                 this.render(time_s)?;
             }
+            this.load(time_s)?;
+            finish_uploads(&this.device.gpu)?;
+            this.state.renderer.new_gpu_ms();
             let start = Instant::now();
-            let counts = this.render(time_s)?;
-            let wall_ms = start.elapsed().as_secs_f64() * 1e3 - counts.alive_ms - counts.sort_ms;
+            let counts = this.draw(time_s)?;
+            let draw_ms = start.elapsed().as_secs_f64() * 1e3 - counts.alive_ms - counts.sort_ms;
             let DeviceState { image, renderer, .. } = &mut this.state;
-            let draw_ms = renderer.gpu_ms().unwrap_or(wall_ms);
+            let gpu_ms = renderer.new_gpu_ms();
             let coverage = renderer.count(&this.device.gpu)?;
             let stats = FrameStats {
                 time: time_s,
@@ -197,7 +227,7 @@ impl<'a> ClipRenderer<'a> {
                 sort_ms: counts.sort_ms,
                 draw_ms,
             };
-            Ok((stats, image.read(&this.device.gpu)?))
+            Ok((MeasuredFrame { stats, gpu_ms }, image.read(&this.device.gpu)?))
         })
     }
 
@@ -216,7 +246,13 @@ impl<'a> ClipRenderer<'a> {
         Ok(result)
     }
 
-    fn stats(&self, loading: LoadingStats, frames: Vec<FrameStats>) -> Stats {
+    fn stats(&self, loading: LoadingStats, frames: Vec<MeasuredFrame>) -> Stats {
+        let gpu_timed = frames.iter().all(|frame| frame.gpu_ms.is_some());
+        let timed = |MeasuredFrame { stats, gpu_ms }: MeasuredFrame| FrameStats {
+            draw_ms: gpu_ms.filter(|_| gpu_timed).unwrap_or(stats.draw_ms),
+            ..stats
+        };
+        let frames: Vec<FrameStats> = frames.into_iter().map(timed).collect();
         let ClipRenderer { device: Device { gpu, .. }, clip, views, state, .. } = self;
         let DeviceState { renderer, take, upload_ms, .. } = state;
         Stats {
@@ -232,7 +268,7 @@ impl<'a> ClipRenderer<'a> {
             pipelines: renderer.pipelines(),
             loading,
             upload_ms: *upload_ms,
-            gpu_timed: gpu.caps.timestamps,
+            gpu_timed,
             f16: gpu.caps.f16,
             alive_ms: Summary::new(frames.iter().map(|frame| frame.alive_ms)),
             sort_ms: Summary::new(frames.iter().map(|frame| frame.sort_ms)),
@@ -254,8 +290,8 @@ fn run_clip(args: &Args, output: &ImageOutput) -> Result<(), Fault> {
     let mut frames = Vec::new();
     for (i, &time_s) in times.iter().enumerate() {
         if args.stats.is_some() {
-            let (stats, eyes) = renderer.measure(time_s)?;
-            frames.push(stats);
+            let (frame, eyes) = renderer.measure(time_s)?;
+            frames.push(frame);
             write_image(output, i, &eyes)?;
         } else {
             write_image(output, i, &renderer.pixels(time_s)?)?;

@@ -30,9 +30,9 @@ pub struct Stats {
     pub pipelines: usize,
     /// Time to load the clip.
     pub loading: LoadingStats,
-    /// Milliseconds to pack and upload the clip.
+    /// Milliseconds until all that is drawn first was decoded, packed and in GPU memory.
     pub upload_ms: f64,
-    /// Whether GPU timestamps measured `draw_ms`; else it is the wall time until the GPU finished.
+    /// Whether GPU timestamps measured `draw_ms` of all frames; else it is the wall time until the GPU finished.
     pub gpu_timed: bool,
     /// Whether the fragment stage calculated in f16; else in f32.
     pub f16: bool,
@@ -88,7 +88,7 @@ pub struct FrameStats {
     pub alive: u32,
     /// Gaussians inside a view frustum.
     pub sorted: u32,
-    /// Gaussians whose quad covers a pixel centre.
+    /// Gaussians whose quad covers a pixel centre of an eye.
     pub drawn: u32,
     /// Pixel centres covered by quads, over all Gaussians and eyes.
     pub fragments: u64,
@@ -96,7 +96,7 @@ pub struct FrameStats {
     pub alive_ms: f64,
     /// Milliseconds to sort.
     pub sort_ms: f64,
-    /// Milliseconds to draw.
+    /// Milliseconds to draw what is uploaded: on the GPU, or the wall time.
     pub draw_ms: f64,
 }
 

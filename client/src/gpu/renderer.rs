@@ -217,7 +217,7 @@ impl Renderer {
             gpu.save_pipelines();
         }
         let slot = self.timer.as_mut().and_then(|timer| {
-            timer.latest_ms();
+            timer.collect();
             timer.free_slot()
         });
         let timer = self.timer.as_ref().zip(slot);
@@ -292,6 +292,12 @@ impl Renderer {
     /// result. Does not wait.
     pub fn gpu_ms(&mut self) -> Option<f64> {
         self.timer.as_mut().and_then(GpuTimer::latest_ms)
+    }
+
+    /// GPU time in milliseconds of the latest frame that was measured since the last call; `None` if there is none, or
+    /// the device wrote no time. After waiting for the GPU it is the time of the last frame. Does not wait.
+    pub fn new_gpu_ms(&mut self) -> Option<f64> {
+        self.timer.as_mut().and_then(GpuTimer::new_ms)
     }
 
     /// Counts the fragments of the prepared frame exactly. Draws again and waits for the GPU: for measuring, not for

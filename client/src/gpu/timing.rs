@@ -24,6 +24,8 @@ pub(super) struct GpuTimer {
     /// Milliseconds per tick.
     period_ms: f64,
     latest_ms: Option<f64>,
+    /// The latest time, until it is taken.
+    new_ms: Option<f64>,
 }
 
 struct Slot {
@@ -61,22 +63,35 @@ impl GpuTimer {
             slots: (0..SLOTS).map(slot).collect(),
             period_ms: f64::from(gpu.queue.get_timestamp_period()) * 1e-6,
             latest_ms: None,
+            new_ms: None,
         })
     }
 
     /// Collects finished measurements and returns the latest one in milliseconds; `None` before the first one, and
     /// while the device writes no time.
     pub(super) fn latest_ms(&mut self) -> Option<f64> {
+        self.collect();
+        self.latest_ms
+    }
+
+    /// As [`GpuTimer::latest_ms`], and returns each measurement once.
+    pub(super) fn new_ms(&mut self) -> Option<f64> {
+        self.collect();
+        self.new_ms.take()
+    }
+
+    /// Collects finished measurements.
+    pub(super) fn collect(&mut self) {
         for slot in self.slots.iter_mut().filter(|slot| slot.mapped.swap(false, Ordering::Acquire)) {
             if let Ok(mapped) = slot.readback.slice(..).get_mapped_range() {
                 let ticks: &[u64] = bytemuck::cast_slice(&mapped);
                 self.latest_ms =
                     elapsed_ticks([ticks[0], ticks[1]]).map(|ticks| ticks as f64 * self.period_ms);
+                self.new_ms = self.latest_ms;
             }
             slot.readback.unmap();
             slot.busy = false;
         }
-        self.latest_ms
     }
 
     /// A free slot for the next frame; `None` if all are in flight.

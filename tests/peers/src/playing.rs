@@ -141,7 +141,9 @@ fn fragments(kind: PlayerKind, clip: &Clip, work: &Workload) -> f64 {
         PlayerKind::Viewer => Radius::Fixed(sqrt_8 * sqrt_8 / 2.0),
     };
     let scene = RenderScene::from(clip);
-    let all: u64 =
-        work.frames.iter().map(|frame| coverage(&scene, &frame.camera, frame.t, radius).fragments).sum();
+    let fragments = |frame: &WorkFrame| {
+        coverage(&scene, std::slice::from_ref(&frame.camera), frame.t, radius).fragments
+    };
+    let all: u64 = work.frames.iter().map(fragments).sum();
     all as f64 / work.frames.len() as f64
 }

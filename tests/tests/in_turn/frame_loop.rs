@@ -37,6 +37,7 @@ pub(crate) fn trials() -> Vec<Trial> {
             let gpu = opened()?;
             take(&gpu, 1).and_then(|()| take(&gpu, 2))
         }),
+        gpu::trial("the GPU time of a frame is told once", Passes::Shared, told_once),
     ]
 }
 
@@ -49,6 +50,24 @@ fn clip(gpu: &Gpu, eyes: usize) -> Result<(), String> {
     let uploaded = GpuClip::upload(gpu, &clip).map_err(fault)?;
     let renderer = Renderer::new(gpu, uploaded, frames(eyes)).map_err(fault)?;
     steady(gpu, eyes, renderer, |_, frame| f64::from(frame) / f64::from(FRAMES))
+}
+
+fn told_once(gpu: &Gpu) -> Result<(), String> {
+    let fault = |fault: program::Fault| fault.to_string();
+    let recipe =
+        Recipe { count: 800, sh_degree: 2, motion: Motion::Static, motion_order: 0, turning: false, seed: 4 };
+    let uploaded = GpuClip::upload(gpu, &decoded_with(&recipe.field(), None, &[])).map_err(fault)?;
+    let mut renderer = Renderer::new(gpu, uploaded, frames(1)).map_err(fault)?;
+    let target = Offscreen::new(gpu, UVec2::new(96, 64), 1, ChannelDepth::Eight).map_err(fault)?;
+    let views = [View::from_camera(&camera(Place::Whole, 96, 64))];
+    for _ in 0..3 {
+        target.render(gpu, &mut renderer, 0.0, &views, &RenderSettings::default()).map_err(fault)?;
+        let told = [renderer.new_gpu_ms(), renderer.new_gpu_ms()];
+        if told[0].is_some() != gpu.caps.timestamps || told[1].is_some() || renderer.gpu_ms() != told[0] {
+            return Err(format!("{told:?}, and the latest is {:?}", renderer.gpu_ms()));
+        }
+    }
+    Ok(())
 }
 
 /// Frames of `eyes` eyes.

@@ -11,7 +11,7 @@ use aarc_tests::gpu::{self, Passes};
 use aarc_tests::image::{Tolerance, check, difference};
 use aarc_tests::lossy::lossy;
 use aarc_tests::outcome::{DATA, NETWORK, Outcome, USAGE};
-use aarc_tests::programs::{Folder, client, run};
+use aarc_tests::programs::{Folder, client, run, studio};
 use aarc_tests::scene::{Motion, Recipe, ball, info, lasting};
 use aarc_tests::server::{Answer, Request, Server};
 use aarc_tests::take_files::{SegmentFile, take_package};
@@ -19,6 +19,7 @@ use client::gpu::Gpu;
 use codec::{ClipInfo, EncodeOptions, Source};
 use libtest_mimic::Trial;
 use refine::image::Image;
+use serde_json::Value;
 
 use crate::playlist::{CenterColor, center_color};
 
@@ -36,6 +37,7 @@ const RECIPE: Recipe =
 pub(crate) fn trials() -> Vec<Trial> {
     vec![
         gpu::trial("each segment is shown as its clip alone, at any instant", Passes::Shared, as_alone),
+        gpu::trial("the player and the reference count alike", Passes::Shared, counted_alike),
         gpu::trial("a damaged segment is one sentence, and the rest plays", Passes::Shared, damaged),
         gpu::trial("a file that is cut short plays as far as it goes", Passes::Shared, truncated),
         gpu::trial("a take that is cut short on a server says so", Passes::Shared, truncated_on_server),
@@ -100,6 +102,39 @@ fn read(folder: &Folder, name: &str) -> Result<Image, String> {
 
 fn is_black(image: &Image) -> bool {
     image.pixels.iter().all(|pixel| pixel[..3] == [0.0; 3])
+}
+
+/// Keys that both programs write have one meaning, in both eyes and with segments that no instant needs.
+fn counted_alike(_: &Gpu) -> Result<(), String> {
+    let folder = Folder::default();
+    folder.write("take.aarc", &take().0);
+    let line = "--time 0.25,1.5 --size 96x64 --stereo --out";
+    run(&mut folder.command(client(), &format!("take.aarc --headless {line} player --stats player.json")))
+        .success();
+    run(&mut folder.command(studio(), &format!("render take.aarc {line} reference --stats reference.json")))
+        .success();
+    let read = |name: &str| {
+        serde_json::from_slice::<Value>(&folder.read(name)?).map_err(|error| format!("{name}: {error}"))
+    };
+    let (player, reference) = (read("player.json")?, read("reference.json")?);
+    if player["gaussians"] != reference["gaussians"] {
+        return Err(format!("{} Gaussians, and {}", player["gaussians"], reference["gaussians"]));
+    }
+    for i in 0..2 {
+        let [player, reference] = [&player, &reference].map(|stats| &stats["frames"][i]);
+        let number = |frame: &Value, key: &str| frame[key].as_f64().unwrap_or(f64::NAN);
+        // Single precision decides otherwise at a few edges of quads.
+        for (key, tolerance) in [("time", 0.0), ("alive", 0.0), ("drawn", 0.02), ("fragments", 0.02)] {
+            let (found, expected) = (number(player, key), number(reference, key));
+            if (found - expected).abs() > tolerance * expected || found.is_nan() || expected.is_nan() {
+                return Err(format!("{key}: {found}, and {expected}"));
+            }
+        }
+        if number(reference, "drawn") > number(reference, "alive") {
+            return Err(format!("more are drawn than are alive: {reference}"));
+        }
+    }
+    Ok(())
 }
 
 fn as_alone(_: &Gpu) -> Result<(), String> {

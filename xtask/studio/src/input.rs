@@ -122,12 +122,14 @@ impl Input {
         }
     }
 
-    /// Number of Gaussians, the background's included.
-    pub fn gaussians(&self) -> usize {
+    /// Number of Gaussians, the background's included, also of segments that were not read; `None` for a field folder of
+    /// which only a part was read.
+    pub fn gaussians(&self) -> Option<usize> {
         match self {
-            Input::Take(take) => take.gaussians(),
+            Input::Take(take) => take.gaussians,
             Input::Scene(scene) => {
-                scene.subject.field.len() + scene.plate.as_ref().map_or(0, |plate| plate.field.len())
+                let plate = scene.plate.as_ref().map_or(0, |plate| plate.field.len());
+                Some(scene.subject.field.len() + plate)
             }
         }
     }

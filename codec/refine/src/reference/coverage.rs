@@ -8,7 +8,7 @@ use glam::{DVec2, dvec2};
 use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 
-use super::{FieldPrefix, RenderScene, alive, evaluate_all};
+use super::{RenderScene, alive, evaluate};
 use crate::raster::Splat;
 
 /// Rows of pixels at once: as many numbers as a vector of 256 bits has.
@@ -25,35 +25,38 @@ pub enum Radius {
     Fixed(f64),
 }
 
-/// Counts of one frame.
+/// Counts of one frame, of all its eyes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Coverage {
     /// Gaussians whose opacity at the instant is at least 1/255.
     pub alive: usize,
-    /// Gaussians whose quad contains at least one pixel centre of the image.
+    /// Gaussians whose quad contains at least one pixel centre of an eye's image.
     pub drawn: usize,
-    /// Pixel centres inside quads, summed over all splats.
+    /// Pixel centres inside quads, summed over all splats and eyes.
     pub fragments: u64,
 }
 
-/// Counts the fragments of `scene`, plate included, from `camera` at clip time `t`. `camera` must satisfy
+/// Counts the fragments of `scene`, plate included, in the images of `eyes` at clip time `t`. Each of `eyes` must satisfy
 /// [`Camera::check`].
-pub fn coverage(scene: &RenderScene, camera: &Camera, t: f64, radius: Radius) -> Coverage {
-    let mut prefixes = scene.prefixes.clone();
-    prefixes.extend(&scene.plates);
-    let alive_in = |prefix: &FieldPrefix| {
-        prefix.clip_time(t).map_or(0, |t| alive::alive(prefix.field, prefix.rows, t).len())
-    };
-    let alive = prefixes.iter().map(alive_in).sum();
-    let counts = |splat: &Splat<f64>| {
-        let fragments = fragments(splat, radius, camera.width, camera.height);
-        (usize::from(fragments > 0), fragments)
-    };
-    let (drawn, fragments) = evaluate_all(&prefixes, camera, t)
-        .par_iter()
-        .map(counts)
-        .reduce(|| (0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
-    Coverage { alive, drawn, fragments }
+pub fn coverage(scene: &RenderScene, eyes: &[Camera], t: f64, radius: Radius) -> Coverage {
+    let mut coverage = Coverage { alive: 0, drawn: 0, fragments: 0 };
+    for prefix in scene.prefixes.iter().chain(&scene.plates) {
+        let Some(t) = prefix.clip_time(t) else { continue };
+        let alive = alive::alive(prefix.field, prefix.rows, t);
+        let mut is_drawn = vec![false; prefix.rows];
+        for eye in eyes {
+            let splats = evaluate::evaluate(prefix.field, &alive, eye, t);
+            let fragments = |splat: &Splat<f64>| fragments(splat, radius, eye.width, eye.height);
+            let counts: Vec<u64> = splats.par_iter().map(fragments).collect();
+            for (splat, fragments) in splats.iter().zip(counts) {
+                is_drawn[splat.row as usize] |= fragments > 0;
+                coverage.fragments += fragments;
+            }
+        }
+        coverage.alive += alive.len();
+        coverage.drawn += is_drawn.into_iter().filter(|is_drawn| *is_drawn).count();
+    }
+    coverage
 }
 
 /// Number of pixel centres of the image inside the quad of `splat`.

@@ -469,8 +469,8 @@ fn a_take_is_the_union_of_the_segments_that_hold_the_instant() {
     for t_s in [3.0, 4.0, 5.0] {
         assert_eq!(seconds(t_s), draw(&RenderScene::from(first), 0.0), "{t_s} s");
     }
-    assert_eq!(coverage(&take, &camera(), 0.125, Radius::Exact).alive, 2);
-    assert_eq!(coverage(&take, &camera(), 0.5, Radius::Exact).alive, 0);
+    assert_eq!(coverage(&take, &[camera()], 0.125, Radius::Exact).alive, 2);
+    assert_eq!(coverage(&take, &[camera()], 0.5, Radius::Exact).alive, 0);
     let held = render_held(&take, &camera(), 0.375, Order::Depth, (&camera(), 0.37));
     assert_eq!(held, seconds(1.5));
     // A segment that spans the take is shown as its clip, also beyond the ends.
@@ -516,7 +516,7 @@ fn extreme_numbers_never_give_nan() {
             let image = render(&(&field).into(), &camera(), t, order);
             assert!(image.pixels.iter().flatten().all(|c| c.is_finite()), "t {t}");
         }
-        coverage(&(&field).into(), &camera(), t, Radius::Fixed(f64::MAX));
+        coverage(&(&field).into(), &[camera()], t, Radius::Fixed(f64::MAX));
     }
 }
 
@@ -557,7 +557,10 @@ fn coverage_counts_the_pixel_centres_in_the_quads() {
             expected.drawn += usize::from(inside > 0);
             expected.fragments += inside;
         }
-        assert_eq!(coverage(&(&field).into(), &camera(), 0.0, radius), expected, "{radius:?}");
+        assert_eq!(coverage(&(&field).into(), &[camera()], 0.0, radius), expected, "{radius:?}");
+        // Both eyes draw the same Gaussians, and shade the fragments of each.
+        let both = coverage(&(&field).into(), &[camera(), camera()], 0.0, radius);
+        assert_eq!(both, Coverage { fragments: 2 * expected.fragments, ..expected }, "{radius:?}");
         assert!(expected.drawn > 20 && expected.fragments > 2000);
         if radius == Radius::Exact {
             let ratio = expected.fragments as f64 / visible as f64;

@@ -167,7 +167,7 @@ impl<'a> Bench<'a> {
     /// Times all views of variant `i`, in the order of [`Bench::inspect`], and returns the mean.
     pub(super) fn time(&mut self, i: usize) -> Result<FrameTiming, Fault> {
         let VariantSetups { settings, setups } = &mut self.placed[i];
-        let mut mean = FrameTiming::default();
+        let mut mean = FrameTiming { gpu_timed: true, ..FrameTiming::default() };
         for (i, posed_view) in self.views.pictures.iter().enumerate() {
             let sample = of_view(setups, i).time(posed_view, settings)?;
             let share = |value: f64| value / self.views.pictures.len() as f64;
@@ -175,6 +175,7 @@ impl<'a> Bench<'a> {
             mean.alive_ms += share(sample.alive_ms);
             mean.sort_ms += share(sample.sort_ms);
             mean.draw_ms += share(sample.draw_ms);
+            mean.gpu_timed &= sample.gpu_timed;
         }
         Ok(mean)
     }
@@ -315,11 +316,13 @@ impl DrawSetup {
 
     fn time(&mut self, posed_view: &PosedView, settings: &RenderSettings) -> Result<FrameTiming, Fault> {
         let views = self.views(posed_view);
+        self.renderer.new_gpu_ms();
         let start = Instant::now();
         let counts = self.target.render(self.gpu, &mut self.renderer, posed_view.t, &views, settings)?;
         let frame_ms = start.elapsed().as_secs_f64() * 1e3;
         let (alive_ms, sort_ms) = (counts.alive_ms, counts.sort_ms);
-        let draw_ms = self.renderer.gpu_ms().unwrap_or(frame_ms - alive_ms - sort_ms);
-        Ok(FrameTiming { frame_ms, alive_ms, sort_ms, draw_ms })
+        let gpu_ms = self.renderer.new_gpu_ms();
+        let draw_ms = gpu_ms.unwrap_or(frame_ms - alive_ms - sort_ms);
+        Ok(FrameTiming { frame_ms, alive_ms, sort_ms, draw_ms, gpu_timed: gpu_ms.is_some() })
     }
 }

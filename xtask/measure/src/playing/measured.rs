@@ -30,6 +30,8 @@ pub(super) struct FrameTiming {
     pub(super) alive_ms: f64,
     pub(super) sort_ms: f64,
     pub(super) draw_ms: f64,
+    /// Whether the GPU timed `draw_ms` of all pictures; else it is the remainder of the frame.
+    pub(super) gpu_timed: bool,
 }
 
 impl MeasuredVariant {

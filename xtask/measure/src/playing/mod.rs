@@ -76,7 +76,7 @@ pub fn measure(
         setup: PlayingSetup {
             adapter: gpu.adapter_name.clone(),
             driver: gpu.driver.clone(),
-            gpu_timed: gpu.caps.timestamps,
+            gpu_timed: base.timings.iter().all(|timing| timing.gpu_timed),
             size: size.to_array(),
             gaussians: clip.len(),
             pictures: views.pictures.len(),

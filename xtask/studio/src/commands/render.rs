@@ -66,20 +66,21 @@ struct Stats {
     /// The machine.
     adapter: String,
     driver: &'static str,
-    gaussians: usize,
+    /// Of the whole input, plates included; null for a field folder of which only a part was read.
+    gaussians: Option<usize>,
     frames: Vec<FrameStats>,
 }
 
-/// Counts and timings of one frame, summed over the eyes where there are two.
+/// Counts and timings of one frame, of both eyes where there are two.
 #[derive(Serialize)]
 struct FrameStats {
     /// Seconds from the start of the clip.
     time: f64,
     /// Gaussians whose opacity reaches 1/255 at this instant.
     alive: usize,
-    /// Gaussians whose quad contains a pixel center.
+    /// Gaussians whose quad contains a pixel centre of an eye's image.
     drawn: usize,
-    /// Fragments in quads that reach to alpha 1/255.
+    /// Fragments in quads that reach to alpha 1/255, over all Gaussians and eyes.
     fragments: u64,
     /// Fragments where quads reach at most sqrt 8 standard deviations.
     fragments_capped: u64,
@@ -153,26 +154,17 @@ fn render(scene: &RenderScene<'_>, camera: &Camera, t: f64) -> RgbImage {
 
 /// Counts what a player shades at clip time `t`; leaves the timings at zero.
 fn counts(scene: &RenderScene<'_>, eyes: &[Camera], t: f64) -> FrameStats {
-    let mut stats = FrameStats {
+    let [exact, capped, fixed] = [Radius::Exact, Radius::AtMost(COMMON_RADIUS), Radius::Fixed(COMMON_RADIUS)]
+        .map(|radius| coverage(scene, eyes, t, radius));
+    FrameStats {
         time: 0.0,
-        alive: 0,
-        drawn: 0,
-        fragments: 0,
-        fragments_capped: 0,
-        fragments_fixed: 0,
+        alive: exact.alive,
+        drawn: exact.drawn,
+        fragments: exact.fragments,
+        fragments_capped: capped.fragments,
+        fragments_fixed: fixed.fragments,
         draw_ms: 0.0,
-    };
-    for camera in eyes {
-        let [exact, capped, fixed] =
-            [Radius::Exact, Radius::AtMost(COMMON_RADIUS), Radius::Fixed(COMMON_RADIUS)]
-                .map(|radius| coverage(scene, camera, t, radius));
-        stats.alive = exact.alive;
-        stats.drawn += exact.drawn;
-        stats.fragments += exact.fragments;
-        stats.fragments_capped += capped.fragments;
-        stats.fragments_fixed += fixed.fragments;
     }
-    stats
 }
 
 /// Parses the size of an image, WxH.

@@ -26,7 +26,7 @@ pub fn fragments_per_lit_pixel<'a>(
         let height = (f64::from(camera.height) * f64::from(COUNTED_WIDTH) / f64::from(camera.width)).round();
         let camera = camera.resized(COUNTED_WIDTH, (height as u32).max(1));
         let t = capture.clip_time(*photo_id);
-        fragments += coverage(scene, &camera, t, Radius::Exact).fragments;
+        fragments += coverage(scene, std::slice::from_ref(&camera), t, Radius::Exact).fragments;
         let image = render(scene, &camera, t, Order::Depth);
         lit += image.pixels.iter().filter(|[.., alpha]| *alpha >= LIT).count();
     }

@@ -49,8 +49,8 @@ impl LensCounter {
     pub(crate) fn per_pixel(&self, scene: &RenderScene) -> f64 {
         let [width, height] = LENS.size().map(f64::from);
         let pixels = 2.0 * width * height * self.instants.len() as f64;
-        let views = self.instants.iter().flat_map(|&t| self.eyes.iter().map(move |eye| (eye, t)));
-        views.map(|(eye, t)| coverage(scene, eye, t, Radius::Exact).fragments).sum::<u64>() as f64 / pixels
+        let counts = self.instants.iter().map(|&t| coverage(scene, &self.eyes, t, Radius::Exact).fragments);
+        counts.sum::<u64>() as f64 / pixels
     }
 }
 

@@ -21,6 +21,9 @@ pub struct DecodedTake {
     pub duration_s: f64,
     /// The viewpoints of `info`, or the opening at the start if there are none. Never empty.
     pub viewpoints: Vec<Viewpoint>,
+    /// Number of Gaussians of all segments, backgrounds included, as far as it is known: files of a field folder do not
+    /// say it before they are read.
+    pub gaussians: Option<usize>,
     /// Gaussians without the plates, and bytes of the package, of the first layers of all segments: one entry for each
     /// number of decoded layers. Empty for a field folder.
     pub layers: Vec<SegmentLayer>,
@@ -143,7 +146,8 @@ impl DecodedTake {
         layers.truncate(decoded);
         layers.iter_mut().for_each(|layer| layer.gaussians -= plates);
         let (info, duration_s, viewpoints) = (take.info.clone(), take.duration_s, file.viewpoints());
-        Ok(DecodedTake { info, duration_s, viewpoints, layers, segments })
+        let gaussians = Some(take.segments.iter().map(|segment| segment.gaussians()).sum());
+        Ok(DecodedTake { info, duration_s, viewpoints, gaussians, layers, segments })
     }
 
     /// Reads the segments of a field folder that hold one of the `seconds`, or all without any.
@@ -173,7 +177,8 @@ impl DecodedTake {
             check_size(&path.display().to_string(), gaussians)?;
             segments.push(DecodedSegment { span, content });
         }
-        Ok(DecodedTake { info, duration_s, viewpoints, layers: Vec::new(), segments })
+        let gaussians = Some(gaussians).filter(|_| segments.len() == folder.len());
+        Ok(DecodedTake { info, duration_s, viewpoints, gaussians, layers: Vec::new(), segments })
     }
 
     /// What all of the segments that were read record of their fit: held-out frames, and mattes.
@@ -207,11 +212,6 @@ impl DecodedTake {
             [only] => only.content.plate(),
             _ => None,
         }
-    }
-
-    /// Number of Gaussians of the segments, backgrounds included.
-    pub fn gaussians(&self) -> usize {
-        self.segments.iter().map(|segment| segment.content.len()).sum()
     }
 
     /// Whether a segment has a background plate.

@@ -273,7 +273,7 @@ fn instant(
 ) -> anyhow::Result<TakeInstant> {
     walk.go_to(t_s)?;
     let (scene, t) = (walk.to_reference(None), t_s / walk.duration_s());
-    let counts = coverage(&scene, camera, t, Radius::Exact);
+    let counts = coverage(&scene, std::slice::from_ref(camera), t, Radius::Exact);
     let psnr_db = match reference {
         None => None,
         Some(reference) => {
@@ -339,7 +339,8 @@ impl LayerErrors {
         let layers = self.fragments.len();
         let mut picture = |k: usize| -> Image {
             let scene = walk.to_reference(Some(k));
-            self.fragments[k - 1] += coverage(&scene, camera, t, Radius::Exact).fragments;
+            self.fragments[k - 1] +=
+                coverage(&scene, std::slice::from_ref(camera), t, Radius::Exact).fragments;
             render(&scene, camera, t, Order::Depth)
         };
         let whole = picture(layers);

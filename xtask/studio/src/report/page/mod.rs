@@ -119,7 +119,7 @@ impl Findings {
         let [width, height] = setup.size;
         let drawing = match setup.gpu_timed {
             true => "measured with GPU timestamps",
-            false => "the remainder of a frame: this GPU has no timestamps",
+            false => "the remainder of a frame: this GPU writes no timestamps",
         };
         let _ = writeln!(
             text,
