@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use client::gpu::{
     ChannelDepth, FrameLayout, Gpu, GpuClip, Offscreen, PackedSegment, RenderSettings, Renderer, SortOrder,
-    Span, TakeLayout,
+    Span, TakeLayout, choose_f16,
 };
 use client::view::View;
 use codec::{Clip, ClipInfo, EncodeOptions, Field, Limits, Source, Temporal, Viewpoint};
@@ -58,11 +58,12 @@ fn clip(widths: Range<f32>) -> Clip {
 }
 
 fn frame(c: &mut Criterion) {
-    let gpu = match Gpu::new_headless() {
+    let mut gpu = match Gpu::new_headless() {
         Ok(gpu) => gpu,
         Err(fault) => return eprintln!("skipped: {fault}"),
     };
-    eprintln!("adapter: {}, {}", gpu.adapter_name, gpu.driver);
+    choose_f16(&mut gpu, ChannelDepth::Eight).expect("a working device");
+    eprintln!("adapter: {}, {}, in f16: {}", gpu.adapter_name, gpu.driver, gpu.caps.f16);
     let clip = clip(0.05..0.25);
     let mut group = c.benchmark_group("frame");
     group.sample_size(10);

@@ -4,7 +4,17 @@ use std::process::ExitCode;
 
 use client::gpu::Gpu;
 use libtest_mimic::{Arguments, Completion, Failed, Trial};
-pub use measure::device::{Drawing, Passes, device, draw};
+use measure::device::Fragments;
+pub use measure::device::{Drawing, Passes, draw};
+use program::Fault;
+
+/// The device of this machine, with a fragment stage in f32.
+///
+/// # Errors
+/// Why there is none.
+pub fn device(passes: Passes) -> Result<&'static Gpu, Fault> {
+    measure::device::device(passes, Fragments::Single)
+}
 
 /// A test that draws with the GPU: ignored where there is no device.
 pub fn trial(

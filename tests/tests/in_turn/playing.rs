@@ -36,6 +36,7 @@ fn measured(gpu: &'static Gpu, field: &Field) -> Result<(Clip, Playing), String>
     let playing = playing::measure(gpu, &clip, &whole, UVec2::new(96, 72), &LAYERS, &mut on_step)
         .map_err(|error| format!("{error:#}"))?;
     expect("steps are as announced", playing.setup.steps == steps)?;
+    expect("the fragments are as drawn", playing.setup.f16 == gpu.caps.f16)?;
     Ok((clip, playing))
 }
 

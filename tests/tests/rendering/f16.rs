@@ -8,6 +8,7 @@ use aarc_tests::scene::{Motion, Place, Recipe, camera, decoded, decoded_with};
 use client::gpu::{ChannelDepth, Gpu, RenderSettings, choose_f16, f16_psnr};
 use codec::{Camera, Clip, Field, Limits, PixelFilter};
 use libtest_mimic::Trial;
+use measure::device::{Fragments, Passes, device};
 use program::Fault;
 
 use super::real_data::{SPINACH, spinach_clip};
@@ -113,6 +114,10 @@ fn chosen() -> Result<(), String> {
     let is_software = ["llvmpipe", "SwiftShader"].iter().any(|name| gpu.adapter_name.contains(name));
     if gpu.caps.f16 == is_software {
         return Err(format!("{}: in f16: {}", gpu.adapter_name, gpu.caps.f16));
+    }
+    let reported = device(Passes::Shared, Fragments::AsPlayers).map_err(text)?;
+    if reported.caps.f16 == is_software {
+        return Err(format!("{}: reports draw in f16: {}", gpu.adapter_name, reported.caps.f16));
     }
     Ok(())
 }

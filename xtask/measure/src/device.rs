@@ -3,7 +3,7 @@
 use std::sync::{Arc, OnceLock};
 
 use client::gpu::{
-    ChannelDepth, FrameLayout, Gpu, GpuClip, Level, Offscreen, Pixels, RenderSettings, Renderer,
+    ChannelDepth, FrameLayout, Gpu, GpuClip, Level, Offscreen, Pixels, RenderSettings, Renderer, choose_f16,
 };
 use client::view::View;
 use codec::{Camera, Clip};
@@ -20,16 +20,28 @@ pub enum Passes {
     PerEye,
 }
 
-/// The device of this machine, opened once; with [`Passes::PerEye`] made to draw without
+/// What the fragment stage calculates in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fragments {
+    /// As players do: in f16 where [`choose_f16`] finds that it suffices.
+    AsPlayers,
+    /// In f32, for what is held to the bounds of f32.
+    Single,
+}
+
+/// The device of this machine, opened once for each way to draw; with [`Passes::PerEye`] made to draw without
 /// multiview.
 ///
 /// # Errors
 /// Why there is none.
-pub fn device(passes: Passes) -> Result<&'static Gpu, Fault> {
-    static DEVICES: [OnceLock<Result<Gpu, Fault>>; 2] = [OnceLock::new(), OnceLock::new()];
-    let device = DEVICES[passes as usize].get_or_init(|| {
+pub fn device(passes: Passes, fragments: Fragments) -> Result<&'static Gpu, Fault> {
+    static DEVICES: [[OnceLock<Result<Gpu, Fault>>; 2]; 2] = [const { [const { OnceLock::new() }; 2] }; 2];
+    let device = DEVICES[passes as usize][fragments as usize].get_or_init(|| {
         let mut gpu = Gpu::new_headless()?;
         gpu.caps.multiview &= passes == Passes::Shared;
+        if fragments == Fragments::AsPlayers {
+            choose_f16(&mut gpu, ChannelDepth::Sixteen)?;
+        }
         Ok(gpu)
     });
     device.as_ref().map_err(Clone::clone)

@@ -2,7 +2,9 @@
 
 use std::path::Path;
 
-use client::gpu::{ChannelDepth, Cutoff, FrameLayout, Gpu, GpuClip, Offscreen, RenderSettings, Renderer};
+use client::gpu::{
+    ChannelDepth, Cutoff, FrameLayout, Gpu, GpuClip, Offscreen, RenderSettings, Renderer, choose_f16,
+};
 use client::content::OpenTake;
 use client::view::View;
 
@@ -20,7 +22,8 @@ struct Ours {
 pub(super) fn open(path: &Path, work: &Workload, cutoff: Cutoff) -> anyhow::Result<Box<dyn PeerRenderer>> {
     let opened = OpenTake::open(path, &codec::Limits::default())?;
     let clip = opened.segment(0, opened.layers()[0])?;
-    let gpu = Gpu::new_headless()?;
+    let mut gpu = Gpu::new_headless()?;
+    choose_f16(&mut gpu, ChannelDepth::Eight)?;
     let view = View::from_camera(&work.frames[0].camera);
     let image = Offscreen::new(&gpu, view.size, 1, ChannelDepth::Eight)?;
     let on_gpu = GpuClip::upload(&gpu, &clip)?;

@@ -24,7 +24,7 @@ use super::errors::Expected;
 use super::measured::{FrameTiming, Inspection};
 use super::reduce;
 use super::views::ViewSet;
-use crate::device::{Passes, device};
+use crate::device::{Fragments, Passes, device};
 
 /// Number of times that each image is timed.
 pub(super) const ROUNDS: usize = 7;
@@ -183,7 +183,10 @@ impl<'a> Bench<'a> {
     /// Makes the setup of `variant` at clip time `t`.
     fn setup(&mut self, variant: &Variant, t: f64) -> Result<DrawSetup, Fault> {
         let gpu = match variant.eyes {
-            EyeMode::TwoInTurn => device(Passes::PerEye)?,
+            EyeMode::TwoInTurn => {
+                let fragments = if self.gpu.caps.f16 { Fragments::AsPlayers } else { Fragments::Single };
+                device(Passes::PerEye, fragments)?
+            }
             EyeMode::One | EyeMode::TwoAtOnce => self.gpu,
         };
         let rows = |clip: &Clip| clip.len() + clip.plate.as_ref().map_or(0, Field::len);

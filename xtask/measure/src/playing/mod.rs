@@ -76,6 +76,7 @@ pub fn measure(
         setup: PlayingSetup {
             adapter: gpu.adapter_name.clone(),
             driver: gpu.driver.clone(),
+            f16: gpu.caps.f16,
             gpu_timed: base.timings.iter().all(|timing| timing.gpu_timed),
             size: size.to_array(),
             gaussians: clip.len(),

@@ -26,6 +26,8 @@ pub struct PlayingSetup {
     pub adapter: String,
     /// Name and version of its driver.
     pub driver: String,
+    /// Whether the fragment stage calculates in f16; else in f32.
+    pub f16: bool,
     /// Whether the GPU times its work; otherwise drawing is the remainder of a frame.
     pub gpu_timed: bool,
     /// Width and height of the pictures in pixels.

@@ -6,7 +6,7 @@ use anyhow::bail;
 use codec::Limits;
 use formats::is_package;
 use glam::UVec2;
-use measure::device::{Passes, device};
+use measure::device::{Fragments, Passes, device};
 use measure::playing;
 use program::Fault;
 use refine::fit::Cpu;
@@ -51,7 +51,7 @@ pub(super) fn measure(request: &Request) -> anyhow::Result<Findings> {
         let package = package_with(&subject.scene, &settings, None, &mut backend, &progress)?;
         codec::decode(&package.bytes, &Limits::default())?
     };
-    let gpu = device(Passes::Shared)?;
+    let gpu = device(Passes::Shared, Fragments::AsPlayers)?;
     let mut is_begun = false;
     let mut on_step = |name: &str, steps: u64| {
         if !is_begun {

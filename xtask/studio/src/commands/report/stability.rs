@@ -1,7 +1,7 @@
 //! Runs the stability suite.
 
 use indicatif::{ProgressBar, ProgressStyle};
-use measure::device::{Passes, device};
+use measure::device::{Fragments, Passes, device};
 use measure::stability::{along, cases, run_suite};
 
 use crate::machine::machine;
@@ -10,7 +10,7 @@ use crate::report::stability::Stability;
 
 /// Runs all cases, and one along each of `subjects`.
 pub(super) fn run(subjects: &[ReportSubject]) -> anyhow::Result<Stability> {
-    let gpu = device(Passes::Shared)?;
+    let gpu = device(Passes::Shared, Fragments::AsPlayers)?;
     let of_subject = |ReportSubject { scene, field, plate }: &ReportSubject| {
         along(&scene.name, &scene.info, field, plate.as_ref())
     };

@@ -121,6 +121,7 @@ impl Findings {
             true => "measured with GPU timestamps",
             false => "the remainder of a frame: this GPU writes no timestamps",
         };
+        let fragments = if setup.f16 { "f16" } else { "f32" };
         let _ = writeln!(
             text,
             "<p>{} Gaussians. Machine: {}. Adapter: {}, {}.</p>\n\
@@ -132,7 +133,7 @@ impl Findings {
              that stays where it is in the world does not flicker. \
              Run times of playing are medians of {} rounds, with the ends of the middle half; each round draws every \
              variant once. \
-             <i>Alive</i> and <i>sort</i> run on the CPU, <i>draw</i> is {drawing}. Counts are means of a picture and depend \
+             <i>Alive</i> and <i>sort</i> run on the CPU, <i>draw</i> is {drawing}; the fragment stage calculates in {fragments}. Counts are means of a picture and depend \
              on no machine; fetched bytes are those of the mean record and of the order, once an instance.</p>\n\
              <p>Blue points are on the Pareto front: no other value of the parameter is cheaper and no less exact, or more exact \
              and no dearer. A value is cheaper if the middle halves of both measurements do not overlap, and more exact by more than {RESOLUTION_DB} dB. \

@@ -55,6 +55,7 @@ fn findings() -> Findings {
     let setup = PlayingSetup {
         adapter: "a device".into(),
         driver: "Mesa".into(),
+        f16: true,
         gpu_timed: true,
         size: [64, 48],
         gaussians: 1234,
