@@ -383,7 +383,8 @@ fn an_outlier_costs_precision_in_its_own_chunk_only() {
 #[test]
 fn an_outlier_costs_the_other_rows_of_its_chunk_little() {
     let outlier = 249;
-    let worst = |change: fn(&mut Field)| {
+    type Change = fn(&mut Field);
+    let worst = |change: Change| {
         let mut source = field(Shape { some_static: false, ..Shape::full(250) }, 24);
         let temporal = source.temporal.as_mut().unwrap();
         (temporal.tau[outlier], temporal.s[outlier]) = (0.5, 0.003);
@@ -398,7 +399,7 @@ fn an_outlier_costs_the_other_rows_of_its_chunk_little() {
         worst
     };
     let plain = worst(|_| ());
-    let changes: [(&str, fn(&mut Field)); 5] = [
+    let changes: [(&str, Change); 5] = [
         ("colour", |field| field.sh[249 * 16] = [130.0; 3]),
         ("harmonics", |field| field.sh[249 * 16 + 5] = [-60.0; 3]),
         ("motion", |field| field.temporal.as_mut().unwrap().motion[249 * 3] = [400.0; 3]),

@@ -8,7 +8,7 @@ pub struct Image {
     /// Height in pixels.
     pub height: u32,
     /// `width * height` pixels: red, green and blue premultiplied by alpha, then alpha. Display-referred;
-    /// alpha is 0 to 1, colours are 0 or more and may exceed 1.
+    /// alpha is 0 to 1, and the colours of what is drawn are 0 to alpha.
     pub pixels: Vec<[f64; 4]>,
 }
 
