@@ -81,7 +81,7 @@ impl Volume {
     }
 
     /// Writes the file in the background, if something changed.
-    pub(crate) fn save(&mut self) {
+    fn save(&mut self) {
         let Some(folder) = self.folder.as_ref().filter(|_| self.remembered != self.written) else { return };
         self.written = self.remembered;
         let writer = self.writer.get_or_insert_with(|| StateWriter::start(FILE, folder.clone()));

@@ -213,7 +213,8 @@ impl Report {
         missed
     }
 
-    /// Takes in the GPU's milliseconds for the frame counted last, for both eyes; `None` if it has no timestamps.
+    /// Takes in the GPU's milliseconds for a frame, both eyes, that was measured since the last one; `None` if there is
+    /// none, or it has no timestamps.
     pub(super) fn on_measured(&mut self, gpu_ms: Option<f64>) {
         if self.measures && !self.is_skipped() {
             gpu_ms.into_iter().for_each(|ms| self.gpu_ms.push(ms));

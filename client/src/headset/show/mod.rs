@@ -418,7 +418,7 @@ impl Show {
     }
 
     /// Takes in a frame of `size` pixels an eye, on a display with one image every `period_ns` that repeated the frame
-    /// before or not; milliseconds of the GPU, if it has timestamps.
+    /// before or not. Returns milliseconds of the GPU that were not returned before, if it has timestamps.
     pub(crate) fn measure(
         &mut self,
         counts: FrameCounts,
@@ -435,13 +435,12 @@ impl Show {
         // Loading takes time of the CPU, which no level gives back.
         let missed = missed && !self.clips.is_loading();
         self.quality.measure(Punctuality { gpu_ms, period_ms, missed });
-        gpu_ms
+        self.renderer().and_then(Renderer::new_gpu_ms)
     }
 
-    /// Remembers where clips stand, and how loud they are.
+    /// Remembers where the clip stands, though a hand may hold it.
     pub(crate) fn save(&mut self) {
         self.place.save();
-        self.speaker.volume.save();
     }
 
     /// The outcome of the run.
