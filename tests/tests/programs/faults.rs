@@ -114,7 +114,14 @@ fn full_cache(folder: &Folder) -> Result<Completion, String> {
         return Err(format!("left on the disk: {}", outcome.stdout));
     }
     run(&mut folder.command(client(), &format!("clip.aarc {HEADLESS} --out file.png"))).success();
-    match folder.read("fetched.png")? == folder.read("file.png")? {
+    // A clip from a server is packed around its first layer: the last digits of positions differ.
+    let pixels = |name: &str| -> Result<Vec<u8>, String> {
+        let image =
+            image::load_from_memory(&folder.read(name)?).map_err(|error| format!("{name}: {error}"))?;
+        Ok(image.into_rgb8().into_raw())
+    };
+    let (fetched, file) = (pixels("fetched.png")?, pixels("file.png")?);
+    match fetched.iter().zip(&file).all(|(a, b)| a.abs_diff(*b) <= 1) {
         true => Ok(Completion::Completed),
         false => Err("another image".into()),
     }
