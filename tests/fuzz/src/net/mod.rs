@@ -68,7 +68,11 @@ pub fn check_dialogue(bytes: &[u8]) {
         Ok(Some(clip)) => {
             let is_one = versions().contains(&clip);
             let is_clip = || decode(&clip, &Limits::default()).is_ok();
-            assert!(!is_honest || is_one || !tells_versions && !is_clip(), "{} bytes of no version", clip.len());
+            assert!(
+                !is_honest || is_one || !tells_versions && !is_clip(),
+                "{} bytes of no version",
+                clip.len()
+            );
         }
         Err(fault) => {
             let text = fault.to_string();

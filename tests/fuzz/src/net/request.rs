@@ -211,7 +211,8 @@ fn honest(script: &Script, request: &FileRequest, version: usize, sends_length: 
     if first >= file.len() {
         return (416, vec![("content-range", format!("bytes */{}", file.len()))], Vec::new());
     }
-    let end = request.end.map_or(file.len(), |end| file.len().min(usize::try_from(end).unwrap_or(usize::MAX)));
+    let end =
+        request.end.map_or(file.len(), |end| file.len().min(usize::try_from(end).unwrap_or(usize::MAX)));
     headers.push(("content-range", format!("bytes {first}-{}/{}", end - 1, file.len())));
     headers.push(("content-length", (end - first).to_string()));
     (206, headers, file[first..end].to_vec())
