@@ -62,14 +62,14 @@ pub fn is_list(names: &[String]) -> bool {
     }
 }
 
-/// Whether a name is the path of a folder of clips. A field may be a folder, too.
+/// Whether a name is the path of a folder of clips that can be named. A field may be a folder, too.
 fn is_folder(name: &str) -> bool {
     let path = Path::new(name);
     #[cfg(feature = "formats")]
     if is_field(path) {
         return false;
     }
-    path.is_dir() && !clips_in(path).is_empty()
+    path.is_dir() && clips_in(path).iter().any(|clip| clip.to_str().is_some())
 }
 
 /// Whether a path or URL names a playlist rather than a clip: it ends in `.json`. A path of the name `meta.json` names

@@ -4,11 +4,12 @@
 //! the log says why. A thread writes every change soon after it is made, so that no frame waits for the disk and a
 //! player that is killed loses none. It adds the change to the file as it then is: another player may have written, too.
 
-use std::fs::{self, File};
+use std::fs::{self, File, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, Sender, channel};
-use std::thread::JoinHandle;
+use std::thread::{JoinHandle, sleep};
+use std::time::{Duration, Instant};
 
 use glam::DVec3;
 use log::warn;
@@ -25,6 +26,14 @@ const CLIPS: usize = 64;
 
 /// Longest name of a clip, in bytes.
 const KEY_BYTES: usize = 1 << 10;
+
+/// Longest wait for another player that writes the file, and the time between two looks.
+const LOCK_TIMEOUT: Duration = Duration::from_secs(1);
+const LOCK_RETRY: Duration = Duration::from_millis(10);
+
+/// Faults of a file that does not hold placements. Others may pass, and what the file holds stays.
+const FRESH_START: [io::ErrorKind; 4] =
+    [io::ErrorKind::NotFound, io::ErrorKind::InvalidData, io::ErrorKind::UnexpectedEof, io::ErrorKind::Other];
 
 /// Placements by the names of clips. Dropping the store waits until the file is written.
 #[derive(Debug)]
@@ -68,21 +77,15 @@ impl Entry {
 }
 
 impl Entries {
-    /// Reads the file in `folder`. A missing file is empty, and so is, with a warning, a damaged one.
-    fn read(folder: &Path) -> Entries {
-        let path = FILE.path(folder);
-        match FILE.read::<Contents<Vec<Entry>>>(folder) {
-            Ok(Contents { placements: mut entries }) => {
-                entries.retain(|entry| entry.clip.len() <= KEY_BYTES);
-                entries.drain(..entries.len().saturating_sub(CLIPS));
-                return Entries(entries);
-            }
-            Err(error) if error.kind() == io::ErrorKind::NotFound => {
-                log::info!("{}: not there yet: clips start in front of the viewer", path.display());
-            }
-            Err(error) => warn!("{}: {error}: clips start in front of the viewer", path.display()),
-        }
-        Entries::default()
+    /// Reads the file in `folder`.
+    ///
+    /// # Errors
+    /// If it is missing, damaged, or cannot be read.
+    fn read(folder: &Path) -> io::Result<Entries> {
+        let Contents { placements: mut entries } = FILE.read::<Contents<Vec<Entry>>>(folder)?;
+        entries.retain(|entry| entry.clip.len() <= KEY_BYTES);
+        entries.drain(..entries.len().saturating_sub(CLIPS));
+        Ok(Entries(entries))
     }
 
     /// Adds a clip, or places it again, as the last one.
@@ -107,7 +110,17 @@ impl PlacementStore {
     /// Reads the file in `folder`. A missing file is an empty store, and so is, with a warning, a damaged
     /// one.
     pub fn open(folder: &Path) -> PlacementStore {
-        PlacementStore { folder: folder.into(), entries: Entries::read(folder), writer: None }
+        let path = FILE.path(folder);
+        let entries = Entries::read(folder).unwrap_or_else(|error| {
+            match error.kind() {
+                io::ErrorKind::NotFound => {
+                    log::info!("{}: not there yet: clips start in front of the viewer", path.display());
+                }
+                _ => warn!("{}: {error}: clips start in front of the viewer", path.display()),
+            }
+            Entries::default()
+        });
+        PlacementStore { folder: folder.into(), entries, writer: None }
     }
 
     /// Last placement of the clip `key`.
@@ -169,6 +182,18 @@ fn write(folder: &Path, arriving: &Receiver<Entry>) {
     unwritten.flush(folder);
 }
 
+/// Locks a folder, unless another player holds it for long: one that is stopped may hold it for ever.
+fn is_locked(folder: &File) -> bool {
+    let until = Instant::now() + LOCK_TIMEOUT;
+    loop {
+        match folder.try_lock() {
+            Ok(()) => return true,
+            Err(TryLockError::WouldBlock) if Instant::now() < until => sleep(LOCK_RETRY),
+            Err(_) => return false,
+        }
+    }
+}
+
 /// Adds `changes` to the file in `folder`, whole or not at all.
 ///
 /// # Errors
@@ -178,9 +203,14 @@ fn add(folder: &Path, changes: &[Entry]) -> io::Result<()> {
         return Ok(());
     }
     fs::create_dir_all(folder)?;
-    // Another player waits meanwhile. Where folders cannot be locked, the later one of two wins.
-    let lock = File::open(folder).and_then(|folder| folder.lock().map(|()| folder));
-    let mut entries = Entries::read(folder);
+    // Another player waits meanwhile. Where the folder cannot be locked in time, the later one of two wins.
+    let lock = File::open(folder).ok().filter(is_locked);
+    let mut entries = match Entries::read(folder) {
+        Ok(entries) => entries,
+        // Missing, damaged, or of another version.
+        Err(error) if FRESH_START.contains(&error.kind()) => Entries::default(),
+        Err(error) => return Err(error),
+    };
     changes.iter().for_each(|entry| entries.put(entry.clone()));
     let written = FILE.write(folder, &FILE.encode(&Contents { placements: &entries.0 }));
     drop(lock);
@@ -286,6 +316,17 @@ mod tests {
         {
             assert_eq!(store.get(&format!("{player} {number}")), Some(placement(number as f64)), "{player}");
         }
+    }
+
+    #[test]
+    fn a_player_that_holds_the_folder_for_ever_is_not_waited_for() {
+        let folder = tempfile::tempdir().unwrap();
+        let held = File::open(folder.path()).unwrap();
+        held.lock().unwrap();
+        let mut store = PlacementStore::open(folder.path());
+        store.set("a", &placement(1.0));
+        drop(store);
+        assert_eq!(PlacementStore::open(folder.path()).get("a"), Some(placement(1.0)));
     }
 
     #[test]

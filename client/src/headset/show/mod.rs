@@ -261,7 +261,11 @@ impl Show {
         let elapsed_s = self.timer.elapsed_s(display_ns, viewer.attends);
         let mut moved = Moved::default();
         let Some(head) = viewer.head else { return moved };
-        for (_, change) in self.space_changes.extract_if(.., |(at_ns, _)| *at_ns <= display_ns) {
+        let due = self.space_changes.extract_if(.., |(at_ns, _)| *at_ns <= display_ns);
+        let mut due: Vec<SpaceChange> = due.map(|(_, change)| change).collect();
+        // The head is where it is in the last stage.
+        due.sort_by_key(|change| matches!(change, SpaceChange::Viewer));
+        for change in due {
             self.place.change_space(change, head);
             if let Some(panel) = &mut self.panel {
                 panel.place(head);

@@ -43,8 +43,8 @@ impl Place {
         self.interaction.recentre(head, self.standpoint);
     }
 
-    /// Keeps the clip where it is, or in front of the viewer, in changed spaces. A placement that is remembered stays so:
-    /// carried over to another stage, and not where the system's recentring puts the clip.
+    /// Keeps the clip where it is, or in front of the viewer, in changed spaces. What is remembered of this clip is carried
+    /// over to another stage. Recentring by the system does not change it.
     pub(crate) fn change_space(&mut self, change: SpaceChange, head: &Pose) {
         self.save();
         self.interaction.change_space(change, head, self.standpoint);

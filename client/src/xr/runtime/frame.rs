@@ -33,11 +33,6 @@ impl<C: FrameCalls> Frames<C> {
         Frames(calls)
     }
 
-    /// The calls, for the settings in them.
-    pub(in crate::xr) fn calls(&mut self) -> &mut C {
-        &mut self.0
-    }
-
     /// Waits until it is time to draw a frame, then begins it.
     pub(in crate::xr) fn begin(&mut self) -> Result<Frame<'_, C>, C::Error> {
         let timing = self.0.wait()?;
@@ -49,6 +44,11 @@ impl<C: FrameCalls> Frames<C> {
 impl<C: FrameCalls> Frame<'_, C> {
     pub(in crate::xr) fn timing(&self) -> C::Timing {
         self.timing
+    }
+
+    /// The calls, for the settings in them.
+    pub(in crate::xr) fn calls(&mut self) -> &mut C {
+        self.calls
     }
 
     /// Ends the frame with its layers.

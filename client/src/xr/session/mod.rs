@@ -244,8 +244,7 @@ impl Session {
         report: &mut Report,
         has_focus: bool,
     ) -> Result<Request, Halt> {
-        self.frames.calls().passthrough = show.shows_passthrough();
-        let frame = self.frames.begin().halt("beginning a frame")?;
+        let mut frame = self.frames.begin().halt("beginning a frame")?;
         let (start, timing) = (Instant::now(), frame.timing());
         self.stopwatch.take();
         show.receive()?;
@@ -258,6 +257,7 @@ impl Session {
         };
         let mut haptics = Haptics::default();
         let Moved { leaves, rays } = show.advance(timing.display_ns, &viewer, &mut haptics);
+        frame.calls().passthrough = show.shows_passthrough();
         self.tracking.feel(&self.session, &haptics);
 
         let request = if leaves || report.is_complete() { Request::Exit } else { Request::Nothing };
