@@ -3,11 +3,11 @@
 //! Each is a convenience: a missing or damaged one, or one of another version, is a fresh start. A [`StateWriter`]
 //! writes one while the player runs.
 
-use std::fs::File;
+use std::fs::{File, TryLockError};
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Sender, channel};
-use std::thread::JoinHandle;
+use std::thread::{JoinHandle, sleep};
 use std::time::{Duration, Instant};
 
 use serde::de::DeserializeOwned;
@@ -85,32 +85,77 @@ impl StateFile {
     }
 }
 
-/// Wait from a change to its writing, in which further changes arrive: a slider that is dragged has 60 a second.
-const SETTLES: Duration = Duration::from_millis(300);
+/// Longest wait for another player that changes a file, and the time between two looks.
+const LOCK_TIMEOUT: Duration = Duration::from_secs(1);
+const LOCK_RETRY: Duration = Duration::from_millis(10);
 
-/// A thread that writes a file soon after it has changed, so that no frame waits for the disk, and little is lost if
-/// the player is killed. Dropping it waits until the file is written.
+/// Runs `work`, which reads and writes a file in `folder`, while no other player does. The folder is made if it is missing.
+/// Where it cannot be locked in time, the later one of two players wins.
+///
+/// # Errors
+/// If the folder cannot be made; the errors of `work`.
+pub(crate) fn exclusively<R>(folder: &Path, work: impl FnOnce() -> io::Result<R>) -> io::Result<R> {
+    std::fs::create_dir_all(folder)?;
+    let lock = File::open(folder).ok().filter(is_locked);
+    let result = work();
+    drop(lock);
+    result
+}
+
+/// Locks a folder, unless another player holds it for long: one that is stopped may hold it for ever.
+fn is_locked(folder: &File) -> bool {
+    let until = Instant::now() + LOCK_TIMEOUT;
+    loop {
+        match folder.try_lock() {
+            Ok(()) => return true,
+            Err(TryLockError::WouldBlock) if Instant::now() < until => sleep(LOCK_RETRY),
+            Err(_) => return false,
+        }
+    }
+}
+
+/// Most changes that wait for a disk that cannot be written.
+const CHANGES_MAX: usize = 1024;
+
+/// A thread that adds changes to a file soon after they are made, so that no frame waits for the disk, and little is lost
+/// if the player is killed. Dropping it waits until the file is written.
 #[derive(Debug)]
-pub(crate) struct StateWriter {
+pub(crate) struct StateWriter<C> {
     /// `None` while it is dropped.
-    changes: Option<Sender<Vec<u8>>>,
+    changes: Option<Sender<C>>,
     /// `None` if the system refused a thread.
     thread: Option<JoinHandle<()>>,
 }
 
-impl StateWriter {
-    /// Starts the thread, which writes `file` in `folder`. A failure goes to the log.
-    pub(crate) fn start(file: StateFile, folder: PathBuf) -> StateWriter {
-        let (changes, arriving) = channel::<Vec<u8>>();
+impl<C: Send + 'static> StateWriter<C> {
+    /// Starts the thread. `add` adds changes to `file` in `folder`, in their order, and all that come within `settles` at
+    /// once. Failures go to the log; `add` gets the changes again with the next one, and once more at the end.
+    pub(crate) fn start(
+        file: StateFile,
+        folder: PathBuf,
+        settles: Duration,
+        mut add: impl FnMut(&Path, &[C]) -> io::Result<()> + Send + 'static,
+    ) -> StateWriter<C> {
+        let (changes, arriving) = channel();
+        let mut flush = move |unwritten: &mut Vec<C>| match add(&folder, unwritten) {
+            Ok(()) => unwritten.clear(),
+            Err(error) => {
+                log::warn!("{}: {error}: it is not remembered", file.path(&folder).display());
+                unwritten.drain(..unwritten.len().saturating_sub(CHANGES_MAX));
+            }
+        };
         let write_all = move || {
-            while let Ok(mut bytes) = arriving.recv() {
-                let until = Instant::now() + SETTLES;
+            let mut unwritten = Vec::new();
+            while let Ok(change) = arriving.recv() {
+                unwritten.push(change);
+                let until = Instant::now() + settles;
                 while let Ok(later) = arriving.recv_timeout(until.saturating_duration_since(Instant::now())) {
-                    bytes = later;
+                    unwritten.push(later);
                 }
-                if let Err(error) = file.write(&folder, &bytes) {
-                    log::warn!("{}: {error}: it is not remembered", file.path(&folder).display());
-                }
+                flush(&mut unwritten);
+            }
+            if !unwritten.is_empty() {
+                flush(&mut unwritten);
             }
         };
         let thread = std::thread::Builder::new().name("state".into()).spawn(write_all);
@@ -118,16 +163,16 @@ impl StateWriter {
         StateWriter { changes: Some(changes), thread: thread.ok() }
     }
 
-    /// Takes in what the file is to hold, by [`StateFile::encode`].
-    pub(crate) fn write(&self, bytes: Vec<u8>) {
+    /// Takes in a change.
+    pub(crate) fn write(&self, change: C) {
         if let Some(changes) = &self.changes {
             // Without a thread, nothing is remembered.
-            let _ = changes.send(bytes);
+            let _ = changes.send(change);
         }
     }
 }
 
-impl Drop for StateWriter {
+impl<C> Drop for StateWriter<C> {
     fn drop(&mut self) {
         self.changes = None;
         if let Some(thread) = self.thread.take() {
@@ -170,5 +215,20 @@ mod tests {
             let error = FILE.read::<Contents>(&inner).unwrap_err().to_string();
             assert!(error.contains(expected), "{text}: {error}");
         }
+    }
+
+    #[test]
+    fn changes_that_cannot_be_written_come_again() {
+        let (calls, called) = channel();
+        let mut fails = true;
+        let add = move |_: &Path, changes: &[u32]| {
+            calls.send(changes.to_vec()).unwrap();
+            if std::mem::take(&mut fails) { Err(io::Error::other("no disk")) } else { Ok(()) }
+        };
+        let writer = StateWriter::start(FILE, "folder".into(), Duration::ZERO, add);
+        writer.write(1);
+        assert_eq!(called.recv(), Ok(vec![1]));
+        drop(writer);
+        assert_eq!(called.iter().collect::<Vec<_>>(), [[1]], "at the end");
     }
 }

@@ -4,6 +4,7 @@
 
 use std::io;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
@@ -11,6 +12,9 @@ use crate::state_file::{StateFile, StateWriter};
 
 /// The file.
 const FILE: StateFile = StateFile { name: "sound.json", version: 1, max_bytes: 4096 };
+
+/// Wait from a change to its writing, in which further changes arrive: a slider that is dragged has 60 a second.
+const SETTLES: Duration = Duration::from_millis(300);
 
 /// How loud sound is. A change is written soon after it was made, and the last one before this is dropped.
 #[derive(Debug)]
@@ -20,7 +24,7 @@ pub(crate) struct Volume {
     /// What was given to the writer last.
     written: Loudness,
     /// From the first change on.
-    writer: Option<StateWriter>,
+    writer: Option<StateWriter<Loudness>>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -84,8 +88,12 @@ impl Volume {
     fn save(&mut self) {
         let Some(folder) = self.folder.as_ref().filter(|_| self.remembered != self.written) else { return };
         self.written = self.remembered;
-        let writer = self.writer.get_or_insert_with(|| StateWriter::start(FILE, folder.clone()));
-        writer.write(FILE.encode(&self.remembered));
+        let writer = self.writer.get_or_insert_with(|| {
+            StateWriter::start(FILE, folder.clone(), SETTLES, |folder, changes: &[Loudness]| {
+                changes.last().map_or(Ok(()), |latest| FILE.write(folder, &FILE.encode(latest)))
+            })
+        });
+        writer.write(self.remembered);
     }
 }
 
@@ -99,7 +107,7 @@ fn read(folder: &Path) -> io::Result<Loudness> {
 
 #[cfg(test)]
 mod volume_tests {
-    use std::time::{Duration, Instant};
+    use std::time::Instant;
 
     use super::*;
 

@@ -4,19 +4,16 @@
 //! the log says why. A thread writes every change soon after it is made, so that no frame waits for the disk and a
 //! player that is killed loses none. It adds the change to the file as it then is: another player may have written, too.
 
-use std::fs::{self, File, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};
-use std::sync::mpsc::{Receiver, Sender, channel};
-use std::thread::{JoinHandle, sleep};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use glam::DVec3;
 use log::warn;
 use serde::{Deserialize, Serialize};
 
 use super::placement::Placement;
-use crate::state_file::StateFile;
+use crate::state_file::{StateFile, StateWriter, exclusively};
 
 /// The file. [`CLIPS`] of the longest names fit.
 const FILE: StateFile = StateFile { name: "placements.json", version: 1, max_bytes: 1 << 20 };
@@ -26,10 +23,6 @@ const CLIPS: usize = 64;
 
 /// Longest name of a clip, in bytes.
 const KEY_BYTES: usize = 1 << 10;
-
-/// Longest wait for another player that writes the file, and the time between two looks.
-const LOCK_TIMEOUT: Duration = Duration::from_secs(1);
-const LOCK_RETRY: Duration = Duration::from_millis(10);
 
 /// Faults of a file that does not hold placements. Others may pass, and what the file holds stays.
 const FRESH_START: [io::ErrorKind; 4] =
@@ -41,7 +34,7 @@ pub struct PlacementStore {
     folder: PathBuf,
     entries: Entries,
     /// From the first change on.
-    writer: Option<Writer>,
+    writer: Option<StateWriter<Entry>>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -94,16 +87,6 @@ impl Entries {
         self.0.push(entry);
         self.0.drain(..self.0.len().saturating_sub(CLIPS));
     }
-
-    /// Writes these changes to the file in `folder`. They stay if that fails.
-    fn flush(&mut self, folder: &Path) {
-        match add(folder, &self.0) {
-            Ok(()) => self.0.clear(),
-            Err(error) => {
-                warn!("cannot remember where clips stand: {}: {error}", FILE.path(folder).display());
-            }
-        }
-    }
 }
 
 impl PlacementStore {
@@ -138,59 +121,9 @@ impl PlacementStore {
         let entry = Entry::new(key, placement);
         self.entries.put(entry.clone());
         let folder = &self.folder;
-        // The thread ends only with the store.
-        let _ = self.writer.get_or_insert_with(|| Writer::start(folder.clone())).changes.send(entry);
-    }
-}
-
-impl Drop for PlacementStore {
-    fn drop(&mut self) {
-        let Some(Writer { changes, thread }) = self.writer.take() else { return };
-        drop(changes);
-        if let Some(thread) = thread {
-            let _ = thread.join();
-        }
-    }
-}
-
-/// The thread that writes the file.
-#[derive(Debug)]
-struct Writer {
-    changes: Sender<Entry>,
-    /// `None` if the system refused a thread.
-    thread: Option<JoinHandle<()>>,
-}
-
-impl Writer {
-    fn start(folder: PathBuf) -> Writer {
-        let (changes, arriving) = channel();
-        let thread =
-            std::thread::Builder::new().name("placements".into()).spawn(move || write(&folder, &arriving));
-        let thread = thread.inspect_err(|error| warn!("cannot remember where clips stand: {error}")).ok();
-        Writer { changes, thread }
-    }
-}
-
-/// Writes changes as they arrive, until there are no more to come.
-fn write(folder: &Path, arriving: &Receiver<Entry>) {
-    let mut unwritten = Entries::default();
-    while let Ok(entry) = arriving.recv() {
-        unwritten.put(entry);
-        arriving.try_iter().for_each(|entry| unwritten.put(entry));
-        unwritten.flush(folder);
-    }
-    unwritten.flush(folder);
-}
-
-/// Locks a folder, unless another player holds it for long: one that is stopped may hold it for ever.
-fn is_locked(folder: &File) -> bool {
-    let until = Instant::now() + LOCK_TIMEOUT;
-    loop {
-        match folder.try_lock() {
-            Ok(()) => return true,
-            Err(TryLockError::WouldBlock) if Instant::now() < until => sleep(LOCK_RETRY),
-            Err(_) => return false,
-        }
+        let writer =
+            self.writer.get_or_insert_with(|| StateWriter::start(FILE, folder.clone(), Duration::ZERO, add));
+        writer.write(entry);
     }
 }
 
@@ -199,26 +132,22 @@ fn is_locked(folder: &File) -> bool {
 /// # Errors
 /// If it cannot be written.
 fn add(folder: &Path, changes: &[Entry]) -> io::Result<()> {
-    if changes.is_empty() {
-        return Ok(());
-    }
-    fs::create_dir_all(folder)?;
-    // Another player waits meanwhile. Where the folder cannot be locked in time, the later one of two wins.
-    let lock = File::open(folder).ok().filter(is_locked);
-    let mut entries = match Entries::read(folder) {
-        Ok(entries) => entries,
-        // Missing, damaged, or of another version.
-        Err(error) if FRESH_START.contains(&error.kind()) => Entries::default(),
-        Err(error) => return Err(error),
-    };
-    changes.iter().for_each(|entry| entries.put(entry.clone()));
-    let written = FILE.write(folder, &FILE.encode(&Contents { placements: &entries.0 }));
-    drop(lock);
-    written
+    exclusively(folder, || {
+        let mut entries = match Entries::read(folder) {
+            Ok(entries) => entries,
+            // Missing, damaged, or of another version.
+            Err(error) if FRESH_START.contains(&error.kind()) => Entries::default(),
+            Err(error) => return Err(error),
+        };
+        changes.iter().for_each(|entry| entries.put(entry.clone()));
+        FILE.write(folder, &FILE.encode(&Contents { placements: &entries.0 }))
+    })
 }
 
 #[cfg(test)]
 mod tests {
+    use std::fs::{self, File};
+
     use glam::dvec3;
 
     use super::super::random::Random;
@@ -347,12 +276,10 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let blocked = folder.path().join("file");
         fs::write(&blocked, "").unwrap();
-        let mut unwritten = Entries(vec![Entry::new("a", &placement(1.0))]);
-        unwritten.flush(&blocked);
-        assert_eq!(unwritten.0.len(), 1);
+        let changes = [Entry::new("a", &placement(1.0))];
+        assert!(add(&blocked, &changes).is_err(), "the writer keeps it");
         fs::remove_file(&blocked).unwrap();
-        unwritten.flush(&blocked);
-        assert_eq!(unwritten.0.len(), 0);
+        add(&blocked, &changes).unwrap();
         assert!(PlacementStore::open(&blocked).get("a").is_some());
     }
 }

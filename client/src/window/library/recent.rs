@@ -6,14 +6,13 @@
 use std::io;
 use std::path::{Path, PathBuf, absolute};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::thread::JoinHandle;
+use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
 use crate::content::{is_url, redacted};
-use crate::state_file::StateFile;
+use crate::state_file::{StateFile, StateWriter, exclusively};
 
 /// The file. All names fit it.
 const FILE: StateFile = StateFile { name: "recent.json", version: 1, max_bytes: 1 << 20 };
@@ -27,25 +26,25 @@ const NAME_BYTES: usize = 4096;
 #[derive(Debug)]
 pub(super) struct RecentClips {
     list: Arc<List>,
-    /// `None` without a folder, or if the system refused a thread.
-    writer: Option<Writer>,
+    /// `None` without a folder. Its changes are the list's unwritten names.
+    writer: Option<StateWriter<()>>,
 }
 
 /// The list that the window sees.
 #[derive(Debug)]
 struct List {
-    /// Absolute paths and URLs, the last one first.
-    names: Mutex<Vec<String>>,
+    names: Mutex<Names>,
     /// Whether it has changed since [`RecentClips::take_changed`].
     is_changed: AtomicBool,
 }
 
-/// The thread that writes the file.
+/// Absolute paths and URLs.
 #[derive(Debug)]
-struct Writer {
-    /// Names of opened clips.
-    names: Sender<String>,
-    thread: JoinHandle<()>,
+struct Names {
+    /// The last one first.
+    all: Vec<String>,
+    /// Those that are not in the file yet, the last one last.
+    unwritten: Vec<String>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -56,22 +55,19 @@ struct Contents {
 impl RecentClips {
     /// Reads the file in `folder`; without one, nothing outlives the window.
     pub(super) fn open(folder: Option<PathBuf>) -> RecentClips {
-        let names = folder.as_deref().and_then(read).unwrap_or_default();
+        let all = folder.as_deref().and_then(read).unwrap_or_default();
+        let names = Names { all, unwritten: Vec::new() };
         let list = Arc::new(List { names: Mutex::new(names), is_changed: AtomicBool::new(false) });
-        let writer = folder.and_then(|folder| {
-            let (sender, opened) = channel();
-            let ours = list.clone();
-            let write = move || write_all(&folder, &opened, &ours);
-            let thread = std::thread::Builder::new().name("recent".into()).spawn(write);
-            let thread = thread.inspect_err(|error| log::warn!("cannot remember what is opened: {error}"));
-            Some(Writer { names: sender, thread: thread.ok()? })
+        let ours = list.clone();
+        let writer = folder.map(|folder| {
+            StateWriter::start(FILE, folder, Duration::ZERO, move |folder, _| ours.write(folder))
         });
         RecentClips { list, writer }
     }
 
     /// Those that can be opened, as far as is known without the network, the last one first.
     pub(super) fn that_are_there(&self) -> Vec<String> {
-        let mut names = self.list.lock().clone();
+        let mut names = self.list.lock().all.clone();
         names.retain(|name| is_url(name) || Path::new(name).exists());
         names
     }
@@ -89,26 +85,45 @@ impl RecentClips {
             return;
         }
         let mut names = self.list.lock();
-        add(&mut names, name.clone());
+        add(&mut names.all, name.clone());
         self.list.is_changed.store(true, Ordering::Release);
         if let Some(writer) = &self.writer {
-            // The thread ends only with the list.
-            let _ = writer.names.send(name);
+            names.unwritten.push(name);
+            writer.write(());
         }
     }
 }
 
-impl Drop for RecentClips {
-    fn drop(&mut self) {
-        let Some(Writer { names, thread }) = self.writer.take() else { return };
-        drop(names);
-        let _ = thread.join();
-    }
-}
-
 impl List {
-    fn lock(&self) -> MutexGuard<'_, Vec<String>> {
+    fn lock(&self) -> MutexGuard<'_, Names> {
         self.names.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Adds the unwritten names to the file in `folder`. The list gets what other windows have written.
+    fn write(&self, folder: &Path) -> io::Result<()> {
+        let written = std::mem::take(&mut self.lock().unwritten);
+        let result = exclusively(folder, || {
+            let mut clips = read(folder).unwrap_or_else(|| self.lock().all.clone());
+            written.iter().for_each(|name| add(&mut clips, name.clone()));
+            let contents = Contents { clips };
+            FILE.write(folder, &FILE.encode(&contents)).map(|()| contents.clips)
+        });
+        let mut names = self.lock();
+        let mut all = match result {
+            Ok(clips) => clips,
+            Err(error) => {
+                let excess = written.len().saturating_sub(NAMES);
+                names.unwritten.splice(0..0, written.into_iter().skip(excess));
+                return Err(error);
+            }
+        };
+        // Opened while the disk was busy: they are in the list already.
+        names.unwritten.iter().for_each(|name| add(&mut all, name.clone()));
+        if names.all != all {
+            names.all = all;
+            self.is_changed.store(true, Ordering::Release);
+        }
+        Ok(())
     }
 }
 
@@ -117,35 +132,6 @@ fn add(names: &mut Vec<String>, name: String) {
     names.retain(|known| *known != name);
     names.insert(0, name);
     names.truncate(NAMES);
-}
-
-/// Writes the file in `folder` after every name that is `opened`, until no more can come. The list gets what other
-/// windows have written.
-fn write_all(folder: &Path, opened: &Receiver<String>, list: &List) {
-    let mut unwritten: Vec<String> = Vec::new();
-    while let Ok(name) = opened.recv() {
-        unwritten.push(name);
-        unwritten.extend(opened.try_iter());
-        while !unwritten.is_empty() {
-            let mut names = read(folder).unwrap_or_else(|| list.lock().clone());
-            unwritten.iter().for_each(|name| add(&mut names, name.clone()));
-            let contents = Contents { clips: names };
-            if let Err(error) = FILE.write(folder, &FILE.encode(&contents)) {
-                log::warn!("cannot remember what was opened: {}: {error}", FILE.path(folder).display());
-                // They are tried again with the next one.
-                break;
-            }
-            let mut names = contents.clips;
-            let mut seen = list.lock();
-            // Opened while the disk was busy: they are in the list already.
-            unwritten = opened.try_iter().collect();
-            unwritten.iter().for_each(|name| add(&mut names, name.clone()));
-            if *seen != names {
-                *seen = names;
-                list.is_changed.store(true, Ordering::Release);
-            }
-        }
-    }
 }
 
 /// A path as it is from any working directory, or a URL.
@@ -170,7 +156,7 @@ fn read(folder: &Path) -> Option<Vec<String>> {
 
 #[cfg(test)]
 mod tests {
-    use std::time::{Duration, Instant};
+    use std::time::Instant;
 
     use super::*;
 
@@ -178,7 +164,7 @@ mod tests {
 
     impl RecentClips {
         fn names(&self) -> Vec<String> {
-            self.list.lock().clone()
+            self.list.lock().all.clone()
         }
 
         /// Waits until the list is this one.
