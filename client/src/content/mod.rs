@@ -11,6 +11,8 @@
 
 mod advice;
 pub(crate) mod demo;
+#[cfg(any(feature = "net", feature = "xr"))]
+mod digest;
 #[cfg(feature = "net")]
 mod download;
 mod event;
@@ -27,6 +29,8 @@ mod source_options;
 pub mod transfer;
 pub(crate) mod url;
 
+#[cfg(any(feature = "net", feature = "xr"))]
+pub(crate) use digest::digest;
 #[cfg(feature = "net")]
 pub use download::Download;
 pub use event::OpenEvent;

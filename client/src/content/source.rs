@@ -234,7 +234,7 @@ impl TakeSource {
     }
 }
 
-/// What a source is told of its package. Only a file on a server has use for it.
+/// What the player tells a source about the bytes that it read. Only a file on a server uses it.
 #[cfg_attr(not(feature = "net"), allow(unused_variables, reason = "without servers, nothing is cached"))]
 impl TakeSource {
     /// Takes in the head of the package. `is_read_on` is whether what follows it is read next.

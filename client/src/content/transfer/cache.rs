@@ -14,6 +14,8 @@ use std::time::{Duration, SystemTime};
 use sha2::{Digest, Sha256};
 use tempfile::Builder;
 
+use crate::content::digest;
+
 /// Size limit of the cache in bytes.
 pub const CACHE_BYTES: u64 = 512 << 20;
 
@@ -159,11 +161,6 @@ impl Cache {
         }
         Ok(())
     }
-}
-
-/// The SHA-256 of bytes, in hexadecimal digits.
-pub(super) fn digest(bytes: impl AsRef<[u8]>) -> String {
-    Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// Reads the first `max_bytes` bytes of a file and renews its date.

@@ -22,8 +22,8 @@ pub(super) struct Head {
 }
 
 impl Head {
-    /// Parses the headers; `headers` returns the texts of those with a name in lower case. A malformed header counts as
-    /// absent.
+    /// Parses the headers; `headers` takes a name in lower case and returns the texts of all headers of that name. A
+    /// malformed header counts as absent.
     pub(super) fn parse<'h>(status: u16, headers: impl Fn(&'static str) -> Vec<&'h str>) -> Head {
         let text = |name| headers(name).first().copied().map(str::trim);
         let forbids =

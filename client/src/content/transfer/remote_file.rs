@@ -12,12 +12,12 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use program::Fault;
 
-use super::cache::{Cache, CachedFile, digest};
+use super::cache::{Cache, CachedFile};
 use super::exchange::{Answer, Exchange, Stream, Trouble};
 use super::retry::RetryPolicy;
 use super::state::Transfer;
 use super::whole_file::WholeFile;
-use crate::content::Traffic;
+use crate::content::{Traffic, digest};
 
 /// Most parts whose bytes stay in memory for a longer part with the same start, the first layers of what is drawn, and most
 /// bytes of them together: little of the 512 MiB that a headset of 4 GiB has for what arrives. The latest part stays even if

@@ -1,8 +1,6 @@
 //! [`Place`]: where clips stand in the room, as hands move them and as it is remembered.
 
-use sha2::{Digest, Sha256};
-
-use crate::content::{is_url, redacted};
+use crate::content::{digest, is_url, redacted};
 use crate::headset::interaction::{Interaction, Placement, PlacementStore, Pose, SpaceChange};
 use program::{Standpoint, Subject};
 
@@ -84,9 +82,7 @@ fn key(name: Option<&str>) -> String {
     name.map_or("demo".into(), |name| {
         if is_url(name) {
             let shown = redacted(name);
-            let digest =
-                || Sha256::digest(name).iter().take(8).map(|byte| format!("{byte:02x}")).collect::<String>();
-            return if shown == name { shown } else { format!("{shown} {}", digest()) };
+            return if shown == name { shown } else { format!("{shown} {}", &digest(name)[..16]) };
         }
         std::path::absolute(name).map_or(name.into(), |path| path.to_string_lossy().into_owned())
     })
