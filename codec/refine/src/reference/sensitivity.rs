@@ -124,7 +124,7 @@ impl Sink<f64> for Backwards<'_> {
             let color = self.colors[place.index as usize];
             for (behind, color) in behind[place.block].iter_mut().zip(color) {
                 for x in 0..LANES {
-                    let difference = color.min(1.0) - behind[x];
+                    let difference = color - behind[x];
                     differences[x] += difference * difference;
                     behind[x] = color * alphas[x] + (1.0 - alphas[x]) * behind[x];
                 }
