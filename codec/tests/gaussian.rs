@@ -136,7 +136,7 @@ fn motion_about_a_window_centre_out_of_sight_is_preserved() {
     Worst::measure(&fields, &source).check(1e-3);
 }
 
-/// What a clip shows of a window is as exact, and as large, wherever the window has its centre.
+/// Windows centred outside the clip are coded as exactly, and in as many bytes, as windows centred inside.
 #[test]
 fn windows_centred_outside_the_clip_are_coded_as_well_as_others() {
     let coded = |width: f32, distance: f32| {

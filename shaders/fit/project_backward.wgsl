@@ -126,8 +126,8 @@ fn view_backward(
     return d_view;
 }
 
-// To the spherical harmonics. Returns the gradient with respect to the position. The gradient of a clamped channel is only
-// the part that leads back.
+// To the spherical harmonics. Returns the gradient with respect to the position. A clamped channel keeps only a
+// gradient that leads back between 0 and 1.
 fn color_backward(
     health: ptr<function, Health>,
     i: u32,

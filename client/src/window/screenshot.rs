@@ -11,7 +11,7 @@ use program::{Fault, output};
 use crate::gpu::{ChannelDepth, FrameLayout, Gpu, GpuClip, Offscreen, RenderSettings, Renderer};
 use crate::view::View;
 
-/// Most bytes of the clip's name in a file name, of which file systems take 255.
+/// Most bytes of the clip's name in a file name. File systems allow 255 bytes in all.
 const NAME_BYTES: usize = 200;
 
 /// The content of a screenshot.

@@ -146,7 +146,7 @@ impl Played {
         Ok(())
     }
 
-    /// Frames until the picture is the one of a player of the take at `path` that has done nothing else.
+    /// Draws frames until the picture equals a fresh player's picture of the take at `path`.
     fn becomes_calm(&mut self, path: &Path) -> Result<(), String> {
         let position_s = self.clock.position_s();
         let mut calm = Played::open(path, self.clock.duration_s())?;

@@ -54,7 +54,7 @@ impl GsplatCase {
         let pixels = expected.as_chunks::<4>().0.iter().map(|pixel| dimmed(*pixel)).collect();
         let (sh_degree, mut sh) = (floats(&file, "coeffs").0[1].isqrt() as u8 - 1, rows(&file, "coeffs"));
         sh.iter_mut().flatten().for_each(|coefficient| *coefficient /= BRIGHTEST);
-        // Grey is in no coefficient: 0.5, of which a part is taken away.
+        // Colours are 0.5 and the harmonics: the first one also takes the dimmed part of the 0.5 away.
         let grey = (0.5 / BRIGHTEST - 0.5) * 2.0 * std::f32::consts::PI.sqrt();
         sh.iter_mut().step_by((usize::from(sh_degree) + 1).pow(2)).flatten().for_each(|first| *first += grey);
         let field = Field {

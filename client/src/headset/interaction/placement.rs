@@ -141,7 +141,7 @@ pub enum SpaceChange {
         /// The new origin, as the stage before sees it.
         old_from_new: Pose,
     },
-    /// The viewer has asked the system for a view that starts here, or nobody knows where the room is now.
+    /// The viewer has recentred the view by the system, or the runtime no longer knows where the room is.
     Viewer,
 }
 

@@ -144,7 +144,7 @@ impl Canvas {
         frame.end(&layers).halt("ending a frame")
     }
 
-    /// Ends `frame`, in which nobody sees the clip: with the room alone, if it `shows_room`.
+    /// Ends `frame` without the clip, which nobody sees: empty, or with the room if it `shows_room`.
     ///
     /// # Errors
     /// See [`Halt`].

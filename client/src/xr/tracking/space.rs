@@ -39,7 +39,7 @@ impl Stage {
 
 /// The meaning of a change of the space `changed` for poses in the space `ours`. The local spaces change when the viewer
 /// recentres the view, and the measured room when it is measured again: what stands in it stays there if the runtime knows
-/// where that is. The head's own space is nobody's origin here.
+/// where that is. No pose here is relative to the head's own space.
 fn meaning(ours: Type, changed: Type, origin: Option<Pose>) -> Option<SpaceChange> {
     match changed {
         Type::LOCAL | Type::LOCAL_FLOOR => Some(SpaceChange::Viewer),

@@ -267,7 +267,7 @@ fn color<T: Real>(
     d_color: [T; 3],
     out: &mut [[T; 3]],
 ) -> [T; 3] {
-    // The gradient of a clamped channel is only the part that leads back: a colour that starts at white can darken.
+    // A clamped channel keeps only a gradient that leads back between 0 and 1: a colour that starts at white can darken.
     let d_color = [0, 1, 2].map(|channel| {
         let (color, d_color) = (projected.splat.color[channel], d_color[channel]);
         if color <= T::zero() {

@@ -184,7 +184,7 @@ impl Backend for Gpu {
         if config.response.is_some() {
             loaded.learn_cameras(device)?;
         }
-        // Kernels that learn cameras show every image by way of a response, left from the step before.
+        // Once cameras are learned, the kernels apply a response in every step.
         let response = config.response.as_ref().unwrap_or(&Response::NEUTRAL);
         device.write(&loaded.buffers.fixed.response, 0, &[transfer::response(response)]);
         loaded.resize(device, size)?;
