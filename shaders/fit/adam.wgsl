@@ -1,12 +1,13 @@
 // Stage adam: one step of Adam (Kingma and Ba, "Adam", 2015) within the bounds, for the Gaussians that the
-// image shows. One thread per number of a drawn row, per quaternion or per three scales.
+// image shows. One thread per number of a drawn row, per quaternion, per three scales, or per window's width with
+// the motion.
 //
 // In: gradients, learning rates, bounds, statistics. In and out: parameters, moments. Bias correction
 // counts the gradients of each row, not the steps.
 
 struct AdamUniforms {
-    // Learning rates by column; at MOTION one per power of time, at SH_REST the rate of the spherical
-    // harmonics of degrees 1 to 3, at ROTATION_RATE_AT the rate of the rotation rates.
+    // Learning rates by column, and at SH_REST of the spherical harmonics of degrees 1 to 3. Motion has the rate
+    // of the centre.
     rates: array<vec4<f32>, 3>,
     // Smallest and largest log-scale, log-width and tau; the largest logit.
     log_scales: vec2<f32>,
@@ -15,6 +16,8 @@ struct AdamUniforms {
     logit_max: f32,
     // Weight of the area of the drawn Gaussians in the loss.
     fragment_weight: f32,
+    // Longest reach of a window, in intervals.
+    reach_max: f32,
 }
 
 @group(0) @binding(2) var<uniform> adam_uniforms: AdamUniforms;
@@ -68,14 +71,7 @@ fn clamped(column: u32, x: f32) -> f32 {
 
 // Learning rate of number `k` of a row in `column`.
 fn rate_of(column: u32, k: u32) -> f32 {
-    var at = column;
-    if column == SH && k >= 3u {
-        at = SH_REST;
-    } else if column == MOTION {
-        at = column + k / 3u;
-    } else if column == ROTATION_RATE {
-        at = ROTATION_RATE_AT;
-    }
+    let at = select(column, SH_REST, column == SH && k >= 3u);
     return adam_uniforms.rates[at / 4u][at % 4u];
 }
 
@@ -104,6 +100,19 @@ fn step_scales(to: u32, by: u32, rate: f32, bias: vec2<f32>) {
     }
 }
 
+// Steps the motion at `to` along its gradient at `by`. `rate` is the rate of the centre; at the edge of the window, or of
+// the clip, a step of any coefficient moves the Gaussian as far.
+fn step_motion(to: u32, by: u32, log_width: f32, rate: f32, bias: vec2<f32>) {
+    let reach = clamp(SUPPORT_RADIUS * exp(log_width), REACH_MIN, adam_uniforms.reach_max);
+    var of_power = rate;
+    for (var k = 0u; k < COUNT_MOTION; k++) {
+        if k % 3u == 0u {
+            of_power /= reach;
+        }
+        parameters[to + k] = updated(to + k, d_parameters[by + k], of_power, bias);
+    }
+}
+
 @compute @workgroup_size(GROUP)
 fn adam(at: Invocation) {
     let index = thread(at);
@@ -128,6 +137,18 @@ fn adam(at: Invocation) {
     let bias = vec2<f32>(correction(LOG_BETA1, of_row.visits), correction(LOG_BETA2, of_row.visits));
     let is_of_time = column == TAU || column == LOG_WIDTH || column == MOTION || column == ROTATION_RATE;
     let rate = select(of_row.share, of_row.share_of_time, is_of_time) * rate_of(column, k);
+    if column == MOTION {
+        return; // Of the thread of the width: the rates depend on it.
+    }
+    if column == LOG_WIDTH {
+        step_motion(
+            place(n, START_MOTION, COUNT_MOTION, row),
+            place(n, START_MOTION, COUNT_MOTION, i),
+            parameters[to],
+            of_row.share_of_time * rate_of(MOTION, 0u),
+            bias,
+        );
+    }
     if column != ROTATION && column != LOG_SCALE {
         parameters[to] = clamped(column, updated(to, d_parameters[by], rate, bias));
     } else if k == 0u {

@@ -24,6 +24,8 @@ pub const TILE: u32 = 16;
 pub const LENGTH_MIN: f32 = 1e-12;
 /// Adam's beta1, beta2 and epsilon.
 pub const ADAM: [f32; 3] = [0.9, 0.999, 1e-15];
+/// Reach of a window in its widths, and the shortest reach in intervals.
+pub const REACH: [f32; 2] = [3.0, 1.0];
 /// Weight of structural dissimilarity in the loss, against L1.
 pub const LAMBDA: f32 = 0.2;
 
@@ -283,6 +285,7 @@ fn constants(columns: Columns) -> String {
         format!("const {name} = array<{kind}, {}>({});\n", values.len(), values.join(", "))
     };
     let [beta1, beta2, epsilon] = ADAM;
+    let [support_radius, reach_min] = REACH;
     let log = |beta: f32| f64::from(beta).ln() as f32;
     let mut source: String = [
         ("TILE", TILE),
@@ -304,7 +307,6 @@ fn constants(columns: Columns) -> String {
         ("NUMBERS", columns.numbers()),
         ("COLUMNS", COLUMNS as u32),
         ("SH_REST", layout::AdamUniforms::SH_REST),
-        ("ROTATION_RATE_AT", layout::AdamUniforms::ROTATION_RATE),
     ]
     .map(unsigned)
     .concat();
@@ -322,6 +324,8 @@ fn constants(columns: Columns) -> String {
         ("LOG_BETA1", log(beta1)),
         ("LOG_BETA2", log(beta2)),
         ("EPSILON", epsilon),
+        ("SUPPORT_RADIUS", support_radius),
+        ("REACH_MIN", reach_min),
     ]
     .map(float)
     .concat();

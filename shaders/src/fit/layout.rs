@@ -56,7 +56,8 @@ pub struct Series {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct AdamUniforms {
-    /// Learning rates of the columns up to [`AdamUniforms::MOTION`]; the constants say which follow.
+    /// Learning rates by column, and of the spherical harmonics of degrees 1 to 3 at [`AdamUniforms::SH_REST`].
+    /// Motion has the rate of the centre, which the shader divides by powers of a window's reach.
     pub rates: [f32; 12],
     /// Smallest and largest log-scale.
     pub log_scales: [f32; 2],
@@ -68,15 +69,15 @@ pub struct AdamUniforms {
     pub logit_max: f32,
     /// Weight of the area of the drawn Gaussians in the loss.
     pub fragment_weight: f32,
+    /// Longest reach of a window, in intervals.
+    pub reach_max: f32,
+    /// Padding.
+    pub _pad0: [u32; 3],
 }
 
 impl AdamUniforms {
-    /// Index of the rates of the three powers of time.
-    pub const MOTION: usize = 7;
-    /// Index of the rate of the rotation rates.
-    pub const ROTATION_RATE: u32 = 10;
-    /// Index of the rate of the spherical harmonics of degrees 1 to 3.
-    pub const SH_REST: u32 = 11;
+    /// Index of the rate of the spherical harmonics of degrees 1 to 3, behind the columns.
+    pub const SH_REST: u32 = super::COLUMNS as u32;
 }
 
 /// `Response` of camera.wgsl: how a camera shows colours.

@@ -274,7 +274,7 @@ fn a_resumed_fit_is_the_same() {
                 gradient.centers[i] = [1e-6 * ((*row as usize * 7 + step) as f32).sin(); 3];
                 gradient.logits[i] = 1e-3 * (*row as f32).cos();
             }
-            let rates = LearningRates::new(10.0, all);
+            let rates = LearningRates::new(10.0, Timeline::even(9), all);
             adam(all, moments, &rows, &gradient, &rates, &bounds());
             let gradients: Vec<f32> = rows.iter().map(|row| 5e-4 * (*row % 5) as f32).collect();
             state.screen_gradients.accumulate(&rows, &gradients);

@@ -22,6 +22,9 @@ const CHUNK: usize = 1024;
 /// The first of the columns of time, which are the last: window, motion and rotation rates.
 const TIME_COLUMN: usize = 5;
 
+/// The column of motion.
+const MOTION_COLUMN: usize = 7;
+
 /// Moves `rows` against their gradients (row `i` of `gradient` is the gradient of `rows[i]`) and projects them
 /// into the bounds. Steps of carried rows are shorter by their [share](super::super::parameters::Carried::share). Skips
 /// rows whose gradient, or its square, is not finite; returns how many.
@@ -53,6 +56,9 @@ pub(in crate::fit) fn adam<T: Real>(
     }
     let (corrections, of_time) = corrections(moments, rows, &usable);
 
+    // Before the widths step, as on a GPU.
+    let motion = motion_rates(parameters, rows, rates);
+    let order = parameters.motion_order;
     let rates = rates.by_column(parameters);
     let values = parameters.columns_mut().into_iter().zip(rates);
     let moments = moments.first.columns_mut().into_iter().zip(moments.second.columns_mut());
@@ -62,20 +68,24 @@ pub(in crate::fit) fn adam<T: Real>(
             Some(of_time) if number >= TIME_COLUMN => of_time,
             _ => &corrections,
         };
-        if !values.is_empty() {
-            let column = Column { values, first, second };
-            // The compiler makes vectors of a row whose length it knows: rows of the columns up to degree 3.
-            match rates.len() {
-                1 => step::<T, 1>(column, rows, gradient, corrections, &rates),
-                3 => step::<T, 3>(column, rows, gradient, corrections, &rates),
-                4 => step::<T, 4>(column, rows, gradient, corrections, &rates),
-                6 => step::<T, 6>(column, rows, gradient, corrections, &rates),
-                9 => step::<T, 9>(column, rows, gradient, corrections, &rates),
-                12 => step::<T, 12>(column, rows, gradient, corrections, &rates),
-                27 => step::<T, 27>(column, rows, gradient, corrections, &rates),
-                48 => step::<T, 48>(column, rows, gradient, corrections, &rates),
-                length => unreachable!("no column has {length} numbers a row"),
-            }
+        if values.is_empty() {
+            continue;
+        }
+        let column = Column { values, first, second };
+        // The compiler makes vectors of a row whose length it knows: rows of the columns up to degree 3.
+        match (number, rates.len()) {
+            (MOTION_COLUMN, _) => match order {
+                1 => step(column, rows, gradient, corrections, |i| by_axis::<T, 3>(&motion[i])),
+                2 => step(column, rows, gradient, corrections, |i| by_axis::<T, 6>(&motion[i])),
+                _ => step(column, rows, gradient, corrections, |i| by_axis::<T, 9>(&motion[i])),
+            },
+            (_, 1) => step_alike::<T, 1>(column, rows, gradient, corrections, &rates),
+            (_, 3) => step_alike::<T, 3>(column, rows, gradient, corrections, &rates),
+            (_, 4) => step_alike::<T, 4>(column, rows, gradient, corrections, &rates),
+            (_, 12) => step_alike::<T, 12>(column, rows, gradient, corrections, &rates),
+            (_, 27) => step_alike::<T, 27>(column, rows, gradient, corrections, &rates),
+            (_, 48) => step_alike::<T, 48>(column, rows, gradient, corrections, &rates),
+            (_, length) => unreachable!("no column has {length} numbers a row"),
         }
     }
     for (row, _) in rows.iter().zip(&usable).filter(|(_, usable)| **usable) {
@@ -114,6 +124,20 @@ fn corrections<T: Real>(
     (shared(Moments::share), Some(shared(Moments::share_of_time)))
 }
 
+/// The rates of the motion of `rows`, by power of time.
+fn motion_rates<T: Real>(parameters: &Parameters<T>, rows: &[u32], rates: &LearningRates) -> Vec<[T; 3]> {
+    if parameters.motion_order == 0 {
+        return Vec::new();
+    }
+    let of_row = |row: &u32| rates.motion(parameters.log_widths[*row as usize].to_double()).map(T::from_f64);
+    rows.par_iter().map(of_row).collect()
+}
+
+/// The rates of the first `N` coefficients of motion, from their rates by power.
+fn by_axis<T: Real, const N: usize>(by_power: &[T; 3]) -> [T; N] {
+    std::array::from_fn(|k| by_power[k / 3])
+}
+
 /// One column of the parameters with its moments.
 struct Column<'a, T> {
     values: &'a mut [T],
@@ -121,17 +145,28 @@ struct Column<'a, T> {
     second: &'a mut [T],
 }
 
-/// Steps a column of `N` numbers per row.
-fn step<T: Real, const N: usize>(
-    Column { values, first, second }: Column<T>,
+/// Steps a column of `N` numbers per row, whose rates are the same in each row.
+fn step_alike<T: Real, const N: usize>(
+    column: Column<T>,
     rows: &[u32],
     gradient: &[T],
     corrections: &[Option<[T; 2]>],
     rates: &[T],
 ) {
+    let rates: [T; N] = rates.try_into().expect("a rate for each number");
+    step(column, rows, gradient, corrections, |_| rates);
+}
+
+/// Steps a column of `N` numbers per row: row `i` of `rows` at `rates(i)`.
+fn step<T: Real, const N: usize>(
+    Column { values, first, second }: Column<T>,
+    rows: &[u32],
+    gradient: &[T],
+    corrections: &[Option<[T; 2]>],
+    rates: impl Fn(usize) -> [T; N] + Sync,
+) {
     let [beta1, beta2, epsilon] = [BETA1, BETA2, EPSILON].map(T::from_f64);
     let [rest1, rest2] = [T::from_f64(1.0 - BETA1), T::from_f64(1.0 - BETA2)];
-    let rates: &[T; N] = rates.try_into().expect("a rate for each number");
     let gradient = gradient.as_chunks::<N>().0;
     let moments = first.as_chunks_mut::<N>().0.par_chunks_mut(CHUNK);
     let moments = moments.zip(second.as_chunks_mut::<N>().0.par_chunks_mut(CHUNK));
@@ -141,7 +176,7 @@ fn step<T: Real, const N: usize>(
         let before = |end: usize| rows.partition_point(|row| (*row as usize) < end);
         for i in before(begin)..before(begin + CHUNK) {
             let Some([bias1, bias2]) = corrections[i] else { continue };
-            let (row, g) = (rows[i] as usize - begin, &gradient[i]);
+            let (row, g, rates) = (rows[i] as usize - begin, &gradient[i], rates(i));
             // Copies: the compiler knows that they do not overlap.
             let (mut value, mut mean, mut square) = (values[row], first[row], second[row]);
             for k in 0..N {
@@ -189,8 +224,29 @@ mod tests {
         rows: &[u32],
         gradient: &Parameters<T>,
     ) -> usize {
-        let rates = LearningRates::new(1.0, all);
+        let rates = LearningRates::new(1.0, Timeline::even(9), all);
         adam(all, moments, rows, gradient, &rates, &bounds())
+    }
+
+    /// Among rows that stay, one that comes and goes still learns to move, and they still learn to: windows of 0.5, 1 and
+    /// infinitely many intervals reach 1.5, 3 and, in a clip of 8, 4 intervals far.
+    #[test]
+    fn the_motion_of_each_row_steps_by_the_reach_of_its_window() {
+        let mut all = parameters::<f64>(4);
+        all.log_widths = vec![0.5_f64.ln(), 0.0, f64::INFINITY, f64::INFINITY];
+        let mut moments = Moments::new(&all);
+        let mut gradient = all.zeros(3);
+        gradient.motion.fill([0.5; 3]);
+        gradient.log_widths.fill(0.5);
+        assert_eq!(run(&mut all, &mut moments, &[0, 1, 3], &gradient), 0);
+        let center = LearningRates::new(1.0, Timeline::even(9), &all).centers;
+        for (row, reach) in [(0, 1.5), (1, 3.0), (3, 4.0)] {
+            for (order, c) in all.motion[2 * row..][..2].iter().enumerate() {
+                let expected = -center / f64::powi(reach, order as i32 + 1);
+                assert!(c.iter().all(|c| (c - expected).abs() < 1e-12), "{row}: {c:?}, not {expected}");
+            }
+        }
+        assert_eq!(all.motion[4], [0.0; 3], "it was not drawn");
     }
 
     /// A gradient of 0.5 and then of -1, by hand: the first moments are 0.05 and -0.055, the second
@@ -332,7 +388,7 @@ mod tests {
                 &mut no_moments,
                 &[],
                 &Parameters::default(),
-                &LearningRates::new(1.0, &Parameters::<f64>::default()),
+                &LearningRates::new(1.0, Timeline::even(9), &Parameters::<f64>::default()),
                 &bounds()
             ),
             0

@@ -11,8 +11,7 @@ use codec::sh_coefficients;
 
 use serde::{Deserialize, Serialize};
 
-use crate::fit::parameters::{COLUMNS, Carried, Parameters, STATIC_SHARE};
-use crate::median::median;
+use crate::fit::parameters::{COLUMNS, Parameters, STATIC_SHARE, Timeline};
 use crate::raster::Real;
 
 /// For the centres, in extents of the scene: 3 times the rate of 3D Gaussian Splatting.
@@ -44,7 +43,10 @@ const LOG_WIDTHS: f64 = 5e-3;
 const ROTATION_RATES: f64 = 1e-3;
 
 /// Distance from its centre, in widths, up to which a window's opacity matters: it is 1/90 of the peak there.
-const SUPPORT_RADIUS: f64 = 3.0;
+pub(in crate::fit) const SUPPORT_RADIUS: f64 = 3.0;
+
+/// Shortest time from the centre of a window, in intervals, at which photographs tell how far a Gaussian moved.
+pub(in crate::fit) const REACH_MIN: f64 = 1.0;
 
 /// Fraction of the steps, at the end, over which the rates decay. The paper's is 0.1, of 96,000 steps. Swept for fits
 /// of 6000 steps and refinements of 2000: at 0.2, 0.4 and 0.5, held frames of stage-knight have 30.36, 30.41 and 30.33
@@ -73,31 +75,22 @@ pub(in crate::fit) struct LearningRates {
     pub(in crate::fit) tau: f64,
     /// For the logarithms of the window widths.
     pub(in crate::fit) log_widths: f64,
-    /// For `c1, c2, c3`, in units of the capture.
-    pub(in crate::fit) motion: [f64; 3],
     /// For the rates of the quaternions per interval.
     pub(in crate::fit) rotation_rates: f64,
+    /// Longest time from the centre of a window, in intervals, to which motion leads: half the clip.
+    pub(in crate::fit) reach_max: f64,
 }
 
 impl LearningRates {
-    /// The rates for `parameters` in a scene of `extent`, in units of the capture.
-    ///
-    /// At the edge of the median window, a step of any motion coefficient moves a Gaussian as far as a step of its
-    /// centre does. Without that division by powers of the support radius, a step of `c3` would throw it many times as
-    /// far.
-    ///
-    /// The rates of a static field, which has no window centres, are 0.4 times as high.
-    pub(in crate::fit) fn new<T: Real>(extent: f64, parameters: &Parameters<T>) -> LearningRates {
-        LearningRates::carrying(extent, parameters, &[])
-    }
-
-    /// Those of a field that moves, from the logarithms of the widths of its windows.
-    fn of_widths(extent: f64, log_widths: impl Iterator<Item = f64>) -> LearningRates {
-        let widths: Vec<f64> = log_widths.map(libm::exp).collect();
-        let support_radius = SUPPORT_RADIUS * median(widths).unwrap_or(1.0);
-        let centers = CENTERS * extent;
-        LearningRates {
-            centers,
+    /// The rates for `parameters` over `timeline` in a scene of `extent`, in units of the capture. The rates of a static
+    /// field, which has no window centres, are 0.4 times as high.
+    pub(in crate::fit) fn new<T: Real>(
+        extent: f64,
+        timeline: Timeline,
+        parameters: &Parameters<T>,
+    ) -> LearningRates {
+        let rates = LearningRates {
+            centers: CENTERS * extent,
             rotations: ROTATIONS,
             log_scales: LOG_SCALES,
             logits: LOGITS,
@@ -105,21 +98,20 @@ impl LearningRates {
             sh_rest: SH_REST,
             tau: TAU,
             log_widths: LOG_WIDTHS,
-            motion: [1, 2, 3].map(|power| centers * support_radius.powi(-power)),
             rotation_rates: ROTATION_RATES,
-        }
+            reach_max: (0.5 * timeline.intervals).max(REACH_MIN),
+        };
+        if parameters.tau.is_empty() { rates.scaled(STATIC_SHARE.into()) } else { rates }
     }
 
-    /// The rates of a fit whose rows have this past, or none: what stands still or is finished is moved by no rate of time.
-    pub(in crate::fit) fn carrying<T: Real>(
-        extent: f64,
-        parameters: &Parameters<T>,
-        carried: &[Carried],
-    ) -> LearningRates {
-        let moves = |row: usize| carried.get(row).is_none_or(|carried| carried.share_of_time() > 0.0);
-        let widths = parameters.log_widths.iter().enumerate().filter(|(row, _)| moves(*row));
-        let rates = LearningRates::of_widths(extent, widths.map(|(_, width)| width.to_double()));
-        if parameters.tau.is_empty() { rates.scaled(STATIC_SHARE.into()) } else { rates }
+    /// The rates of `c1, c2, c3` of a Gaussian whose window has this logarithm of a width, in units of the capture.
+    ///
+    /// At the edge of its window, or of the clip, a step of any of them moves the Gaussian as far as a step of its centre
+    /// does. Where all Gaussians had the rates of one width, a step of `c3` would throw those that stay a hundred times
+    /// as far, or those that come and go would hardly learn to move.
+    pub(in crate::fit) fn motion(&self, log_width: f64) -> [f64; 3] {
+        let reach = (SUPPORT_RADIUS * libm::exp(log_width)).clamp(REACH_MIN, self.reach_max);
+        [1, 2, 3].map(|power| self.centers * reach.powi(-power))
     }
 
     /// The rates times `factor`.
@@ -133,15 +125,14 @@ impl LearningRates {
             sh_rest: self.sh_rest * factor,
             tau: self.tau * factor,
             log_widths: self.log_widths * factor,
-            motion: self.motion.map(|rate| rate * factor),
             rotation_rates: self.rotation_rates * factor,
+            reach_max: self.reach_max,
         }
     }
 
-    /// The rate of each number of a row, by column.
+    /// The rate of each number of a row, by column; none for motion, whose rates differ from row to row.
     pub(in crate::fit) fn by_column<T: Real>(&self, parameters: &Parameters<T>) -> [Vec<T>; COLUMNS] {
         let sh = |i: usize| T::from_f64(if i < 3 { self.sh_first } else { self.sh_rest });
-        let motion = &self.motion[..usize::from(parameters.motion_order)];
         [
             vec![T::from_f64(self.centers); 3],
             vec![T::from_f64(self.rotations); 4],
@@ -150,7 +141,7 @@ impl LearningRates {
             (0..3 * sh_coefficients(parameters.sh_degree)).map(sh).collect(),
             vec![T::from_f64(self.tau)],
             vec![T::from_f64(self.log_widths)],
-            motion.iter().flat_map(|rate| [T::from_f64(*rate); 3]).collect(),
+            Vec::new(),
             vec![T::from_f64(self.rotation_rates); 4],
         ]
     }
@@ -186,39 +177,31 @@ mod tests {
             motion_order: 2,
             ..Parameters::default()
         };
-        let rates = LearningRates::new(2.0, &parameters);
+        let rates = LearningRates::new(2.0, Timeline::even(9), &parameters);
         let columns = rates.scaled(0.5).by_column(&parameters);
         assert_eq!(columns[0], [CENTERS; 3]);
         assert_eq!(columns[4].len(), 27);
         assert_eq!((columns[4][2], columns[4][3]), (0.5 * SH_FIRST, 0.5 * SH_REST));
-        let [c1, c2, _] = rates.motion.map(|rate| 0.5 * rate);
-        assert_eq!(columns[7], [c1, c1, c1, c2, c2, c2]);
     }
 
-    /// Also where rows have a past, as those that are refined before a plate.
+    /// The edge is 3 widths from the centre, and no farther than the edge of the clip.
     #[test]
-    fn a_static_field_has_its_rates_whatever_its_rows_carry() {
-        let fixed = Parameters::<f64> { centers: vec![[0.0; 3]], ..Parameters::default() };
-        let expected = LearningRates::new(2.0, &fixed);
-        assert_eq!(LearningRates::carrying(2.0, &fixed, &[Carried::NONE]), expected);
-    }
-
-    /// The edge of the median window is 3 widths of 2 intervals from its centre.
-    #[test]
-    fn motion_moves_a_gaussian_as_far_as_its_centre() {
-        let log_widths = [0.5, 2.0, 8.0].map(f64::ln).to_vec();
-        let parameters = Parameters { tau: vec![0.0; 3], log_widths, ..Parameters::default() };
-        let LearningRates { centers, motion: [c1, c2, c3], .. } = LearningRates::new(10.0, &parameters);
-        for step in [c1 * 6.0, c2 * 36.0, c3 * 216.0] {
-            assert!((step - centers).abs() < 1e-12, "{step}");
+    fn motion_moves_each_gaussian_as_far_at_its_edge_as_its_centre() {
+        let parameters = Parameters { tau: vec![0.0], log_widths: vec![0.0], ..Parameters::default() };
+        let rates = LearningRates::new(10.0, Timeline::even(33), &parameters);
+        for (width, edge) in [(2.0, 6.0), (5.0, 15.0), (8.0, 16.0), (f64::INFINITY, 16.0), (0.01, 1.0)] {
+            let [c1, c2, c3] = rates.scaled(0.5).motion(f64::ln(width));
+            for step in [c1 * edge, c2 * edge * edge, c3 * edge * edge * edge] {
+                assert!((step - 0.5 * rates.centers).abs() < 1e-12, "{width}: {step}");
+            }
         }
     }
 
     #[test]
     fn rates_of_a_static_field_are_lower() {
         let timed = Parameters::<f64> { tau: vec![0.0], log_widths: vec![0.0], ..Parameters::default() };
-        let fixed = LearningRates::new(2.0, &Parameters::<f64>::default());
-        let rates = LearningRates::new(2.0, &timed);
+        let fixed = LearningRates::new(2.0, Timeline::even(9), &Parameters::<f64>::default());
+        let rates = LearningRates::new(2.0, Timeline::even(9), &timed);
         let share = f64::from(STATIC_SHARE);
         assert_eq!((rates.centers, fixed.centers), (2.0 * CENTERS, share * (2.0 * CENTERS)));
         assert_eq!((fixed.logits, fixed.sh_rest), (share * LOGITS, share * SH_REST));

@@ -8,4 +8,6 @@ mod moments;
 pub(super) use adam::{BETA1, BETA2, EPSILON, adam};
 pub(super) use fragment_term::add_fragment_term;
 pub(super) use learning_rates::{LearningRates, decay};
+#[cfg(all(test, feature = "gpu"))]
+pub(super) use learning_rates::{REACH_MIN, SUPPORT_RADIUS};
 pub(super) use moments::Moments;

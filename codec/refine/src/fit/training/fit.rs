@@ -99,7 +99,7 @@ impl Fit {
         Fit {
             settings,
             timeline,
-            rates: LearningRates::new(extent, &parameters),
+            rates: LearningRates::new(extent, timeline, &parameters),
             bounds,
             moments: Moments::new(&parameters),
             control: DensityControl {
@@ -124,7 +124,6 @@ impl Fit {
     /// If there is not one for each Gaussian.
     pub fn carrying(mut self, carried: Vec<Carried>) -> Fit {
         assert_eq!(carried.len(), self.len(), "a past for each Gaussian");
-        self.rates = LearningRates::carrying(self.bounds.extent, &self.parameters, &carried);
         self.moments.carried = carried;
         self.carries = true;
         self.keep_limits();

@@ -351,13 +351,14 @@ fn pixels(size: [u32; 2]) -> u64 {
 #[cfg(test)]
 mod tests {
     use crate::fit::loss::LAMBDA;
-    use crate::fit::optimizer::{BETA1, BETA2, EPSILON};
+    use crate::fit::optimizer::{BETA1, BETA2, EPSILON, REACH_MIN, SUPPORT_RADIUS};
     use crate::fit::parameters::NORM_MIN;
     use crate::raster::{ALPHA_MAX, TRANSMITTANCE_MIN};
 
     #[test]
     fn shaders_have_the_constants_of_the_cpu() {
         assert_eq!(shaders::fit::ADAM, [BETA1, BETA2, EPSILON].map(|x| x as f32));
+        assert_eq!(shaders::fit::REACH, [SUPPORT_RADIUS, REACH_MIN].map(|x| x as f32));
         assert_eq!(shaders::fit::LAMBDA, LAMBDA as f32);
         let raster = [shaders::ALPHA_MIN, shaders::ALPHA_MAX, shaders::fit::TRANSMITTANCE_MIN];
         assert_eq!(raster, [codec::ALPHA_MIN, ALPHA_MAX, TRANSMITTANCE_MIN].map(|x| x as f32));

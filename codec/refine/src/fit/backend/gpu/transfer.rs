@@ -159,14 +159,14 @@ pub(super) fn adam_uniforms(config: &StepConfig) -> AdamUniforms {
         sh_rest,
         tau,
         log_widths,
-        motion,
         rotation_rates,
+        reach_max,
     } = config.rates;
     let mut rates = [0.0; 12];
-    let columns = [centers, rotations, log_scales, logits, sh_first, tau, log_widths];
-    rates[..columns.len()].copy_from_slice(&columns.map(|rate| rate as f32));
-    rates[AdamUniforms::MOTION..][..3].copy_from_slice(&motion.map(|rate| rate as f32));
-    rates[AdamUniforms::ROTATION_RATE as usize] = rotation_rates as f32;
+    let motion = centers;
+    let columns: [f64; COLUMNS] =
+        [centers, rotations, log_scales, logits, sh_first, tau, log_widths, motion, rotation_rates];
+    rates[..COLUMNS].copy_from_slice(&columns.map(|rate| rate as f32));
     rates[AdamUniforms::SH_REST as usize] = sh_rest as f32;
     let Bounds { log_scales, log_widths, tau, .. } = config.bounds;
     let single = |v: [f64; 2]| v.map(|x| x as f32);
@@ -177,6 +177,8 @@ pub(super) fn adam_uniforms(config: &StepConfig) -> AdamUniforms {
         tau: single(tau),
         logit_max: LOGIT_MAX as f32,
         fragment_weight: config.fragment_weight as f32,
+        reach_max: reach_max as f32,
+        _pad0: [0; 3],
     }
 }
 
