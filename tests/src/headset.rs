@@ -172,12 +172,12 @@ impl Headset {
         command
     }
 
-    /// A command that runs `program` on this runtime made odd: the layer `xr_odd_runtime`, with `oddity` as its
+    /// A command that runs `program` on this runtime made odd: the layer `xr_odd_runtime`, with `oddities` as its
     /// `AARC_RUNTIME`, is between them.
     ///
     /// # Panics
     /// If the layer cannot be built, or its description cannot be written.
-    pub fn odd(&self, program: &Path, oddity: &str) -> Command {
+    pub fn odd(&self, program: &Path, oddities: &str) -> Command {
         let (layer, about) = (
             example("xr_odd_runtime"),
             [
@@ -193,7 +193,7 @@ impl Headset {
         command
             .env("XR_API_LAYER_PATH", self.path("layers"))
             .env("XR_ENABLE_API_LAYERS", ODD_LAYER)
-            .env("AARC_RUNTIME", oddity);
+            .env("AARC_RUNTIME", oddities);
         command
     }
 

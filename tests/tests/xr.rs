@@ -27,7 +27,7 @@ use client::gpu::{
 };
 use client::view::View;
 use codec::{Camera, Clip, Field, Limits};
-use glam::{UVec2, Vec2};
+use glam::{DVec3, UVec2, Vec2};
 use libtest_mimic::{Completion, Failed, Trial};
 use program::Fault;
 use refine::image::Image;
@@ -65,6 +65,14 @@ fn main() -> ExitCode {
         trial("too little graphics memory ends the player with one sentence", little_memory),
         trial("a skipped clip is a line on the terminal", skipped),
         trial("a killed runtime ends the player with one sentence", killed),
+        trial("a runtime that announces its end ends the player with one sentence", runtime_lost),
+        hand_trial(
+            "a moved stage, a lost head and a lost session leave the clip in its place",
+            misfortunes,
+            false,
+        ),
+        hand_trial("the room stays while the head is lost", room_without_head, false),
+        trial("a runtime that drops every session ends the player with one sentence", sessions_dropped),
         trial("a missing service is named", no_service),
         trial("a missing runtime is named", no_runtime),
         Trial::test("without OpenXR", || without_openxr().map_err(Failed::from)),
@@ -585,6 +593,71 @@ fn killed(headset: &Headset) -> Result<(), String> {
     one_sentence(&outcome, DEVICE, "runtime went away")
 }
 
+fn runtime_lost(headset: &Headset) -> Result<(), String> {
+    let mut command = headset.odd(client(), "runtime-lost:5");
+    one_sentence(&run(command.args(["--xr", "--frames", "0..30"])), DEVICE, "runtime went away")
+}
+
+fn sessions_dropped(headset: &Headset) -> Result<(), String> {
+    let mut command = headset.odd(client(), "session-lost:5");
+    one_sentence(&run(command.args(["--xr", "--frames", "0..60"])), DEVICE, "drops its session")
+}
+
+/// The head of the remote driver rests, so that only the moved stage changes what the eyes see.
+fn misfortunes(headset: &Headset, _: Remote) -> Result<(), String> {
+    // Where the left eye is in the clip after `frames` frames of it, and the statistics.
+    let seen = |oddities: &str, frames: u64| {
+        let mut command = headset.odd(client(), oddities);
+        let (folder, stats) = (headset.path("eyes"), headset.path("stats.json"));
+        command.args(["--xr", "--quality", "least", "--frames", &format!("0..{frames}"), "--out"]);
+        command.arg(&folder).arg("--stats").arg(&stats).env("XRT_COMPOSITOR_SCALE_PERCENTAGE", "10");
+        let outcome = run(&mut command);
+        let stats = json(&stats).map_err(|error| format!("{oddities}: {error} {outcome:?}"))?;
+        match outcome.code {
+            Some(0) => Ok((DVec3::from(eye(&folder, "left")?.0.position()), stats)),
+            _ => Err(format!("{oddities}: {outcome:?} {stats}")),
+        }
+    };
+    let (before, _) = seen("", 3)?;
+    // The first frames have no clip yet, and on a busy machine many of them.
+    for from in [50, 200, 800] {
+        // The stage moves while the head is lost, and the session is lost after the head is back.
+        let (moves, lost) = (from + 10, from + 40);
+        let oddities = format!("head-lost:{from} stage-moves:{moves} session-lost:{lost}");
+        let (after, stats) = seen(&oddities, from + 50)?;
+        let [empty, unseen] = ["frames_empty", "frames_unseen"].map(|key| number(&stats[key]));
+        let (empty, unseen) = (u64::from(empty?), u64::from(unseen?));
+        if unseen < 20 {
+            return Err(format!("the head was never lost: {stats}"));
+        }
+        if empty + unseen - 20 >= from {
+            continue;
+        }
+        let moved_m = before.distance(after);
+        if (moved_m - 1.0).abs() > 1e-3 || stats["sessions_lost"] != 1 {
+            return Err(format!("the eye moves by {moved_m} m in the clip, and the stage by 1: {stats}"));
+        }
+        return Ok(());
+    }
+    Err("the clip came too late".into())
+}
+
+/// A button of the panel shows the room; without the head, frames have no layers.
+fn room_without_head(headset: &Headset, mut remote: Remote) -> Result<(), String> {
+    let mut command = headset.odd(client(), "room");
+    command.env("XRT_COMPOSITOR_SCALE_PERCENTAGE", "10");
+    let player = Player::start(headset, command, &["--quality", "least"].map(Path::new))?;
+    player.wait_for_log("session Focused")?;
+    let mode = press(&mut remote, ROOM, || {
+        let log = player.log();
+        log.lines().find_map(|line| line.strip_prefix("no layers over ").map(String::from))
+    });
+    match mode.as_deref() {
+        Some("ALPHA_BLEND") => Ok(()),
+        _ => Err(format!("{mode:?}: {}", player.log())),
+    }
+}
+
 /// Submissions of the player and of the runtime to the player's device before it is lost, in which more than 50
 /// frames are shown: fewer would not be worth another device.
 const SUBMISSIONS: u32 = 500;
@@ -678,6 +751,7 @@ fn skipped(headset: &Headset) -> Result<(), String> {
 
 /// Buttons of the panel, in its points.
 const NEXT_CLIP: Vec2 = Vec2::new(744.0, 564.0);
+const ROOM: Vec2 = Vec2::new(564.0, 656.0);
 const EXIT: Vec2 = Vec2::new(752.0, 656.0);
 
 /// Presses a button of the panel repeatedly until `look` returns something.

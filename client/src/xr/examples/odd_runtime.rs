@@ -1,32 +1,76 @@
 //! An OpenXR layer that makes a runtime odd. Tests load it between the player and the runtime.
 //!
-//! `AARC_RUNTIME` says how: `views:N` reports N views of two eyes, `one-eye` refuses two eyes, as runtimes with one or
-//! four views do, `no-time` predicts no display time, `no-period` no period and offers no rates, `one-layer` refuses
-//! frames with more than one projection layer. The layer implements version 1 of the loader's interface: it hands out
-//! its own functions for the names that it changes, and the functions of the next layer or the runtime for all others.
+//! `AARC_RUNTIME` lists the oddities, with blanks between: `views:N` reports N views of two eyes, `one-eye` refuses two
+//! eyes, as runtimes with one or four views do, `no-time` predicts no display time, `no-period` no period and offers no
+//! rates, `one-layer` refuses frames with more than one projection layer. `room` offers to blend the room, does not
+//! know where the head is once the room is shown, and prints the blend mode of the next frame without layers. The
+//! others count frames: `stage-moves:N` moves the stage by [`MOVE_M`] with frame N, `head-lost:N` does not know where
+//! the head is in [`LOST_FRAMES`] frames from N on, `session-lost:N` announces the loss of the session after each N
+//! frames, and `runtime-lost:N` that of the runtime after N.
+//!
+//! The layer implements version 1 of the loader's interface: it hands out its own functions for the names that it
+//! changes, and the functions of the next layer or the runtime for all others.
 
 #![allow(unsafe_code, reason = "a layer speaks the loader's C interface")]
 
 use std::ffi::{CStr, c_char};
 use std::mem::transmute;
-use std::sync::OnceLock;
+use std::ptr::null;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Mutex, OnceLock};
 
 use openxr::sys::{
-    ApiLayerCreateInfo, CURRENT_API_VERSION, CompositionLayerBaseHeader, Duration, FrameEndInfo, FrameState,
-    FrameWaitInfo, Instance, InstanceCreateInfo, NegotiateApiLayerRequest, NegotiateLoaderInfo, Result,
-    Session, StructureType, SystemId, Time, ViewConfigurationType, ViewConfigurationView, pfn,
+    ApiLayerCreateInfo, CURRENT_API_VERSION, CompositionLayerBaseHeader, Duration, EnvironmentBlendMode,
+    EventDataBuffer, EventDataInstanceLossPending, EventDataReferenceSpaceChangePending,
+    EventDataSessionStateChanged, FrameEndInfo, FrameState, FrameWaitInfo, Instance, InstanceCreateInfo,
+    NegotiateApiLayerRequest, NegotiateLoaderInfo, Posef, ReferenceSpaceType, Result, Session, SessionState,
+    StructureType, SystemId, TRUE, Time, Vector3f, View, ViewConfigurationType, ViewConfigurationView,
+    ViewLocateInfo, ViewState, ViewStateFlags, pfn,
 };
+
+/// Metres by which `stage-moves` moves the stage to the right.
+const MOVE_M: f32 = 1.0;
 
 /// `xrGetInstanceProcAddr` of the next layer or the runtime, and the functions of it that this layer calls.
 static NEXT: OnceLock<pfn::GetInstanceProcAddr> = OnceLock::new();
 static VIEWS: OnceLock<pfn::EnumerateViewConfigurationViews> = OnceLock::new();
+static BLENDS: OnceLock<pfn::EnumerateEnvironmentBlendModes> = OnceLock::new();
+static POLL: OnceLock<pfn::PollEvent> = OnceLock::new();
 static WAIT: OnceLock<pfn::WaitFrame> = OnceLock::new();
+static LOCATE: OnceLock<pfn::LocateViews> = OnceLock::new();
 static END: OnceLock<pfn::EndFrame> = OnceLock::new();
 
-/// How the runtime is odd.
-fn oddity() -> &'static str {
-    static ODDITY: OnceLock<String> = OnceLock::new();
-    ODDITY.get_or_init(|| std::env::var("AARC_RUNTIME").unwrap_or_default())
+/// Frames in which `head-lost` does not know where the head is.
+const LOST_FRAMES: u64 = 20;
+
+/// Number of frames that have ended, of all sessions.
+static FRAMES: AtomicU64 = AtomicU64::new(0);
+
+/// Whether a frame has shown the room.
+static SHOWS_ROOM: AtomicBool = AtomicBool::new(false);
+
+/// Events that [`poll`] hands out before those of the runtime.
+static EVENTS: Mutex<Vec<Event>> = Mutex::new(Vec::new());
+
+/// An event of this layer; times are in nanoseconds.
+enum Event {
+    StageMoves(Session, i64),
+    SessionLost(Session, i64),
+    RuntimeLost(i64),
+}
+
+/// The number of the oddity `name`, 0 without one; `None` if the runtime has not this oddity.
+fn oddity(name: &str) -> Option<u64> {
+    static ODDITIES: OnceLock<String> = OnceLock::new();
+    let oddities = ODDITIES.get_or_init(|| std::env::var("AARC_RUNTIME").unwrap_or_default());
+    oddities.split(' ').find_map(|oddity| {
+        let (found, number) = oddity.split_once(':').unwrap_or((oddity, "0"));
+        (found == name).then(|| number.parse().expect("an oddity has a number"))
+    })
+}
+
+fn has(name: &str) -> bool {
+    oddity(name).is_some()
 }
 
 /// Entry point of the layer.
@@ -90,6 +134,18 @@ unsafe extern "system" fn function(
                 VIEWS.get_or_init(|| transmute(theirs));
                 *found = Some(transmute::<pfn::EnumerateViewConfigurationViews, pfn::VoidFunction>(views));
             }
+            b"xrEnumerateEnvironmentBlendModes" if has("room") => {
+                BLENDS.get_or_init(|| transmute(theirs));
+                *found = Some(transmute::<pfn::EnumerateEnvironmentBlendModes, pfn::VoidFunction>(blends));
+            }
+            b"xrPollEvent" => {
+                POLL.get_or_init(|| transmute(theirs));
+                *found = Some(transmute::<pfn::PollEvent, pfn::VoidFunction>(poll));
+            }
+            b"xrLocateViews" => {
+                LOCATE.get_or_init(|| transmute(theirs));
+                *found = Some(transmute::<pfn::LocateViews, pfn::VoidFunction>(locate));
+            }
             b"xrWaitFrame" => {
                 WAIT.get_or_init(|| transmute(theirs));
                 *found = Some(transmute::<pfn::WaitFrame, pfn::VoidFunction>(wait));
@@ -98,7 +154,7 @@ unsafe extern "system" fn function(
                 END.get_or_init(|| transmute(theirs));
                 *found = Some(transmute::<pfn::EndFrame, pfn::VoidFunction>(end));
             }
-            b"xrEnumerateDisplayRefreshRatesFB" if oddity() == "no-period" => {
+            b"xrEnumerateDisplayRefreshRatesFB" if has("no-period") => {
                 *found = Some(transmute::<pfn::EnumerateDisplayRefreshRatesFB, pfn::VoidFunction>(no_rates));
             }
             _ => {}
@@ -124,10 +180,10 @@ unsafe extern "system" fn views(
     views: *mut ViewConfigurationView,
 ) -> Result {
     let Some(next) = VIEWS.get() else { return Result::ERROR_FUNCTION_UNSUPPORTED };
-    if oddity() == "one-eye" {
+    if has("one-eye") {
         return Result::ERROR_VIEW_CONFIGURATION_TYPE_UNSUPPORTED;
     }
-    let Some(reported) = oddity().strip_prefix("views:").and_then(|count| count.parse().ok()) else {
+    let Some(reported) = oddity("views").map(|count| count as u32) else {
         // SAFETY: the arguments are the caller's.
         return unsafe { next(instance, system, configuration, capacity, count, views) };
     };
@@ -142,6 +198,94 @@ unsafe extern "system" fn views(
     Result::SUCCESS
 }
 
+// SAFETY: as `xrEnumerateEnvironmentBlendModes`.
+unsafe extern "system" fn blends(
+    instance: Instance,
+    system: SystemId,
+    configuration: ViewConfigurationType,
+    capacity: u32,
+    count: *mut u32,
+    modes: *mut EnvironmentBlendMode,
+) -> Result {
+    let Some(next) = BLENDS.get() else { return Result::ERROR_FUNCTION_UNSUPPORTED };
+    // SAFETY: the caller has room for a count, and for `capacity` modes; the runtime is asked for no more.
+    unsafe {
+        let result = next(instance, system, configuration, capacity.saturating_sub(1), count, modes);
+        if result == Result::SUCCESS {
+            if capacity > 0 {
+                *modes.add(*count as usize) = EnvironmentBlendMode::ALPHA_BLEND;
+            }
+            *count += 1;
+        }
+        result
+    }
+}
+
+// SAFETY: as `xrPollEvent`.
+unsafe extern "system" fn poll(instance: Instance, event: *mut EventDataBuffer) -> Result {
+    let Some(next) = POLL.get() else { return Result::ERROR_FUNCTION_UNSUPPORTED };
+    let ours = EVENTS.lock().ok().and_then(|mut events| events.pop());
+    // SAFETY: the arguments are the caller's; a buffer has room for each event and their alignment.
+    unsafe {
+        match ours {
+            None => return next(instance, event),
+            Some(Event::StageMoves(session, ns)) => {
+                let position = Vector3f { x: MOVE_M, ..Vector3f::default() };
+                event.cast::<EventDataReferenceSpaceChangePending>().write(
+                    EventDataReferenceSpaceChangePending {
+                        ty: EventDataReferenceSpaceChangePending::TYPE,
+                        next: null(),
+                        session,
+                        reference_space_type: ReferenceSpaceType::STAGE,
+                        change_time: Time::from_nanos(ns),
+                        pose_valid: TRUE,
+                        pose_in_previous_space: Posef { position, ..Posef::IDENTITY },
+                    },
+                );
+            }
+            Some(Event::SessionLost(session, ns)) => {
+                event.cast::<EventDataSessionStateChanged>().write(EventDataSessionStateChanged {
+                    ty: EventDataSessionStateChanged::TYPE,
+                    next: null(),
+                    session,
+                    state: SessionState::LOSS_PENDING,
+                    time: Time::from_nanos(ns),
+                });
+            }
+            Some(Event::RuntimeLost(ns)) => {
+                event.cast::<EventDataInstanceLossPending>().write(EventDataInstanceLossPending {
+                    ty: EventDataInstanceLossPending::TYPE,
+                    next: null(),
+                    loss_time: Time::from_nanos(ns),
+                });
+            }
+        }
+    }
+    Result::SUCCESS
+}
+
+// SAFETY: as `xrLocateViews`.
+unsafe extern "system" fn locate(
+    session: Session,
+    info: *const ViewLocateInfo,
+    state: *mut ViewState,
+    capacity: u32,
+    count: *mut u32,
+    views: *mut View,
+) -> Result {
+    let Some(next) = LOCATE.get() else { return Result::ERROR_FUNCTION_UNSUPPORTED };
+    let frame = FRAMES.load(Ordering::Relaxed);
+    let is_lost = oddity("head-lost").is_some_and(|from| (from..from + LOST_FRAMES).contains(&frame));
+    // SAFETY: the arguments are the caller's, and the runtime has written the state.
+    unsafe {
+        let result = next(session, info, state, capacity, count, views);
+        if is_lost || SHOWS_ROOM.load(Ordering::Relaxed) {
+            (*state).view_state_flags = ViewStateFlags::EMPTY;
+        }
+        result
+    }
+}
+
 // SAFETY: as `xrWaitFrame`.
 unsafe extern "system" fn wait(
     session: Session,
@@ -152,10 +296,11 @@ unsafe extern "system" fn wait(
     // SAFETY: the arguments are the caller's, and the runtime has written the state.
     unsafe {
         let result = next(session, info, state);
-        match oddity() {
-            "no-time" => (*state).predicted_display_time = Time::from_nanos(0),
-            "no-period" => (*state).predicted_display_period = Duration::from_nanos(0),
-            _ => {}
+        if has("no-time") {
+            (*state).predicted_display_time = Time::from_nanos(0);
+        }
+        if has("no-period") {
+            (*state).predicted_display_period = Duration::from_nanos(0);
         }
         result
     }
@@ -171,9 +316,34 @@ unsafe extern "system" fn end(session: Session, info: *const FrameEndInfo) -> Re
             let layer: *const CompositionLayerBaseHeader = *layers.add(i);
             (*layer).ty == StructureType::COMPOSITION_LAYER_PROJECTION
         };
-        if oddity() == "one-layer" && (0..layer_count as usize).filter(|&i| is_projection(i)).count() > 1 {
+        if has("one-layer") && (0..layer_count as usize).filter(|&i| is_projection(i)).count() > 1 {
             return Result::ERROR_LAYER_LIMIT_EXCEEDED;
         }
-        next(session, info)
+        announce(session, (*info).display_time.as_nanos());
+        if !has("room") {
+            return next(session, info);
+        }
+        let mode = (*info).environment_blend_mode;
+        if mode == EnvironmentBlendMode::ALPHA_BLEND && layer_count > 0 {
+            SHOWS_ROOM.store(true, Ordering::Relaxed);
+        } else if layer_count == 0 && SHOWS_ROOM.swap(false, Ordering::Relaxed) {
+            eprintln!("no layers over {mode:?}");
+        }
+        next(session, &FrameEndInfo { environment_blend_mode: EnvironmentBlendMode::OPAQUE, ..*info })
+    }
+}
+
+/// Counts a frame that is shown at `ns` nanoseconds, and announces what comes after it.
+fn announce(session: Session, ns: i64) {
+    let frame = FRAMES.fetch_add(1, Ordering::Relaxed) + 1;
+    let Ok(mut events) = EVENTS.lock() else { return };
+    if oddity("stage-moves") == Some(frame) {
+        events.push(Event::StageMoves(session, ns));
+    }
+    if oddity("session-lost").is_some_and(|every| frame.is_multiple_of(every)) {
+        events.push(Event::SessionLost(session, ns));
+    }
+    if oddity("runtime-lost") == Some(frame) {
+        events.push(Event::RuntimeLost(ns));
     }
 }
