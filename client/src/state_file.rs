@@ -117,8 +117,8 @@ fn is_locked(folder: &File) -> bool {
 /// Most changes that wait for a disk that cannot be written.
 const CHANGES_MAX: usize = 1024;
 
-/// A thread that adds changes to a file soon after they are made, so that no frame waits for the disk, and little is lost
-/// if the player is killed. Dropping it waits until the file is written.
+/// A thread that adds changes to a file as soon as they are made, so that no frame waits for the disk, and nothing that
+/// the viewer has set is lost if the player is killed. Dropping it waits until the file is written.
 #[derive(Debug)]
 pub(crate) struct StateWriter<C> {
     /// `None` while it is dropped.
@@ -128,12 +128,11 @@ pub(crate) struct StateWriter<C> {
 }
 
 impl<C: Send + 'static> StateWriter<C> {
-    /// Starts the thread. `add` adds changes to `file` in `folder`, in their order, and all that come within `settles` at
+    /// Starts the thread. `add` adds changes to `file` in `folder`, in their order, and all that came during a write at
     /// once. Failures go to the log; `add` gets the changes again with the next one, and once more at the end.
     pub(crate) fn start(
         file: StateFile,
         folder: PathBuf,
-        settles: Duration,
         mut add: impl FnMut(&Path, &[C]) -> io::Result<()> + Send + 'static,
     ) -> StateWriter<C> {
         let (changes, arriving) = channel();
@@ -148,10 +147,7 @@ impl<C: Send + 'static> StateWriter<C> {
             let mut unwritten = Vec::new();
             while let Ok(change) = arriving.recv() {
                 unwritten.push(change);
-                let until = Instant::now() + settles;
-                while let Ok(later) = arriving.recv_timeout(until.saturating_duration_since(Instant::now())) {
-                    unwritten.push(later);
-                }
+                unwritten.extend(arriving.try_iter());
                 flush(&mut unwritten);
             }
             if !unwritten.is_empty() {
@@ -225,7 +221,7 @@ mod tests {
             calls.send(changes.to_vec()).unwrap();
             if std::mem::take(&mut fails) { Err(io::Error::other("no disk")) } else { Ok(()) }
         };
-        let writer = StateWriter::start(FILE, "folder".into(), Duration::ZERO, add);
+        let writer = StateWriter::start(FILE, "folder".into(), add);
         writer.write(1);
         assert_eq!(called.recv(), Ok(vec![1]));
         drop(writer);

@@ -4,7 +4,6 @@
 
 use std::io;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
@@ -13,10 +12,7 @@ use crate::state_file::{StateFile, StateWriter};
 /// The file.
 const FILE: StateFile = StateFile { name: "sound.json", version: 1, max_bytes: 4096 };
 
-/// Wait from a change to its writing, in which further changes arrive: a slider that is dragged has 60 a second.
-const SETTLES: Duration = Duration::from_millis(300);
-
-/// How loud sound is. A change is written soon after it was made, and the last one before this is dropped.
+/// How loud sound is. A change is written as soon as it is made.
 #[derive(Debug)]
 pub(crate) struct Volume {
     folder: Option<PathBuf>,
@@ -89,7 +85,7 @@ impl Volume {
         let Some(folder) = self.folder.as_ref().filter(|_| self.remembered != self.written) else { return };
         self.written = self.remembered;
         let writer = self.writer.get_or_insert_with(|| {
-            StateWriter::start(FILE, folder.clone(), SETTLES, |folder, changes: &[Loudness]| {
+            StateWriter::start(FILE, folder.clone(), |folder, changes: &[Loudness]| {
                 changes.last().map_or(Ok(()), |latest| FILE.write(folder, &FILE.encode(latest)))
             })
         });
@@ -107,7 +103,7 @@ fn read(folder: &Path) -> io::Result<Loudness> {
 
 #[cfg(test)]
 mod volume_tests {
-    use std::time::Instant;
+    use std::time::{Duration, Instant};
 
     use super::*;
 
@@ -116,16 +112,18 @@ mod volume_tests {
         let folder = tempfile::tempdir().unwrap();
         let mut volume = Volume::open(Some(folder.path().into()));
         volume.set_level(0.9);
-        volume.set_level(0.25);
-        volume.toggle_muted();
-        let killed_at = Instant::now() + Duration::from_secs(60);
-        let expected = Loudness { level: 0.25, is_muted: true };
-        while read(folder.path()).ok() != Some(expected) {
-            assert!(Instant::now() < killed_at, "{:?}", read(folder.path()));
-            std::thread::sleep(Duration::from_millis(10));
-        }
-        // The file was written while it lives.
-        assert!(volume.is_muted());
+        // Seconds until a change is in the file, while the volume lives.
+        let mut wait_s = || {
+            volume.toggle_muted();
+            let (start, expected) = (Instant::now(), volume.remembered);
+            while read(folder.path()).ok() != Some(expected) {
+                assert!(start.elapsed().as_secs() < 60, "{:?}", read(folder.path()));
+                std::thread::sleep(Duration::from_millis(1));
+            }
+            start.elapsed().as_secs_f64()
+        };
+        // A busy machine may keep some of them waiting.
+        assert!((0..20).any(|_| wait_s() < 0.1), "nobody waits so long before the player is killed");
     }
 
     #[test]

@@ -6,7 +6,6 @@
 
 use std::io;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
 use glam::DVec3;
 use log::warn;
@@ -121,8 +120,7 @@ impl PlacementStore {
         let entry = Entry::new(key, placement);
         self.entries.put(entry.clone());
         let folder = &self.folder;
-        let writer =
-            self.writer.get_or_insert_with(|| StateWriter::start(FILE, folder.clone(), Duration::ZERO, add));
+        let writer = self.writer.get_or_insert_with(|| StateWriter::start(FILE, folder.clone(), add));
         writer.write(entry);
     }
 }

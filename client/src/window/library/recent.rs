@@ -7,7 +7,6 @@ use std::io;
 use std::path::{Path, PathBuf, absolute};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
@@ -59,9 +58,8 @@ impl RecentClips {
         let names = Names { all, unwritten: Vec::new() };
         let list = Arc::new(List { names: Mutex::new(names), is_changed: AtomicBool::new(false) });
         let ours = list.clone();
-        let writer = folder.map(|folder| {
-            StateWriter::start(FILE, folder, Duration::ZERO, move |folder, _| ours.write(folder))
-        });
+        let writer =
+            folder.map(|folder| StateWriter::start(FILE, folder, move |folder, _| ours.write(folder)));
         RecentClips { list, writer }
     }
 
@@ -156,7 +154,7 @@ fn read(folder: &Path) -> Option<Vec<String>> {
 
 #[cfg(test)]
 mod tests {
-    use std::time::Instant;
+    use std::time::{Duration, Instant};
 
     use super::*;
 
