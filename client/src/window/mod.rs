@@ -145,9 +145,9 @@ impl ApplicationHandler<Event> for App {
         }
     }
 
-    fn new_events(&mut self, _: &ActiveEventLoop, cause: StartCause) {
-        if let (StartCause::ResumeTimeReached { .. }, Some(session)) = (cause, &self.session) {
-            session.request_frame();
+    fn new_events(&mut self, event_loop: &ActiveEventLoop, cause: StartCause) {
+        if let (StartCause::ResumeTimeReached { .. }, Some(session)) = (cause, &mut self.session) {
+            event_loop.set_control_flow(ControlFlow::WaitUntil(Instant::now() + session.request_frame()));
         }
     }
 
@@ -156,15 +156,11 @@ impl ApplicationHandler<Event> for App {
         match event {
             WindowEvent::CloseRequested => event_loop.exit(),
             WindowEvent::RedrawRequested => match session.frame() {
-                Ok(next) => {
-                    event_loop.set_control_flow(match next {
-                        Next::After(delay) => ControlFlow::WaitUntil(Instant::now() + delay),
-                        Next::Now | Next::OnInput => ControlFlow::Wait,
-                    });
-                    if matches!(next, Next::Now) {
-                        session.request_frame();
-                    }
-                }
+                Ok(next) => event_loop.set_control_flow(match next {
+                    Next::After(delay) => ControlFlow::WaitUntil(Instant::now() + delay),
+                    Next::Now => ControlFlow::WaitUntil(Instant::now() + session.request_frame()),
+                    Next::OnInput => ControlFlow::Wait,
+                }),
                 Err(fault) => match session.reopen(fault) {
                     Ok(()) => Reporter::new().print(&OpenEvent::Note(DEVICE_REPLACED.into())),
                     Err(fault) => self.fail(event_loop, fault),

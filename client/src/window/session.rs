@@ -47,7 +47,8 @@ const LEAST_SIZE: LogicalSize<u32> = LogicalSize::new(800, 400);
 /// Part of each side of the screen that a new window takes at most: a desktop has bars, and a window a title.
 const SCREEN_PART: f64 = 0.9;
 
-/// Interval between the steps of a clip in a hidden window: sound stops where none comes for a quarter of a second.
+/// Interval between the steps of a clip in a hidden window: sound stops where none comes for a quarter of a second. It is
+/// also the longest wait for a frame that was requested: on Wayland none comes while nobody sees the window.
 const HIDDEN_STEP: Duration = Duration::from_millis(100);
 
 /// Interval between looks whether a part of a take has come, while the clip pauses.
@@ -211,6 +212,8 @@ pub(super) struct Session {
     /// Whether the previous frame asked for this one at once.
     is_continuous: bool,
     /// Whether other windows cover this one.
+    /// Whether a frame was requested by [`Session::request_frame`], and has not come.
+    awaits_frame: bool,
     is_covered: bool,
     /// Files that were dropped on the window, one event each, until all of them are known.
     dropped: Vec<PathBuf>,
@@ -276,6 +279,7 @@ impl Session {
             last_frame: None,
             is_continuous: false,
             is_covered: false,
+            awaits_frame: false,
             dropped: Vec::new(),
             clips,
             library,
@@ -301,9 +305,17 @@ impl Session {
         }
     }
 
-    /// Asks the event loop for a frame.
-    pub(super) fn request_frame(&self) {
-        self.window.request_redraw();
+    /// Asks the event loop for a frame. If the frame before has not come, the clip plays on without a picture. Returns the
+    /// time until the next call, unless a frame comes.
+    pub(super) fn request_frame(&mut self) -> Duration {
+        match std::mem::replace(&mut self.awaits_frame, true) {
+            true => {
+                let (now, elapsed_s) = self.begin_step();
+                self.step_hidden(now, elapsed_s);
+            }
+            false => self.window.request_redraw(),
+        }
+        HIDDEN_STEP
     }
 
     /// Takes in a file or a folder that was dropped on the window.
@@ -493,11 +505,8 @@ impl Session {
         let is_hidden =
             self.is_covered || !self.window.has_focus() && self.window.is_minimized() == Some(true);
         let acquired = if is_hidden { None } else { self.screen.surface.acquire(&self.screen.gpu)? };
-        let now = Instant::now();
-        let elapsed_s = self.last_frame.map_or(0.0, |last| (now - last).as_secs_f64());
-        self.update_take(now);
-        let looping = self.viewer.clock.is_looping();
-        self.viewer.clock.set_has_next(self.clips.is_followed(looping));
+        self.awaits_frame = false;
+        let (now, elapsed_s) = self.begin_step();
         let Some(frame) = acquired else {
             self.step_hidden(now, elapsed_s);
             return Ok(Next::After(HIDDEN_STEP));
@@ -551,6 +560,16 @@ impl Session {
 
     /// Lets the clip play on without a picture: it is heard.
     fn step_hidden(&mut self, now: Instant, elapsed_s: f64) {
+    /// Brings the clip up to date, before it goes on by the seconds that are returned.
+    fn begin_step(&mut self) -> (Instant, f64) {
+        let now = Instant::now();
+        let elapsed_s = self.last_frame.map_or(0.0, |last| (now - last).as_secs_f64());
+        self.update_take(now);
+        let looping = self.viewer.clock.is_looping();
+        self.viewer.clock.set_has_next(self.clips.is_followed(looping));
+        (now, elapsed_s)
+    }
+
         let FrameSeconds { played_s, .. } = self.listen(elapsed_s);
         self.viewer.advance(played_s);
         if let Some(change) = self.clips.advance(&mut self.viewer.clock) {
