@@ -162,14 +162,12 @@ impl Clock {
 
     /// Pauses and goes to the next captured frame; in a loop, from the last to the first.
     pub fn step_forward(&mut self) {
-        let at = self.position_s * self.fps;
-        self.step_to((at + SAME_FRAME).floor() + 1.0);
+        self.step_to((self.place() + SAME_FRAME).floor() + 1.0);
     }
 
     /// Pauses and goes to the previous captured frame; in a loop, from the first to the last.
     pub fn step_back(&mut self) {
-        let at = self.position_s * self.fps;
-        self.step_to((at - SAME_FRAME).ceil() - 1.0);
+        self.step_to((self.place() - SAME_FRAME).ceil() - 1.0);
     }
 
     fn step_to(&mut self, frame: f64) {
@@ -231,14 +229,24 @@ impl Clock {
         self.duration_s
     }
 
-    /// Index of the captured frame at or before the position.
+    /// Index of the captured frame at or before the position, up to [`Clock::last_frame`].
     pub fn frame(&self) -> u64 {
-        (self.position_s * self.fps + SAME_FRAME) as u64
+        (self.place() + SAME_FRAME) as u64
     }
 
-    /// Index of the last captured frame.
+    /// Index of the last captured frame. A frame at the end of a loop is the first again.
     pub fn last_frame(&self) -> u64 {
-        (self.duration_s * self.fps + SAME_FRAME) as u64
+        let end = self.duration_s * self.fps;
+        match self.starts_over() {
+            true => ((end - SAME_FRAME).ceil() as u64).saturating_sub(1),
+            false => (end + SAME_FRAME) as u64,
+        }
+    }
+
+    /// The position in frames from the start; 0 at the end of a loop.
+    fn place(&self) -> f64 {
+        let [at, end] = [self.position_s, self.duration_s].map(|seconds| seconds * self.fps);
+        if self.starts_over() && at > end - SAME_FRAME { 0.0 } else { at }
     }
 
     /// Whether the clip plays rather than pauses.
@@ -441,21 +449,43 @@ mod tests {
     fn steps_visit_every_frame_in_both_directions() {
         // 1/30 has no finite binary form: rounding must neither skip nor repeat a frame.
         let mut clock = Clock::new(10.0, 30.0);
-        for frame in 1..=300 {
-            clock.step_forward();
-            assert_eq!(clock.frame(), frame);
+        for (looping, last) in [(true, 299), (false, 300)] {
+            clock.set_looping(looping);
+            assert_eq!((clock.frame(), clock.last_frame()), (0, last));
+            for frame in 1..=last {
+                clock.step_forward();
+                assert_eq!(clock.frame(), frame);
+            }
+            for frame in (0..last).rev() {
+                clock.step_back();
+                assert_eq!(clock.frame(), frame);
+            }
         }
-        for frame in (0..300).rev() {
-            clock.step_back();
-            assert_eq!(clock.frame(), frame);
-        }
+    }
+
+    #[test]
+    fn the_end_of_a_loop_is_its_first_frame_again() {
+        let mut clock = clock();
+        clock.seek(2.0);
+        assert_eq!((clock.frame(), clock.last_frame()), (0, 19));
+        clock.step_forward();
+        assert_eq!(clock.frame(), 1);
+        clock.seek(2.0);
+        clock.step_back();
+        assert_eq!(clock.frame(), 19);
+        // With another clip behind it, the last frame is seen once.
+        clock.set_has_next(true);
+        clock.seek(2.0);
+        assert_eq!((clock.frame(), clock.last_frame()), (20, 20));
+        // Half a frame at the end.
+        assert_eq!(Clock::new(2.05, 10.0).last_frame(), 20);
     }
 
     #[test]
     fn steps_wrap_only_in_a_loop() {
         let mut clock = clock();
         clock.step_back();
-        assert_eq!(clock.frame(), 20);
+        assert_eq!(clock.frame(), 19);
         clock.step_forward();
         assert_eq!(clock.frame(), 0);
         clock.set_looping(false);
