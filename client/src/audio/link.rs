@@ -23,6 +23,8 @@ pub(super) struct Link {
     is_lost: AtomicBool,
     /// Whether a device is open.
     is_open: AtomicBool,
+    /// Why none can be opened.
+    absence: Mutex<Option<String>>,
     anchor: Mutex<Option<Anchor>>,
     /// Bits of the seconds at which the latest frame was shown.
     frame_at_s: AtomicU64,
@@ -177,6 +179,16 @@ impl Link {
 
     pub(super) fn set_open(&self, is_open: bool) {
         self.is_open.store(is_open, Ordering::Release);
+    }
+
+    /// Why no device can be opened, if none can.
+    #[cfg(feature = "window")]
+    pub(super) fn absence(&self) -> Option<String> {
+        self.absence.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    pub(super) fn set_absence(&self, why: Option<String>) {
+        *self.absence.lock().unwrap_or_else(PoisonError::into_inner) = why;
     }
 
     /// Seconds at which the latest frame was shown.

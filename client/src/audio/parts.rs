@@ -142,6 +142,7 @@ impl DeviceKeeper {
         match OpenDevice::open(&self.link, self.epoch) {
             Ok(opened) => {
                 self.retry.on_opened(Instant::now());
+                self.link.set_absence(None);
                 self.device = Some(opened);
             }
             Err(why) => {
@@ -153,8 +154,10 @@ impl DeviceKeeper {
     }
 
     fn say(&mut self, why: &str) {
+        let why = format!("{why}: the clip plays without sound");
+        self.link.set_absence(Some(why.clone()));
         if !std::mem::replace(&mut self.was_said, true) {
-            let _ = self.notes.send(format!("{why}: the clip plays without sound"));
+            let _ = self.notes.send(why);
         }
     }
 }

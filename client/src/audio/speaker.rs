@@ -59,6 +59,12 @@ impl Speaker {
         elapsed_s
     }
 
+    /// Why nothing is heard: there is nothing to hear.
+    #[cfg(feature = "window")]
+    pub(crate) fn silence(&self) -> Option<String> {
+        None
+    }
+
     /// Does nothing: there is nothing to silence.
     #[cfg(feature = "window")]
     pub(crate) fn rest(&mut self, _: &Clock, _: bool) {}
@@ -101,6 +107,12 @@ impl Speaker {
         let (elapsed_s, command) = timing.step(clock, is_scrubbing, &self.track, link, frame);
         self.parts.send(command);
         elapsed_s
+    }
+
+    /// Why nothing is heard, if there is no audio device.
+    #[cfg(feature = "window")]
+    pub(crate) fn silence(&self) -> Option<String> {
+        self.parts.link.absence()
     }
 
     /// Falls silent if the clock has paused since [`Speaker::step`], or runs otherwise than at the captured rate.

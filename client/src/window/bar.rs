@@ -42,6 +42,8 @@ pub(crate) struct Controls<'a> {
     pub(crate) is_static: bool,
     /// How loud the sound is, if there is some.
     pub(crate) volume: Option<&'a mut Volume>,
+    /// Why it is not heard, if there is no audio device.
+    pub(crate) silence: Option<&'a str>,
     /// Parts of a take that play without loading, as seconds (from, to).
     pub(crate) buffered: &'a [(f64, f64)],
     /// Number of layers of the clip.
@@ -67,7 +69,9 @@ pub(crate) fn show(ui: &mut Ui, mut controls: Controls<'_>, commands: &mut Vec<C
             if !controls.is_static {
                 transport(ui, controls.clock, commands);
                 if let Some(volume) = controls.volume.take() {
-                    sound(ui, volume, controls.clock, commands);
+                    let plain = controls.clock.speed() == 1.0 && !controls.clock.is_reversed();
+                    let otherwise = (!plain).then_some("Sound is heard forward at normal speed");
+                    sound(ui, volume, controls.silence.or(otherwise), commands);
                 }
             }
             ui.with_layout(Layout::right_to_left(Align::Center), |ui| menus(ui, controls, commands));
@@ -169,8 +173,8 @@ const MUTE_WIDTH: f32 = 37.0;
 /// Width of the slider of the volume, in points.
 const VOLUME_WIDTH: f32 = 80.0;
 
-/// Shows whether sound is muted, and how loud it is.
-fn sound(ui: &mut Ui, volume: &mut Volume, clock: &Clock, commands: &mut Vec<Command>) {
+/// Shows whether sound is muted, and how loud it is, or by `silence` why it is not heard.
+fn sound(ui: &mut Ui, volume: &mut Volume, silence: Option<&str>, commands: &mut Vec<Command>) {
     ui.add_space(10.0);
     let (symbol, hint) = match volume.is_muted() {
         true => (Symbol::Muted, "Sound on (M)"),
@@ -182,13 +186,11 @@ fn sound(ui: &mut Ui, volume: &mut Volume, clock: &Clock, commands: &mut Vec<Com
     if ui.available_width() < MENUS_WIDTH + VOLUME_WIDTH {
         return;
     }
-    let is_heard = clock.speed() == 1.0 && !clock.is_reversed();
     let mut level = if volume.is_muted() { 0.0 } else { volume.level() };
     ui.spacing_mut().slider_width = VOLUME_WIDTH;
     let slider = Slider::new(&mut level, 0.0..=1.0).show_value(false);
-    let slider = ui.add_enabled_ui(is_heard, |ui| clickable(ui, slider)).inner;
-    let slider = slider.on_hover_text("Volume");
-    if slider.on_disabled_hover_text("Sound is heard forward at normal speed").changed() {
+    let slider = ui.add_enabled_ui(silence.is_none(), |ui| clickable(ui, slider)).inner;
+    if slider.on_hover_text("Volume").on_disabled_hover_text(silence.unwrap_or_default()).changed() {
         volume.set_level(level);
     }
 }

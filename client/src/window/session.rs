@@ -523,6 +523,7 @@ impl Session {
         let statistics = self.statistics(frame.size);
         let mut requests = Requests::default();
         let seconds = self.listen(elapsed_s);
+        self.viewer.silence = self.speaker.silence();
         let mut volume = self.speaker.controls();
         let output = ctx.run_ui(input, |ui| {
             requests = self.viewer.frame(ui, seconds, volume.as_deref_mut(), &statistics);

@@ -51,6 +51,8 @@ pub(crate) struct Viewer {
     pub(crate) choices: Choices,
     /// Parts of a take that play without loading, as seconds (from, to).
     pub(crate) buffered: Vec<(f64, f64)>,
+    /// Why no sound is heard, if there is no audio device.
+    pub(crate) silence: Option<String>,
     /// Whether the pointer holds the timeline.
     is_scrubbing: bool,
     clip: ViewedClip,
@@ -80,6 +82,7 @@ impl Viewer {
             message: None,
             choices: Choices::default(),
             buffered: Vec::new(),
+            silence: None,
             is_scrubbing: false,
             camera: CameraControl::new(&clip.viewpoints[viewpoint], clip.up),
             clip,
@@ -213,6 +216,7 @@ impl Viewer {
                 is_scrubbing: &mut self.is_scrubbing,
                 is_static: self.clip.is_static,
                 volume: volume.as_deref_mut(),
+                silence: self.silence.as_deref(),
                 buffered: &self.buffered,
                 layers: self.clip.layers,
                 viewpoints: &self.clip.viewpoints,

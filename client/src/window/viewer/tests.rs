@@ -540,9 +540,10 @@ fn a_clip_with_sound_goes_on_by_what_is_heard_and_has_a_volume() {
 
 #[test]
 fn the_volume_is_set_only_where_sound_is_heard() {
-    let sets_volume = |speed: f64| {
+    let sets_volume = |speed: f64, silence: Option<&str>| {
         let mut bench = Bench::new();
         bench.volume = Some(Volume::open(None));
+        bench.viewer.silence = silence.map(String::from);
         bench.viewer.clock.set_speed(speed);
         let y = bench
             .texts()
@@ -559,7 +560,8 @@ fn the_volume_is_set_only_where_sound_is_heard() {
             bench.volume.as_ref().unwrap().level() < 1.0
         })
     };
-    assert!(sets_volume(1.0) && !sets_volume(0.5));
+    assert!(sets_volume(1.0, None) && !sets_volume(0.5, None));
+    assert!(!sets_volume(1.0, Some("there is no audio device")));
 }
 
 #[test]
