@@ -73,7 +73,7 @@ impl Proxies {
             let outer = host.strip_suffix(&domain).filter(|_| !domain.is_empty());
             is_all || outer.is_some_and(|outer| outer.is_empty() || outer.ends_with('.'))
         };
-        self.exceptions.split(',').any(is_within)
+        self.exceptions.split([',', ' ', '\t']).any(is_within)
     }
 }
 
@@ -245,6 +245,8 @@ mod tests {
             ("a, .Example.org", "https://clips.example.ORG/a"),
             ("*.example.org", "http://clips.example.org"),
             ("*", "http://h/a"),
+            ("h  i,\tj", "http://i/a"),
+            ("h  i,\tj", "http://j/a"),
             ("127.0.0.1,::1", "http://[::1]:80/a"),
         ] {
             assert!(is_direct(exceptions, url), "{exceptions}: {url}");
@@ -252,7 +254,7 @@ mod tests {
         for (exceptions, url) in [
             ("example.org", "http://otherexample.org/a"),
             ("", "http://h"),
-            (",", "http://h"),
+            (", ", "http://h"),
             ("h", "http://i/h"),
         ] {
             assert!(!is_direct(exceptions, url), "{exceptions}: {url}");
