@@ -50,6 +50,8 @@ pub(crate) use plan::{Direction, Needs, Plan, Playhead, Want, needs, span};
 pub use progress::Progress;
 pub(crate) use progress::Traffic;
 pub use source_options::SourceOptions;
+#[cfg(any(feature = "net", feature = "xr"))]
+pub(crate) use url::request_url;
 #[cfg(feature = "net")]
-pub(crate) use url::{has_user_info, host_name, is_secure, request_url, resolve};
+pub(crate) use url::{has_user_info, host_name, is_secure, resolve};
 pub(crate) use url::{is_url, redacted, title};

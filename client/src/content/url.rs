@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-#[cfg(feature = "net")]
+#[cfg(any(feature = "net", feature = "xr"))]
 use percent_encoding::CONTROLS;
 use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, utf8_percent_encode};
 
@@ -10,7 +10,7 @@ use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, utf8_percent_encode};
 const RESERVED: &AsciiSet = &NON_ALPHANUMERIC.remove(b'-').remove(b'.').remove(b'_').remove(b'~');
 
 /// Characters that no URL holds, and that are percent-encoded before one is requested, as all beyond ASCII are.
-#[cfg(feature = "net")]
+#[cfg(any(feature = "net", feature = "xr"))]
 const FORBIDDEN: &AsciiSet =
     &CONTROLS.add(b' ').add(b'"').add(b'<').add(b'>').add(b'`').add(b'{').add(b'|').add(b'}');
 
@@ -27,7 +27,7 @@ struct Components<'a> {
     host: &'a str,
     path: &'a str,
     /// From its question mark.
-    #[cfg_attr(not(feature = "net"), allow(dead_code, reason = "redirects have one"))]
+    #[cfg_attr(not(any(feature = "net", feature = "xr")), allow(dead_code, reason = "redirects have one"))]
     query: &'a str,
 }
 
@@ -91,7 +91,7 @@ fn split_port(host: &str) -> (&str, &str) {
 
 /// The URL under which `url` is requested: without user name, password and fragment, and with blanks and characters
 /// beyond ASCII percent-encoded, as browsers do.
-#[cfg(feature = "net")]
+#[cfg(any(feature = "net", feature = "xr"))]
 pub(crate) fn request_url(url: &str) -> String {
     let Some(Components { scheme, host, path, query, .. }) = Components::parse(url) else {
         return url.into();

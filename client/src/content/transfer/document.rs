@@ -11,7 +11,7 @@ use super::options::{Options, REPORT_INTERVAL, cached_version_note};
 use super::state::Transfer;
 use super::task::Task;
 use super::web_page::{WEB_PAGE, is_web_page};
-use crate::content::Progress;
+use crate::content::{Progress, request_url};
 
 /// A file from the server or the cache.
 #[derive(Debug)]
@@ -36,8 +36,8 @@ pub(crate) fn document(
     is_valid: &dyn Fn(&[u8]) -> bool,
     on_progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Option<Document>, Fault> {
-    let cache = options.cache.as_ref();
-    let cached = cache.and_then(|cache| cache.get(url)).filter(|file| file.bytes.len() <= max_bytes);
+    let (cache, key) = (options.cache.as_ref(), request_url(url));
+    let cached = cache.and_then(|cache| cache.get(&key)).filter(|file| file.bytes.len() <= max_bytes);
     let retry = if cached.is_some() { options.retry.for_revalidation() } else { options.retry };
     let known = cached.as_ref().map(|file| file.etag.clone()).filter(|etag| !etag.is_empty());
     let exchange = Arc::new(Exchange::new(url, retry)?);
@@ -59,8 +59,8 @@ pub(crate) fn document(
                 && is_valid(&file.bytes)
             {
                 match is_not_stored {
-                    true => cache.remove(url),
-                    false => cache.store(url, &file, &exchange.name()),
+                    true => cache.remove(&key),
+                    false => cache.store(&key, &file, &exchange.name()),
                 }
             }
             Ok(Some(Document { bytes: file.bytes, url: file.base, note: None }))

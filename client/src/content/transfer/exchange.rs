@@ -15,7 +15,7 @@ use super::request_error::RequestError;
 use super::retry::RetryPolicy;
 use super::state::{Action, Transfer};
 use super::watch::Watch;
-use crate::content::{Progress, Traffic, redacted};
+use crate::content::{Progress, Traffic, redacted, request_url};
 
 /// Bytes per read: dozens of reads a second on a fast network.
 pub(super) const BUFFER_BYTES: usize = 64 << 10;
@@ -104,9 +104,9 @@ impl Exchange {
         })
     }
 
-    /// The URL.
-    pub(super) fn url(&self) -> &str {
-        &self.url
+    /// Name of the file in the cache: the URL that is requested, since nothing else chooses what the server sends.
+    pub(super) fn key(&self) -> String {
+        request_url(&self.url)
     }
 
     /// The URL without secrets, for messages.

@@ -17,7 +17,7 @@ use super::exchange::{Answer, Exchange, Stream, Trouble};
 use super::retry::RetryPolicy;
 use super::state::Transfer;
 use super::whole_file::WholeFile;
-use crate::content::{Traffic, digest};
+use crate::content::{Traffic, digest, request_url};
 
 /// Most parts whose bytes stay in memory for a longer part with the same start, the first layers of what is drawn, and most
 /// bytes of them together: little of the 512 MiB that a headset of 4 GiB has for what arrives. The latest part stays even if
@@ -122,7 +122,7 @@ impl RemoteFile {
 
     /// The file at `url` whose head is in `cache`. Only the cache is read, until [`RemoteFile::go_online`].
     pub(crate) fn from_cache(url: &str, retry: RetryPolicy, cache: &Cache) -> Option<RemoteFile> {
-        let CachedFile { etag, bytes, .. } = cache.get(url)?;
+        let CachedFile { etag, bytes, .. } = cache.get(&request_url(url))?;
         let file = RemoteFile::new(url, retry, Some(cache.clone())).ok()?;
         file.is_offline.store(true, Ordering::Relaxed);
         let mut state = file.lock();
@@ -369,9 +369,9 @@ impl RemoteFile {
     pub(crate) fn keep_head(&self) {
         let state = self.lock();
         if let Some(cache) = self.cache.as_ref().filter(|_| state.is_not_stored) {
-            cache.remove(self.exchange.url());
+            cache.remove(&self.exchange.key());
         } else if !self.is_offline.load(Ordering::Relaxed) {
-            self.store(&state, self.exchange.url(), &state.head);
+            self.store(&state, &self.exchange.key(), &state.head);
         }
     }
 
@@ -399,7 +399,7 @@ impl RemoteFile {
 
     /// Name of a piece of the file in the cache; `None` while its version is not known.
     fn cache_key(&self, state: &State, start: u64, end: u64) -> Option<String> {
-        (!state.head.is_empty()).then(|| format!("{}#{start}-{end} {}", self.exchange.url(), state.version))
+        (!state.head.is_empty()).then(|| format!("{}#{start}-{end} {}", self.exchange.key(), state.version))
     }
 
     /// Caches bytes, if there is a cache and the server allows it.
@@ -432,6 +432,20 @@ mod tests {
             cache.get(&key).map(|file| file.bytes)
         };
         assert_eq!((cached(10, 15), cached(15, 19)), (None, Some(b"rest".to_vec())));
+    }
+
+    #[test]
+    fn a_user_name_makes_no_cache_of_its_own() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = Cache::new(folder.path(), 1 << 20);
+        let file = |url| RemoteFile::new(url, RetryPolicy::default(), Some(cache.clone())).unwrap();
+        let of_ann = file("http://ann:pass@host/a");
+        of_ann.set_head(b"head", false);
+        of_ann.keep_head();
+        let from_cache = |url| RemoteFile::from_cache(url, RetryPolicy::default(), &cache);
+        let found = from_cache("http://host/a").expect("it is the same file");
+        assert_eq!(found.cache_key(&found.lock(), 4, 9), of_ann.cache_key(&of_ann.lock(), 4, 9));
+        assert!(from_cache("http://host/a?1").is_none());
     }
 
     #[test]

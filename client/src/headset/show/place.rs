@@ -1,6 +1,6 @@
 //! [`Place`]: where clips stand in the room, as hands move them and as it is remembered.
 
-use crate::content::{digest, is_url, redacted};
+use crate::content::{digest, is_url, redacted, request_url};
 use crate::headset::interaction::{Interaction, Placement, PlacementStore, Pose, SpaceChange};
 use program::{Standpoint, Subject};
 
@@ -76,13 +76,17 @@ impl Place {
     }
 }
 
-/// Name of a clip in the store, independent of the working directory. It holds no secrets: a digest stands for what a URL
-/// says beyond its path.
+/// Name of a clip in the store, independent of the working directory. It holds no secrets: a digest stands for the query of
+/// a URL, and a user name counts for nothing, as for the server.
 fn key(name: Option<&str>) -> String {
     name.map_or("demo".into(), |name| {
         if is_url(name) {
-            let shown = redacted(name);
-            return if shown == name { shown } else { format!("{shown} {}", &digest(name)[..16]) };
+            let (shown, requested) = (redacted(name), request_url(name));
+            return if request_url(&shown) == requested {
+                shown
+            } else {
+                format!("{shown} {}", &digest(requested)[..16])
+            };
         }
         std::path::absolute(name).map_or(name.into(), |path| path.to_string_lossy().into_owned())
     })
@@ -97,10 +101,13 @@ mod tests {
 
     #[test]
     fn the_store_holds_no_secrets_and_tells_urls_apart() {
-        let urls = ["https://host/a.aarc", "https://host/a.aarc?1", "https://ann:pass@host/a.aarc?1"];
-        let keys = urls.map(|url| key(Some(url)));
+        let urls = ["", "?1", "?2"].map(|query| format!("https://host/a.aarc{query}"));
+        let keys = urls.each_ref().map(|url| key(Some(url)));
         assert!(keys[0] == urls[0] && keys[1] != keys[2], "{keys:?}");
-        assert!(keys.iter().all(|key| key.starts_with(urls[0]) && !key.contains(['?', '@'])), "{keys:?}");
+        assert!(keys.iter().all(|key| key.starts_with(&urls[0]) && !key.contains('?')), "{keys:?}");
+        // User names are not sent, so they name no other clip.
+        let of_ann = urls.map(|url| key(Some(&url.replace("host", "ann:pass@host"))));
+        assert_eq!(of_ann, keys);
         assert!(key(Some("a.aarc")).ends_with("/a.aarc") && key(None) == "demo");
     }
 
