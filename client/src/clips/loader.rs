@@ -48,9 +48,9 @@ pub(super) enum Selection {
     Named(Vec<String>),
     /// The first of these that can be loaded.
     FirstOf(Vec<Entry>),
-    /// What more its source has to tell of the take on display.
+    /// What more its source has to tell of the take on display, and without a playlist its neighbours.
     #[cfg(feature = "window")]
-    Rest(Entry, Arrival),
+    Rest { entry: Entry, rest: Arrival, in_playlist: bool },
 }
 
 /// A request to the loader.
@@ -98,7 +98,12 @@ impl<T: ClipTarget> Loading<'_, T> {
         match selection {
             Selection::FirstOf(entries) => self.first_of(&entries),
             #[cfg(feature = "window")]
-            Selection::Rest(entry, arrival) => self.versions(&entry, arrival, &mut false),
+            Selection::Rest { entry, rest, in_playlist } => {
+                if !in_playlist && self.neighbours(entry.name.as_deref()).is_break() {
+                    return Ok(ControlFlow::Break(()));
+                }
+                self.versions(&entry, rest, &mut false)
+            }
             Selection::Named(names) if playlist::is_list(&names) => {
                 let source = &self.options.source;
                 let opened = playlist::open(&names, source, &mut |event| self.pass_on(event))?;
@@ -112,13 +117,17 @@ impl<T: ClipTarget> Loading<'_, T> {
             }
             Selection::Named(names) => {
                 let name = names.into_iter().next();
-                let neighbours = Neighbours::find(name.as_deref());
-                if (self.report.send)(LoadEvent::Neighbours(neighbours)).is_break() {
+                if self.neighbours(name.as_deref()).is_break() {
                     return Ok(ControlFlow::Break(()));
                 }
                 self.first_of(&[Entry::single(name)])
             }
         }
+    }
+
+    /// Reports the neighbours of a clip.
+    fn neighbours(&self, name: Option<&str>) -> ControlFlow<()> {
+        (self.report.send)(LoadEvent::Neighbours(Neighbours::find(name)))
     }
 
     /// Loads the first of `entries` that can be loaded.

@@ -147,14 +147,12 @@ impl<C> QueueState<C> {
         queue: Option<Queue>,
         rest: crate::content::Arrival,
     ) {
-        if queue.is_none() {
-            self.neighbours = Neighbours::find(named.first().map(String::as_str));
-        }
         self.named.clone_from(&named);
         self.opened_as = named;
         self.current = Some(entry.clone());
+        let in_playlist = queue.is_some();
         self.queue = queue;
-        self.load(Loading::Current, Selection::Rest(entry, rest));
+        self.load(Loading::Current, Selection::Rest { entry, rest, in_playlist });
     }
 
     /// Loads the clip on display again, for another device, or opens again what was being opened. Clips

@@ -211,9 +211,9 @@ pub(super) struct Session {
     last_frame: Option<Instant>,
     /// Whether the previous frame asked for this one at once.
     is_continuous: bool,
-    /// Whether other windows cover this one.
     /// Whether a frame was requested by [`Session::request_frame`], and has not come.
     awaits_frame: bool,
+    /// Whether other windows cover this one.
     is_covered: bool,
     /// Files that were dropped on the window, one event each, until all of them are known.
     dropped: Vec<PathBuf>,
@@ -261,7 +261,7 @@ impl Session {
         start.notes.into_iter().for_each(|note| viewer.note(note));
         let options = LoadOptions { source: start.source, min_layers: 1, is_complete: false };
         let mut clips = ClipController::new(options, true, waker(&proxy))?;
-        let mut library = Library::open();
+        let mut library = Library::open(waker(&proxy));
         if let [name] = &start.named[..] {
             library.remember(name);
         }
@@ -278,8 +278,8 @@ impl Session {
             frame_times: FrameTimes::default(),
             last_frame: None,
             is_continuous: false,
-            is_covered: false,
             awaits_frame: false,
+            is_covered: false,
             dropped: Vec::new(),
             clips,
             library,
@@ -504,8 +504,8 @@ impl Session {
         // A window with the focus is not minimised. Asking takes a round trip to the display.
         let is_hidden =
             self.is_covered || !self.window.has_focus() && self.window.is_minimized() == Some(true);
-        let acquired = if is_hidden { None } else { self.screen.surface.acquire(&self.screen.gpu)? };
         self.awaits_frame = false;
+        let acquired = if is_hidden { None } else { self.screen.surface.acquire(&self.screen.gpu)? };
         let (now, elapsed_s) = self.begin_step();
         let Some(frame) = acquired else {
             self.step_hidden(now, elapsed_s);
@@ -559,8 +559,6 @@ impl Session {
         })
     }
 
-    /// Lets the clip play on without a picture: it is heard.
-    fn step_hidden(&mut self, now: Instant, elapsed_s: f64) {
     /// Brings the clip up to date, before it goes on by the seconds that are returned.
     fn begin_step(&mut self) -> (Instant, f64) {
         let now = Instant::now();
@@ -571,6 +569,8 @@ impl Session {
         (now, elapsed_s)
     }
 
+    /// Lets the clip play on without a picture: it is heard.
+    fn step_hidden(&mut self, now: Instant, elapsed_s: f64) {
         let FrameSeconds { played_s, .. } = self.listen(elapsed_s);
         self.viewer.advance(played_s);
         if let Some(change) = self.clips.advance(&mut self.viewer.clock) {
