@@ -805,6 +805,31 @@ fn a_damaged_entry_is_fetched_again() {
     assert_eq!(server.requests()[0].header("if-none-match"), None);
 }
 
+/// What the checksums confirm is not read again, though it cannot be decoded.
+#[test]
+fn a_part_that_needs_too_much_memory_stays_in_the_cache() {
+    let folder = tempfile::tempdir().unwrap();
+    let (file, clips) = take(30);
+    let server = server_of(&file);
+    let url = server.url("take.aarc");
+    assert!(segments(&url, folder.path()) == clips);
+    server.forget();
+    let opens_within = |max_bytes: usize| {
+        let limits = Limits { max_bytes, ..Limits::default() };
+        let options = Options { cache: Some(Cache::new(folder.path(), 1 << 20)), limits, ..options() };
+        let opened = Download::new(&url, options).find_map(|event| match event {
+            Ok(OpenEvent::Take(take)) => Some(take),
+            _ => None,
+        });
+        opened.map(|opened| opened.segment(0, opened.layers()[0]).map(drop))
+    };
+    let limits = (10..24).rev().map(|power| 1 << power);
+    let fault = limits.map_while(opens_within).find_map(Result::err).expect("it opens, and is too large");
+    assert!(fault.to_string().contains("allowed"), "{fault}");
+    assert_eq!(server.sent(), []);
+    assert!(segments(&url, folder.path()) == clips && server.sent().is_empty());
+}
+
 #[test]
 fn the_cache_stays_within_its_bound() {
     let folder = tempfile::tempdir().unwrap();

@@ -404,7 +404,9 @@ impl OpenTake {
                     self.source.on_decoded(segment.offset, &ends, want.from, is_last);
                     return Ok((decoded, bytes));
                 }
-                Err(_) if self.source.on_undecodable(segment.offset, &ends) => {}
+                Err(error)
+                    if contradicts_checksums(&error) && self.source.on_undecodable(segment.offset, &ends) => {
+                }
                 Err(error) => return Err(self.undecodable(want, &error)),
             }
         }
@@ -433,6 +435,23 @@ impl OpenTake {
             _ => format!("segment {number}, at {start_s:.3} s: "),
         };
         Fault::Data(format!("{name}: {place}{reason}"))
+    }
+}
+
+/// Whether bytes with this error are others than the checksums of the head announce. What these confirm would be the same
+/// if it was read again.
+fn contradicts_checksums(error: &Error) -> bool {
+    match error {
+        Error::Format { error, .. } => matches!(
+            error,
+            FormatError::Crc { .. }
+                | FormatError::Segment { .. }
+                // Found before a checksum is.
+                | FormatError::Magic
+                | FormatError::Truncated { .. }
+        ),
+        Error::Version { .. } => true,
+        Error::Limits { .. } => false,
     }
 }
 
