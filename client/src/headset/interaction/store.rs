@@ -11,6 +11,7 @@ use glam::DVec3;
 use log::warn;
 use serde::{Deserialize, Serialize};
 
+use super::hands::Pose;
 use super::placement::Placement;
 use crate::state_file::{StateFile, StateWriter, exclusively};
 
@@ -117,7 +118,17 @@ impl PlacementStore {
         if key.len() > KEY_BYTES || self.get(key).as_ref() == Some(placement) {
             return;
         }
-        let entry = Entry::new(key, placement);
+        self.put(Entry::new(key, placement));
+    }
+
+    /// Carries all placements over to another stage, whose origin the stage before sees at `old_from_new`.
+    pub fn carry_over(&mut self, old_from_new: &Pose) {
+        for entry in self.entries.0.clone() {
+            self.put(Entry::new(&entry.clip, &entry.placement().seen_from(old_from_new)));
+        }
+    }
+
+    fn put(&mut self, entry: Entry) {
         self.entries.put(entry.clone());
         let folder = &self.folder;
         let writer = self.writer.get_or_insert_with(|| StateWriter::start(FILE, folder.clone(), add));

@@ -219,6 +219,9 @@ impl Show {
         self.speaker
             .change_track(clip.sound.clone(), matches!(transition, Transition::Follow | Transition::Refine));
         let (duration_s, fps) = (clip.duration_s, clip.info.fps.into());
+        // The clips of a playlist stand in one place.
+        let list = self.clips.queue().and_then(|_| self.clips.named());
+        let name = list.or(entry.name.as_deref());
         match (transition, &mut self.playing) {
             (Transition::Refine, Some(playing)) if playing.clip.info == clip.info => {
                 // What hands hold stays where it is.
@@ -235,15 +238,13 @@ impl Show {
                 if clip.shares_stage(&playing.clip) {
                     clip.subject = playing.clip.subject;
                 }
-                self.place.hand_over(clip.subject);
+                self.place.follow(name, clip.subject);
                 self.notices.clear_progress();
             }
             _ => {
                 self.clock.change_clip(duration_s, fps);
                 self.timer = FrameTimer::default();
-                // The clips of a playlist stand in one place.
-                let list = self.clips.queue().and_then(|_| self.clips.named());
-                self.place.change(list.or(entry.name.as_deref()));
+                self.place.change(name);
             }
         }
         let title = title(entry.name.as_deref());

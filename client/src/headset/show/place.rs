@@ -10,7 +10,7 @@ pub(crate) struct Place {
     store: Option<PlacementStore>,
     /// Where clips are put, instead of a comfortable place.
     standpoint: Option<Standpoint>,
-    /// Name of the clip or playlist on display in the store.
+    /// Name in the store of the clip on display, or of the playlist whose clips share a place.
     key: Option<String>,
 }
 
@@ -30,10 +30,15 @@ impl Place {
     /// Places a clip that has no place yet: where it was left, or in front of the viewer.
     pub(crate) fn settle(&mut self, subject: Subject, head: &Pose) {
         if self.interaction.placement().is_none() {
-            let left = self.store.as_ref().zip(self.key.as_ref()).and_then(|(store, key)| store.get(key));
+            let left = self.left();
             let start = || Placement::start_at(&subject, head, self.standpoint, 1.0);
             self.interaction.put(subject, left.unwrap_or_else(start));
         }
+    }
+
+    /// Where the clip was left, if that is remembered.
+    fn left(&self) -> Option<Placement> {
+        self.store.as_ref().zip(self.key.as_ref()).and_then(|(store, key)| store.get(key))
     }
 
     /// Puts the clip in front of the viewer again.
@@ -41,20 +46,27 @@ impl Place {
         self.interaction.recentre(head, self.standpoint);
     }
 
-    /// Keeps the clip where it is, or in front of the viewer, in changed spaces. What is remembered of this clip is carried
-    /// over to another stage. Recentring by the system does not change it.
+    /// Keeps the clip where it is, or in front of the viewer, in changed spaces. What is remembered, of all clips, is
+    /// carried over to another stage. Recentring by the system does not change it.
     pub(crate) fn change_space(&mut self, change: SpaceChange, head: &Pose) {
         self.save();
         self.interaction.change_space(change, head, self.standpoint);
-        let (Some(store), Some(key)) = (&mut self.store, &self.key) else { return };
-        if let (SpaceChange::Stage { old_from_new }, Some(left)) = (change, store.get(key)) {
-            store.set(key, &left.seen_from(&old_from_new));
+        if let (SpaceChange::Stage { old_from_new }, Some(store)) = (change, &mut self.store) {
+            store.carry_over(&old_from_new);
         }
     }
 
-    /// Puts the next clip of a playlist where the clip before it stands.
-    pub(crate) fn hand_over(&mut self, subject: Subject) {
-        if let Some(placement) = self.interaction.placement().copied() {
+    /// Goes on with the next clip of a list, remembered under `name`: it stands where it was left, or else, and while a
+    /// hand holds, where the clip before it stands.
+    pub(crate) fn follow(&mut self, name: Option<&str>, subject: Subject) {
+        let key = Some(key(name));
+        let is_named = self.key != key;
+        if is_named {
+            self.save();
+            self.key = key;
+        }
+        let left = self.left().filter(|_| is_named && !self.interaction.is_holding());
+        if let Some(placement) = left.or(self.interaction.placement().copied()) {
             self.interaction.put(subject, placement);
         }
     }
@@ -161,8 +173,11 @@ mod tests {
     #[test]
     fn another_stage_carries_what_is_remembered_and_recentring_by_the_system_is_not_remembered() {
         let folder = tempfile::tempdir().unwrap();
-        PlacementStore::open(folder.path())
-            .set(&key(Some("a.aarc")), &Placement::new(0.25, 0.0, glam::dvec3(1.0, 0.5, -2.0)));
+        let mut store = PlacementStore::open(folder.path());
+        for (name, x) in [("a.aarc", 1.0), ("another.aarc", 5.0)] {
+            store.set(&key(Some(name)), &Placement::new(0.25, 0.0, glam::dvec3(x, 0.5, -2.0)));
+        }
+        drop(store);
         let mut placed = place(folder.path());
         placed.change_space(SpaceChange::Viewer, &HEAD);
         let recentred = *placed.interaction.placement().unwrap();
@@ -170,10 +185,33 @@ mod tests {
         let origin = Pose { position: vec3(1.0, 0.0, 0.0), orientation: Quat::IDENTITY };
         placed.change_space(SpaceChange::Stage { old_from_new: origin }, &HEAD);
         drop(placed);
-        let left = remembered(folder.path()).unwrap();
-        assert!(
-            left.position().distance(glam::dvec3(0.0, 0.5, -2.0)) < 1e-6 && left.scale() == 0.25,
-            "{left:?}"
-        );
+        for (name, x) in [("a.aarc", 0.0), ("another.aarc", 4.0)] {
+            let left = PlacementStore::open(folder.path()).get(&key(Some(name))).unwrap();
+            let distance = left.position().distance(glam::dvec3(x, 0.5, -2.0));
+            assert!(distance < 1e-6 && left.scale() == 0.25, "{name} {left:?}");
+        }
+    }
+
+    #[test]
+    fn clips_of_a_list_stand_where_each_was_left_and_a_new_one_where_the_one_before_stands() {
+        let folder = tempfile::tempdir().unwrap();
+        let b = Placement::new(0.5, 0.0, glam::dvec3(2.0, 0.0, -1.0));
+        PlacementStore::open(folder.path()).set(&key(Some("b.aarc")), &b);
+        let mut place = place(folder.path());
+        for (squeeze, x) in [(false, 0.0), (true, 0.0), (true, 0.2), (true, 0.4), (false, 0.4)] {
+            hold(&mut place, squeeze, x);
+        }
+        let a = *place.interaction.placement().unwrap();
+        let mut stands = |name| {
+            place.follow(Some(name), subject());
+            *place.interaction.placement().unwrap()
+        };
+        assert_eq!(["b.aarc", "c.aarc", "a.aarc"].map(&mut stands), [b, b, a]);
+        // The clips of a playlist have one name and one place.
+        assert_eq!(stands("a.aarc"), a);
+        (0..3).for_each(|i| hold(&mut place, true, 0.2 * i as f32));
+        let held = *place.interaction.placement().unwrap();
+        place.follow(Some("b.aarc"), subject());
+        assert!(held != a && place.interaction.placement() == Some(&held), "a hand takes it along");
     }
 }
