@@ -142,7 +142,7 @@ fn prefixes(gpu: &Gpu) -> Result<(), String> {
         if layers == all_layers && length == bytes.len() - 1 && image == full {
             return Err("the last byte of the file has no effect".into());
         }
-        if image.pixels.iter().all(|pixel| pixel[3] == 0.0) {
+        if image.pixels.iter().all(|pixel| pixel[..3] == [0.0; 3]) {
             return Err(format!("{length} of {} bytes, {layers} layers, show nothing", bytes.len()));
         }
         if layer_counts.last() != Some(&layers) {

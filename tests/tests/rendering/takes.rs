@@ -77,7 +77,7 @@ fn frame(drawing: &mut Drawing<'_>, t: f64) -> Result<Image, String> {
 }
 
 fn is_black(image: &Image) -> bool {
-    image.pixels.iter().all(|pixel| *pixel == [0.0; 4])
+    image.pixels.iter().all(|pixel| pixel[..3] == [0.0; 3])
 }
 
 /// Fields are static and dynamic, with a plate and layers. Centres have another origin than a clip's centres, so their

@@ -130,7 +130,7 @@ fn a_take_is_measured_over_time() {
     // Without those that cannot be seen.
     let inspected = run("inspect take.aarc --json").json();
     let segment = |i: usize| &inspected["segments"][i];
-    let gaussians = [0, 1].map(|i| segment(i)["gaussians"].clone());
+    let gaussians = [0, 1].map(|i| json!(segment(i)["gaussians"].as_u64().unwrap()));
     assert_eq!((all("segments"), all("resident")), (vec![json!(1); 2], gaussians.to_vec()));
     let fragments = |instant: &Value| instant["fragments_per_pixel"].as_f64().unwrap();
     assert!(fragments(at_cut[0]) > 5.0 * fragments(at_cut[1]), "{at_cut:?}");
