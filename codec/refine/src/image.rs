@@ -27,6 +27,18 @@ impl Image {
         self.pixels[y as usize * self.width as usize + x as usize]
     }
 
+    /// Puts this image in front of another.
+    ///
+    /// # Panics
+    /// If the sizes differ.
+    pub(crate) fn put_before(&mut self, behind: &Image) {
+        assert_eq!((self.width, self.height), (behind.width, behind.height), "images of one size");
+        for (pixel, behind) in self.pixels.iter_mut().zip(&behind.pixels) {
+            let through = 1.0 - pixel[3];
+            pixel.iter_mut().zip(behind).for_each(|(channel, behind)| *channel += through * behind);
+        }
+    }
+
     /// The image over black in 8 bits per channel: `width * height * 3` bytes, colours clamped to 0 to 1 and
     /// rounded to nearest.
     pub fn to_rgb8(&self) -> Vec<u8> {

@@ -1,5 +1,7 @@
 //! [`Pictures`]: reference pictures of a scene, which packages of it are compared with.
 
+use codec::Field;
+
 use crate::image::{Image, psnr};
 use crate::in_order::for_each_in_order;
 use crate::reference::PosedView;
@@ -9,6 +11,8 @@ use crate::reference::{Order, RenderScene, render};
 #[derive(Clone, Debug)]
 pub struct Pictures {
     pub(crate) taken: Vec<(PosedView, Image)>,
+    /// Of each view, the picture of the plate that scenes are compared in front of; empty without one.
+    plates: Vec<Image>,
 }
 
 impl Pictures {
@@ -20,7 +24,25 @@ impl Pictures {
             images.push(image);
             on_view();
         });
-        Pictures { taken: views.into_iter().zip(images).collect() }
+        Pictures { taken: views.into_iter().zip(images).collect(), plates: Vec::new() }
+    }
+
+    /// Renders `scene` as [`Pictures::take`] does, in front of `plate`. Scenes are then compared in front of the same
+    /// plate, which is rendered only here: they must have none of their own.
+    pub fn take_before(
+        scene: &RenderScene,
+        plate: Option<&Field>,
+        views: Vec<PosedView>,
+        mut on_view: impl FnMut(),
+    ) -> Pictures {
+        let Some(plate) = plate else { return Pictures::take(scene, views, on_view) };
+        let plates = Pictures::take(&RenderScene::from(plate), views.clone(), || ());
+        let plates: Vec<Image> = plates.taken.into_iter().map(|(_, image)| image).collect();
+        let mut pictures = Pictures::take(scene, views, &mut on_view);
+        for ((_, image), plate) in pictures.taken.iter_mut().zip(&plates) {
+            image.put_before(plate);
+        }
+        Pictures { plates, ..pictures }
     }
 
     /// PSNR in dB of `scene` against these pictures, over all pixels of all pictures; infinite if they are
@@ -32,11 +54,15 @@ impl Pictures {
     /// Compares `scene` with these pictures. `on_view` is called after each picture.
     pub fn compare(&self, scene: &RenderScene, mut on_view: impl FnMut()) -> Fidelity {
         let mut errors = Vec::with_capacity(self.taken.len());
-        let errors_in = |taken: &(PosedView, Image)| errors_in(taken, scene);
-        for_each_in_order(&self.taken, errors_in, |_, one| {
-            errors.push(one);
-            on_view();
-        });
+        let pictures: Vec<usize> = (0..self.len()).collect();
+        for_each_in_order(
+            &pictures,
+            |picture| self.errors_in(*picture, scene),
+            |_, one| {
+                errors.push(one);
+                on_view();
+            },
+        );
         self.fidelity(&errors)
     }
 
@@ -54,7 +80,7 @@ impl Pictures {
         let pixels = self.taken.iter().map(|(_, image)| image.pixels.len()).sum();
         let mut squared = 0.0;
         for &picture in order {
-            let errors = *known[picture].get_or_insert_with(|| errors_in(&self.taken[picture], scene));
+            let errors = *known[picture].get_or_insert_with(|| self.errors_in(picture, scene));
             squared += errors.squared;
             if psnr(squared, pixels) < least_db.0 || psnr(errors.squared, errors.pixels) < least_db.1 {
                 return None;
@@ -62,6 +88,18 @@ impl Pictures {
         }
         let all: Option<Vec<PictureErrors>> = known.iter().copied().collect();
         all.map(|errors| self.fidelity(&errors))
+    }
+
+    /// Errors of `scene` in one of the pictures.
+    fn errors_in(&self, picture: usize, scene: &RenderScene) -> PictureErrors {
+        let (view, image) = &self.taken[picture];
+        let mut other = render(scene, &view.camera, view.t, Order::Depth);
+        if let Some(plate) = self.plates.get(picture) {
+            other.put_before(plate);
+        }
+        let (covered_squared, covered_pixels) = image.squared_error_covered(&other);
+        let squared = image.squared_error(&other);
+        PictureErrors { squared, pixels: image.pixels.len(), covered_squared, covered_pixels }
     }
 
     /// Number of pictures.
@@ -87,13 +125,6 @@ impl Pictures {
             worst,
         }
     }
-}
-
-fn errors_in((view, image): &(PosedView, Image), scene: &RenderScene) -> PictureErrors {
-    let other = render(scene, &view.camera, view.t, Order::Depth);
-    let (covered_squared, covered_pixels) = image.squared_error_covered(&other);
-    let squared = image.squared_error(&other);
-    PictureErrors { squared, pixels: image.pixels.len(), covered_squared, covered_pixels }
 }
 
 /// Errors of a scene in one picture: sums of squared differences, and the numbers of pixels that they are over.
@@ -153,6 +184,25 @@ mod tests {
         }
         let expected = -10.0 * (squares / f64::from(16 * 3 * 32 * 24)).log10();
         assert!((psnr - expected).abs() < 1e-9 && psnr < 60.0, "{psnr}, {expected} expected");
+    }
+
+    #[test]
+    fn a_plate_that_is_rendered_once_looks_as_in_every_picture() {
+        let (field, plate) = (cloud(1, 60), Field { temporal: None, ..cloud(2, 200) });
+        let part = field.select(&(0..50).collect::<Vec<_>>());
+        let views = posed_views(&around(&field, 0.0, (32, 24)), &[0.3, 0.7]);
+        let scene = RenderScene::from(&field);
+        let before = Pictures::take_before(&scene, Some(&plate), views.clone(), || ());
+        let together = Pictures::take(&scene.with_plate(&plate), views, || ());
+        let [a, b] = [
+            before.compare(&RenderScene::from(&part), || ()),
+            together.compare(&RenderScene::from(&part).with_plate(&plate), || ()),
+        ];
+        // A pixel that is nearly opaque is finished, and what is behind it left out.
+        let close = |a: f64, b: f64| (a - b).abs() < 0.01;
+        assert!(close(a.psnr_db, b.psnr_db) && close(a.covered_psnr_db, b.covered_psnr_db), "{a:?} {b:?}");
+        assert_eq!(a.worst.unwrap().view, b.worst.unwrap().view);
+        assert!(a.psnr_db < 60.0, "{}", a.psnr_db);
     }
 
     #[test]

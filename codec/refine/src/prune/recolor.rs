@@ -191,6 +191,6 @@ mod tests {
         let mut hidden = field.clone();
         hidden.opacities[2] = 0.0;
         assert_eq!(recolor(&hidden, None, &pictures, || ()), hidden);
-        assert_eq!(recolor(&field, None, &Pictures { taken: Vec::new() }, || ()), field);
+        assert_eq!(recolor(&field, None, &Pictures::take(&(&field).into(), Vec::new(), || ()), || ()), field);
     }
 }

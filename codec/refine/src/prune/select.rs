@@ -1,4 +1,4 @@
-//! [`select`]: chooses the ranking whose package looks most like the whole field.
+//! [`select`]: chooses the ranking whose Gaussians look most like the whole field.
 //!
 //! The whole field is the reference, so no ground truth is needed. Candidates with and without the
 //! topology floor compete, so the floor costs nothing if a subject does not need it. Where pictures
@@ -18,7 +18,7 @@ pub struct Candidate {
     pub ranking: Ranking,
     /// The retained rows, with or without the floor, and their topology.
     pub retained: Retained,
-    /// PSNR in dB of the finished package against the whole field.
+    /// PSNR in dB of the retained rows against the whole field.
     pub psnr_db: f64,
 }
 
@@ -34,25 +34,22 @@ pub struct Selection {
     pub most_faithful: usize,
 }
 
-/// Tries each ranking. `prune` returns the candidates of a ranking; `judge` packages rows and returns the
-/// PSNR in dB of the decoded package against the whole field. `None` if there are no candidates.
-///
-/// # Errors
-/// The first error of `judge`.
-pub fn select<E>(
+/// Tries each ranking. `prune` returns the candidates of a ranking; `judge` returns the PSNR in dB of rows against the
+/// whole field. `None` if there are no candidates.
+pub fn select(
     rankings: &[Ranking],
     mut prune: impl FnMut(Ranking) -> Vec<Retained>,
-    mut judge: impl FnMut(&[usize]) -> Result<f64, E>,
-) -> Result<Option<Selection>, E> {
+    mut judge: impl FnMut(&[usize]) -> f64,
+) -> Option<Selection> {
     let mut candidates: Vec<Candidate> = Vec::new();
     for &ranking in rankings {
         for retained in prune(ranking) {
-            let psnr_db = judge(&retained.rows)?;
+            let psnr_db = judge(&retained.rows);
             candidates.push(Candidate { ranking, retained, psnr_db });
         }
     }
     if candidates.is_empty() {
-        return Ok(None);
+        return None;
     }
     let first_highest = |value: &dyn Fn(&Candidate) -> f64| {
         let higher = |best, i| if value(&candidates[i]) > value(&candidates[best]) { i } else { best };
@@ -71,7 +68,7 @@ pub fn select<E>(
     let best = first_highest(&|candidate| {
         if preserved(candidate) == most_preserved { psnr(candidate) } else { f64::NEG_INFINITY }
     });
-    Ok(Some(Selection { candidates, best, most_faithful }))
+    Some(Selection { candidates, best, most_faithful })
 }
 
 #[cfg(test)]
@@ -92,7 +89,7 @@ mod tests {
             let place = Ranking::ALL.iter().position(|other| *other == ranking).unwrap();
             (2 * place..candidates.len().min(2 * place + 2)).map(|i| retained(i, candidates[i].1)).collect()
         };
-        let selection = select(rankings, prune, |rows| Ok::<_, ()>(candidates[rows[0]].0)).unwrap().unwrap();
+        let selection = select(rankings, prune, |rows| candidates[rows[0]].0).unwrap();
         assert_eq!(selection.candidates.len(), candidates.len());
         for (i, candidate) in selection.candidates.iter().enumerate() {
             assert_eq!((&candidate.retained.rows[..], candidate.ranking), (&[i][..], Ranking::ALL[i / 2]));
@@ -121,9 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn no_rankings_and_errors() {
-        assert!(select(&[], |_| Vec::new(), |_| Ok::<_, ()>(0.0)).unwrap().is_none());
-        let refuse = |_: &[usize]| Err::<f64, _>("no");
-        assert_eq!(select(&Ranking::ALL, |_| vec![retained(0, 1)], refuse).err(), Some("no"));
+    fn no_ranking_selects_nothing() {
+        assert!(select(&[], |_| Vec::new(), |_| 0.0).is_none());
     }
 }

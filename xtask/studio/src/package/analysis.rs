@@ -8,7 +8,6 @@ use refine::prune::{
 };
 use refine::reference::{Contribution, RenderScene};
 
-use super::encode::draft;
 use super::layer_order::{LayerOrder, layer_order};
 use super::settings::{LAYERS, PackageSettings};
 use super::views::{fragment_views, judging_views, ranking_views, render_scene, whole_views};
@@ -46,7 +45,7 @@ impl<'a> FieldAnalysis<'a> {
         };
         let views = judging_views(scene, field);
         progress.stage("pictures of the whole", views.len());
-        let judge = Pictures::take(&render_scene(field, plate), views, || progress.step());
+        let judge = Pictures::take_before(&RenderScene::from(field), plate, views, || progress.step());
         progress.stage("topology of the whole", 1);
         let floor = floor(field, Measure::default())?;
         progress.step();
@@ -62,8 +61,8 @@ impl<'a> FieldAnalysis<'a> {
     }
 
     /// The best `budget` rows: each ranking prunes, alone and with the topology floor, and the candidate
-    /// whose draft looks most like the whole field wins.
-    pub(crate) fn select(&self, budget: usize) -> anyhow::Result<Selection> {
+    /// that looks most like the whole field wins.
+    pub(crate) fn select(&self, budget: usize) -> Selection {
         let prune = |ranking: Ranking| {
             self.progress.stage(ranking.name(), 1 + ROUNDS);
             let order = self.order(ranking);
@@ -72,18 +71,17 @@ impl<'a> FieldAnalysis<'a> {
                 false => self.floor.choices(&order, budget, || self.progress.step()),
             }
         };
-        let judge = |rows: &[usize]| self.draft_psnr(&self.field.select(rows));
-        let selection = select(&rankings(self.settings), prune, judge)?;
-        Ok(selection.expect("there is a ranking"))
+        let judge = |rows: &[usize]| self.psnr(&self.field.select(rows));
+        select(&rankings(self.settings), prune, judge).expect("there is a ranking")
     }
 
     /// The rows of a selected candidate in the order of layers.
-    pub(crate) fn layer_order(&self, selected: &Candidate) -> anyhow::Result<LayerOrder> {
+    pub(crate) fn layer_order(&self, selected: &Candidate) -> LayerOrder {
         let rankings = rankings(self.settings);
         self.progress.stage("layers", rankings.len() * (LAYERS.len() - 1));
         let judge = |rows: &[usize]| {
             self.progress.step();
-            self.draft_psnr(&self.field.select(rows))
+            self.psnr(&self.field.select(rows))
         };
         layer_order(
             &rankings,
@@ -124,19 +122,10 @@ impl<'a> FieldAnalysis<'a> {
         (rows.iter().copied().filter(|&row| is_retained[row]).collect(), retained.topology)
     }
 
-    /// A draft of `part`, decoded.
-    pub(crate) fn draft(&self, part: &Field) -> anyhow::Result<Clip> {
-        draft(self.scene, part, self.plate, self.settings.coding)
-    }
-
-    /// PSNR in dB of a draft of `part` in the judging pictures.
-    pub(crate) fn draft_psnr(&self, part: &Field) -> anyhow::Result<f64> {
-        Ok(self.psnr(&self.draft(part)?))
-    }
-
-    /// PSNR in dB of a clip in the judging pictures.
-    pub(crate) fn psnr(&self, clip: &Clip) -> f64 {
-        self.judge.psnr(&RenderScene::from(clip), || ())
+    /// PSNR in dB of `part` in the judging pictures, before coding: coding errors, which a user chooses to be below what
+    /// a budget costs, must not decide.
+    pub(crate) fn psnr(&self, part: &Field) -> f64 {
+        self.judge.psnr(&RenderScene::from(part), || ())
     }
 
     /// PSNR in dB of a clip in pictures of the whole field that chose nothing.

@@ -1,7 +1,7 @@
 //! [`choose`]: the Gaussians that a budget keeps, most important first.
 //!
-//! Each candidate ranking prunes and the topology floor mends. Every candidate is drafted, with and
-//! without the floor, and compared with the whole field in pictures; the best one wins. The order of its rows
+//! Each candidate ranking prunes and the topology floor mends. Every candidate, with and without the floor, is
+//! compared with the whole field in pictures, before coding; the best one wins. The order of its rows
 //! for the layers is chosen after that, and a budget of fragments leaves out some of them.
 
 use codec::{Clip, Field};
@@ -45,7 +45,7 @@ impl Choice<'_> {
 /// Chooses `settings.budget` of the rows of `field`, which is not empty, and of these `settings.fragments`.
 ///
 /// # Errors
-/// [`Fault::Usage`] where so few fragments hold no Gaussian; errors of the draft encoder.
+/// [`Fault::Usage`] where so few fragments hold no Gaussian.
 pub(super) fn choose<'a>(
     scene: &'a Scene,
     field: &'a Field,
@@ -58,11 +58,11 @@ pub(super) fn choose<'a>(
         return Ok(keep_all(scene, field, settings, progress));
     }
     let whole = FieldAnalysis::new(scene, field, plate, settings, progress)?;
-    let selection = budget.map(|budget| whole.select(budget)).transpose()?;
+    let selection = budget.map(|budget| whole.select(budget));
     let selected = selection.as_ref().map(|selection| &selection.candidates[selection.best]);
     let ranking = selected.map_or(settings.rank.unwrap_or(Ranking::Mass), |selected| selected.ranking);
     let mut order = match selected {
-        Some(selected) => whole.layer_order(selected)?,
+        Some(selected) => whole.layer_order(selected),
         None => LayerOrder { rows: whole.order(ranking), ranking, tried: Vec::new() },
     };
     let mut topology = selected.map_or(Topology::default(), |selected| selected.retained.topology);
@@ -78,13 +78,13 @@ pub(super) fn choose<'a>(
     if settings.recolor {
         let psnr_db = match (selected, settings.fragments) {
             (Some(selected), None) => selected.psnr_db,
-            _ => whole.draft_psnr(&chosen)?,
+            _ => whole.psnr(&chosen),
         };
         progress.stage("colours", 1);
         let views = recolor_views(scene, field);
         let pictures = Pictures::take(&render_scene(field, plate), views, || ());
         let recolored = recolor(&chosen, plate, &pictures, || ());
-        let gain = whole.draft_psnr(&recolored)? - psnr_db;
+        let gain = whole.psnr(&recolored) - psnr_db;
         recolor_gain_db = Some(gain);
         if gain > 0.0 {
             chosen = recolored;

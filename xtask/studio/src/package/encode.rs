@@ -1,27 +1,22 @@
-//! Gaussians in order of importance become bytes: a quick draft to judge by, and the package itself,
-//! which is decoded again and verified.
+//! Gaussians in order of importance become bytes, which are decoded again and verified.
 
 use std::num::NonZero;
 
 use anyhow::{anyhow, ensure};
-use codec::{Clip, EncodeError, EncodeOptions, Field, Limits, Precision, Source};
+use codec::{Clip, Coder, EncodeError, EncodeOptions, Field, Limits, Source};
 use program::Fault;
 use refine::code::{CodeError, Coded, JointRounding, Miss, PackageTarget, WORST_BELOW_DB, code, code_steps};
 use refine::fit::Backend;
 use refine::prune::{Fidelity, Pictures};
 use refine::reference::RenderScene;
 
-use super::settings::{Coding, LAYERS, QUALITY_DB};
+use super::settings::{Coding, LAYERS};
 use super::snap::{Snapped, snap};
 use super::views::{
     CODED_SIZE, compared_views, render_scene, reported_views, rounding_views, visibility_views,
 };
 use crate::progress::StagedProgress;
 use crate::scene::Scene;
-
-/// Extra precision of a draft in dB. A draft is coded without sensitivities, and its coding errors must
-/// not decide.
-const DRAFT_MARGIN_DB: f64 = 10.0;
 
 /// What to do about a package that a defect of this program spoilt.
 const DEFECT: &str = "report this defect of the program with the field";
@@ -39,23 +34,6 @@ pub(crate) struct VerifiedPackage {
     pub(super) judging_views: usize,
     /// What is reported of the package: from views that chose nothing, where no viewpoint is stated.
     pub(super) reported: Fidelity,
-}
-
-/// Encodes a field quickly, most important row first, and decodes it again; close enough to the package
-/// to choose by.
-pub(super) fn draft(
-    scene: &Scene,
-    field: &Field,
-    plate: Option<&Field>,
-    coding: Coding,
-) -> anyhow::Result<Clip> {
-    let precision = match coding {
-        Coding::Fixed => Precision { psnr: QUALITY_DB, ..Precision::default() },
-        Coding::ToQuality { quality_db, .. } => {
-            Precision { psnr: quality_db + DRAFT_MARGIN_DB, ..Precision::default() }
-        }
-    };
-    encode_once(scene, field, plate, &options(coding, precision, false)).map(|(_, clip)| clip)
 }
 
 /// Makes static what only seems to change, and encodes a field in layers, most important row first, to the precision
@@ -79,17 +57,16 @@ pub(crate) fn encode(
     let views = visibility_views(scene, field, CODED_SIZE);
     let whole = field;
     let (field, snapped) = &snap(field, &views, coding);
+    let info = scene.head_info();
+    let source = Source { info: &info, field, plate };
     let by_device = backend.peak_device_bytes().is_some();
     let (coded, steering_views, rounding_views) = match coding {
         Coding::Fixed => {
-            let precision = Precision { psnr: QUALITY_DB, ..Precision::default() };
-            let options = options(coding, precision, by_device);
-            let (bytes, clip) = encode_once(scene, field, plate, &options)?;
+            let (bytes, clip) = encode_fixed(scene, &source, by_device)?;
             let fidelity = judge.compare(&RenderScene::from(&clip), || ());
             (Coded { bytes, clip, fidelity, miss: None, bytes_alone: None }, 0, 0)
         }
         Coding::ToQuality { quality_db, joint_rounds } => {
-            let source = Source { info: &scene.head_info(), field, plate };
             let rounding = NonZero::new(joint_rounds).map(|rounds| (rounds, rounding_views(scene, field)));
             let rounding_count = rounding.as_ref().map_or(0, |(_, views)| views.len());
             let mut joint = rounding.map(|(rounds, views)| JointRounding::new(views, rounds, backend));
@@ -114,18 +91,11 @@ pub(crate) fn encode(
     Ok(VerifiedPackage { coded, snapped: *snapped, steering_views, rounding_views, judging_views, reported })
 }
 
-fn options(coding: Coding, precision: Precision, by_device: bool) -> EncodeOptions {
-    EncodeOptions { coder: coding.coder(), layers: LAYERS.to_vec(), precision, by_device }
-}
-
-fn encode_once(
-    scene: &Scene,
-    field: &Field,
-    plate: Option<&Field>,
-    options: &EncodeOptions,
-) -> anyhow::Result<(Vec<u8>, Clip)> {
-    let source = Source { info: &scene.head_info(), field, plate };
-    let bytes = codec::encode(&source, options).map_err(|error| refused(scene, CodeError::Encode(error)))?;
+/// Encodes a field by the coder `fixed`, and decodes it again.
+fn encode_fixed(scene: &Scene, source: &Source, by_device: bool) -> anyhow::Result<(Vec<u8>, Clip)> {
+    let options =
+        EncodeOptions { coder: Coder::Fixed, layers: LAYERS.to_vec(), by_device, ..EncodeOptions::default() };
+    let bytes = codec::encode(source, &options).map_err(|error| refused(scene, CodeError::Encode(error)))?;
     let clip = codec::decode(&bytes, &Limits::default());
     let clip = clip.map_err(|error| refused(scene, CodeError::Decode(error)))?;
     Ok((bytes, clip))

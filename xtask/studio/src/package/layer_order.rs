@@ -3,7 +3,7 @@
 //! A viewer sees the first layers while the rest arrives, and a player with little memory sees only them. The
 //! ranking that retains the best Gaussians need not order them well: the largest blending weight retains every
 //! Gaussian that matters in some pixel, and puts small opaque ones before large ones. So all rankings compete
-//! again, with drafts of the first layers of what was retained. The whole package holds the same Gaussians in
+//! again, with the first layers of what was retained. The whole package holds the same Gaussians in
 //! any order.
 
 use refine::prune::{RESOLUTION_DB, Ranking};
@@ -28,7 +28,7 @@ pub struct TriedOrder {
     pub ranking: &'static str,
     /// Whether the layers of the package have this order.
     pub chosen: bool,
-    /// PSNR in dB between pictures of a draft of the first layers and of the whole field, for every layer but
+    /// PSNR in dB between pictures of the first layers before coding and of the whole field, for every layer but
     /// the last.
     pub prefix_psnr_db: Vec<f64>,
 }
@@ -42,20 +42,17 @@ impl TriedOrder {
 /// Orders the `retained` rows, which are in the order of the ranking `own`, by the ranking in `rankings` whose
 /// first layers look most like the whole field: the mean PSNR over all prefixes of layers. `own` keeps its
 /// order unless another's mean is better by more than [`RESOLUTION_DB`]. `order` returns the rows of the whole
-/// field by a ranking, `judge` the PSNR in dB of a draft of rows.
-///
-/// # Errors
-/// The first error of `judge`.
-pub(super) fn layer_order<E>(
+/// field by a ranking, `judge` the PSNR in dB of rows.
+pub(super) fn layer_order(
     rankings: &[Ranking],
     own: Ranking,
     retained: &[usize],
     order: impl Fn(Ranking) -> Vec<usize>,
-    mut judge: impl FnMut(&[usize]) -> Result<f64, E>,
-) -> Result<LayerOrder, E> {
+    mut judge: impl FnMut(&[usize]) -> f64,
+) -> LayerOrder {
     let ends: Vec<usize> = LAYERS.into_iter().filter(|&end| end < retained.len()).collect();
     if ends.is_empty() || rankings.len() < 2 {
-        return Ok(LayerOrder { rows: retained.to_vec(), ranking: own, tried: Vec::new() });
+        return LayerOrder { rows: retained.to_vec(), ranking: own, tried: Vec::new() };
     }
     let reordered = |ranking: Ranking| -> Vec<usize> {
         let mut rows = order(ranking);
@@ -67,7 +64,7 @@ pub(super) fn layer_order<E>(
     let mut tried = Vec::new();
     for &ranking in rankings {
         let rows = reordered(ranking);
-        let prefix_psnr_db = ends.iter().map(|&end| judge(&rows[..end])).collect::<Result<_, _>>()?;
+        let prefix_psnr_db = ends.iter().map(|&end| judge(&rows[..end])).collect();
         tried.push(TriedOrder { ranking: ranking.name(), chosen: false, prefix_psnr_db });
     }
     let mean = |i: usize| tried[i].mean_psnr_db();
@@ -75,7 +72,7 @@ pub(super) fn layer_order<E>(
     let best = (0..tried.len()).fold(0, |best, i| if mean(i) > mean(best) { i } else { best });
     let chosen = of_own.filter(|&i| mean(i) >= mean(best) - RESOLUTION_DB).unwrap_or(best);
     tried[chosen].chosen = true;
-    Ok(LayerOrder { rows: reordered(rankings[chosen]), ranking: rankings[chosen], tried })
+    LayerOrder { rows: reordered(rankings[chosen]), ranking: rankings[chosen], tried }
 }
 
 #[cfg(test)]
@@ -96,8 +93,7 @@ mod tests {
         };
         let retained: Vec<usize> = (0..12_000).collect();
         let rankings = [Ranking::Mass, OWN, Ranking::BlendSum];
-        let judge = |rows: &[usize]| Ok::<_, ()>(judge(rows[0], rows.len()));
-        layer_order(&rankings, OWN, &retained, by, judge).unwrap()
+        layer_order(&rankings, OWN, &retained, by, |rows| judge(rows[0], rows.len()))
     }
 
     #[test]
@@ -125,10 +121,10 @@ mod tests {
 
     #[test]
     fn one_layer_or_one_ranking_leaves_nothing_to_choose() {
-        let never = |_: &[usize]| -> Result<f64, ()> { panic!("nothing to judge") };
+        let never = |_: &[usize]| -> f64 { panic!("nothing to judge") };
         for (rankings, len) in [(&Ranking::ALL[..], 5_000), (&[OWN][..], 6_000)] {
             let retained: Vec<usize> = (0..len).rev().collect();
-            let order = layer_order(rankings, OWN, &retained, |_| panic!("no order"), never).unwrap();
+            let order = layer_order(rankings, OWN, &retained, |_| panic!("no order"), never);
             assert_eq!((order.rows, order.ranking, order.tried), (retained, OWN, vec![]));
         }
     }

@@ -11,7 +11,6 @@ use codec::Field;
 use program::{Standpoint, Subject};
 use refine::fit::{Cpu, FRAGMENT_WEIGHT};
 use refine::prune::{Candidate, Pictures, Ranking, Selection, recolor};
-use refine::reference::RenderScene;
 
 use super::subject::ReportSubject;
 use crate::fit::{Refinement, TrainingViews};
@@ -48,16 +47,22 @@ pub fn measure(
     let settings = PackageSettings::default();
     let analysis = FieldAnalysis::new(scene, field, plate.as_ref(), &settings, progress)?;
     if let Some(budget) = budget(field) {
-        parameters.extend(selection(subject, &analysis, budget, progress)?);
+        parameters.extend(selection(subject, &analysis, budget, progress));
     }
     let rows = analysis.order(Ranking::Mass);
-    let whole = analysis.draft(&field.select(&rows))?;
-    let counter = LensCounter::new(&Subject::from_clip(&whole), whole.info.up, field, Standpoint::Near);
-    parameters.push(fragments(subject, &analysis, &rows, &counter)?);
+    let counter = counter(subject);
+    parameters.push(fragments(subject, &analysis, &rows, &counter));
     if let Some((views, steps)) = refinement {
         parameters.push(fragment_term(subject, views, steps, &counter, progress));
     }
     Ok(parameters)
+}
+
+/// Counts the fragments of the subject 0.7 m in front.
+fn counter(subject: &ReportSubject) -> LensCounter {
+    let ReportSubject { scene, field, .. } = subject;
+    let info = &scene.info;
+    LensCounter::new(&Subject::new(info, scene.surroundings()), info.up, field, Standpoint::Near)
 }
 
 /// The largest layer that is smaller than the field.
@@ -71,9 +76,9 @@ fn selection(
     analysis: &FieldAnalysis,
     budget: usize,
     progress: &StagedProgress,
-) -> anyhow::Result<[Parameter; 2]> {
+) -> [Parameter; 2] {
     let ReportSubject { scene, field, plate } = subject;
-    let Selection { candidates, best, .. } = analysis.select(budget)?;
+    let Selection { candidates, best, .. } = analysis.select(budget);
     let selected = &candidates[best];
     let ranked = |(i, candidate): (usize, &Candidate)| {
         let floor = if candidate.retained.restored > 0 { " with floor" } else { "" };
@@ -94,7 +99,7 @@ fn selection(
         name: "ranking".into(),
         about: format!(
             "The ranking that selects the {budget} Gaussians of a budget, without the topology floor, and with it \
-             where it changes the selection: draft packages against the whole field. The default tries all and \
+             where it changes the selection: what is selected, before coding, against the whole field. The default tries all and \
              uses the marked one."
         ),
         why_default: WHY_BEST.into(),
@@ -109,7 +114,7 @@ fn selection(
     let seconds = start.elapsed().as_secs_f64();
     let refitted = ParameterValue {
         cost: Quartiles::exactly(seconds),
-        ..point("recolored", false, analysis.draft_psnr(&recolored)?)
+        ..point("recolored", false, analysis.psnr(&recolored))
     };
     let colours = Parameter {
         stage: FlowStage::Packaging,
@@ -122,16 +127,16 @@ fn selection(
         cost: "s of packaging".into(),
         points: vec![point("as they were", true, selected.psnr_db), refitted],
     };
-    Ok([ranking, colours].map(Parameter::mark_front))
+    [ranking, colours].map(Parameter::mark_front)
 }
 
-/// PSNR of drafts over the fragments that a budget of them keeps of `rows`, the whole field.
+/// PSNR over the fragments that a budget of them keeps of `rows`, the whole field.
 fn fragments(
     subject: &ReportSubject,
     analysis: &FieldAnalysis,
     rows: &[usize],
     counter: &LensCounter,
-) -> anyhow::Result<Parameter> {
+) -> Parameter {
     let seen = analysis.fragment_contributions(rows);
     let mut points = Vec::new();
     for fraction in FRACTIONS {
@@ -144,26 +149,26 @@ fn fragments(
         if kept.is_empty() {
             continue;
         }
-        let clip = analysis.draft(&subject.field.select(&kept))?;
-        let per_pixel = counter.per_pixel(&RenderScene::from(&clip));
+        let part = subject.field.select(&kept);
+        let per_pixel = counter.per_pixel(&render_scene(&part, subject.plate.as_ref()));
         points.push(ParameterValue {
             cost: Quartiles::exactly(per_pixel),
             counts: counts([("gaussians", kept.len() as f64)]),
-            ..point(&format!("{fraction}"), is_whole, analysis.psnr(&clip))
+            ..point(&format!("{fraction}"), is_whole, analysis.psnr(&part))
         });
     }
-    Ok(Parameter {
+    Parameter {
         stage: FlowStage::Packaging,
         name: "fragments".into(),
         about: "The fraction of the fragments that a package keeps (`--fragments`), by leaving out the Gaussians that \
-                show least for theirs: draft packages against the whole field. A fragment is a pixel of a quad, in \
+                show least for theirs: the others, before coding, against the whole field. A fragment is a pixel of a quad, in \
                 both eyes of a Quest 3 at 0.7 m."
             .into(),
         why_default: "what a field shows is not left out unless it is asked for".into(),
         cost: FRAGMENTS.into(),
         points,
     }
-    .mark_front())
+    .mark_front()
 }
 
 /// PSNR of held photographs over the fragments of fields that are refined with weights of the fragment term.
@@ -261,10 +266,7 @@ mod tests {
         let analysis =
             FieldAnalysis::new(&subject.scene, &subject.field, None, &settings, &progress).unwrap();
         let rows = analysis.order(Ranking::Mass);
-        let whole = analysis.draft(&subject.field.select(&rows)).unwrap();
-        let counter =
-            LensCounter::new(&Subject::from_clip(&whole), whole.info.up, &subject.field, Standpoint::Near);
-        let parameter = fragments(&subject, &analysis, &rows, &counter).unwrap();
+        let parameter = fragments(&subject, &analysis, &rows, &counter(&subject));
         let (costs, psnr) = costs_and_psnr(&parameter);
         assert_eq!(costs.len(), FRACTIONS.len());
         assert!(costs.is_sorted_by(|a, b| a > b) && psnr.is_sorted_by(|a, b| a > b), "{costs:?} {psnr:?}");
@@ -302,18 +304,7 @@ mod tests {
             responses: vec![Response::NEUTRAL; 5],
         };
         subject.field.log_scales.iter_mut().flatten().for_each(|scale| *scale += 0.3);
-        let clip = FieldAnalysis::new(
-            &subject.scene,
-            &subject.field,
-            None,
-            &PackageSettings::default(),
-            &StagedProgress::hidden(),
-        )
-        .and_then(|analysis| analysis.draft(&subject.field))
-        .unwrap();
-        let counter =
-            LensCounter::new(&Subject::from_clip(&clip), clip.info.up, &subject.field, Standpoint::Near);
-        let parameter = fragment_term(&subject, &views, 60, &counter, &StagedProgress::hidden());
+        let parameter = fragment_term(&subject, &views, 60, &counter(&subject), &StagedProgress::hidden());
         let (costs, psnr) = costs_and_psnr(&parameter);
         assert_eq!((costs.len(), parameter.points[2].default), (1 + WEIGHTS.len(), true));
         assert!(costs[1..].is_sorted_by(|a, b| a > b), "{costs:?}");

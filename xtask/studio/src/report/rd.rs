@@ -133,10 +133,10 @@ impl<'a> RateBench<'a> {
         let order = self.analysis.order(Ranking::Mass);
         self.progress.stage("topology floor", 1 + ROUNDS);
         let floored = self.recall.enforce(&order, budget, || self.progress.step());
-        let Selection { mut candidates, best, .. } = self.analysis.select(budget)?;
+        let Selection { mut candidates, best, .. } = self.analysis.select(budget);
         let best = candidates.swap_remove(best);
         // In the order of layers, as `package` codes them.
-        let rows = self.analysis.layer_order(&best)?.rows;
+        let rows = self.analysis.layer_order(&best).rows;
         let choices = [
             leave(Selector::LightGaussian, Ranking::LightGaussian),
             leave(Selector::RadSplat, Ranking::BlendMax),

@@ -185,7 +185,7 @@ fn the_most_faithful_ranking_wins() {
     assert!(auto["why"].as_str().unwrap().starts_with(best["ranking"].as_str().unwrap()), "{}", auto["why"]);
     // Other pictures than those that chose it.
     let difference = number(&auto["whole_psnr_db"]) - number(&best["psnr_db"]);
-    assert!(difference.abs() < 1.0, "{difference} dB between draft and package");
+    assert!(difference.abs() < 1.0, "{difference} dB between the selection and its package");
     for key in ["recall", "precision", "saddle_drift"] {
         assert_eq!(auto["topology"][key], best[key]);
         assert!((0.0..=1.0).contains(&number(&best[key])), "{best}");
@@ -205,7 +205,7 @@ fn the_most_faithful_ranking_wins() {
     let recolored = package(&["--rank", "mass", "--recolor"]);
     let gain = number(&recolored["refit_gain_db"]);
     let difference = number(&recolored["whole_psnr_db"]) - number(&plain["whole_psnr_db"]);
-    // The gain is the drafts'.
+    // The gain is the selection's.
     assert!((difference - gain.max(0.0)).abs() < 0.05, "{difference} dB for a gain of {gain}");
     // Colours at random leave nothing to fit.
     assert!(gain > -0.01, "{gain} dB");
@@ -245,8 +245,6 @@ fn recoloring_gains_where_pruned_gaussians_leave_gaps() {
     let gain = number(&recolored["refit_gain_db"]);
     // Recorded: 0.15 dB. No colour can become brighter than white to fill a gap.
     assert!(gain > 0.1, "{gain} dB");
-    // This coder's draft is its package, and yet other pictures are reported than those that chose.
-    assert_ne!(number(&plain["whole_psnr_db"]), number(&plain["tried"][0]["psnr_db"]));
     let difference = number(&recolored["whole_psnr_db"]) - number(&plain["whole_psnr_db"]);
     assert!(difference > 0.1, "{difference} dB for a gain of {gain}");
 }

@@ -200,7 +200,7 @@ fn try_rankings(
     let VisibleScene { field, plate, .. } = visible_scene(scene, settings)?;
     let progress = StagedProgress::hidden();
     let analysis = FieldAnalysis::new(scene, &field, plate.as_ref(), settings, &progress)?;
-    let candidates = analysis.select(budget)?.candidates;
+    let candidates = analysis.select(budget).candidates;
     let best = |ranking: Ranking| {
         let own = candidates.iter().filter(|candidate| candidate.ranking == ranking);
         (ranking, own.map(|candidate| candidate.psnr_db).fold(f64::NEG_INFINITY, f64::max))
