@@ -157,7 +157,7 @@ impl<'a> Bench<'a> {
                 let setup = own.as_mut().unwrap_or(&mut setups[0]);
                 inspection.turn.push(setup.image(posed_view, &variant.settings, self.size)?);
             }
-            inspection.errors = expected.errors(&images, &inspection.turn);
+            inspection.errors = expected.errors(&images, &inspection.turn)?;
             inspection.images = images;
         }
         self.placed.push(VariantSetups { settings: variant.settings, setups });

@@ -3,6 +3,7 @@
 use crate::parameter::ImageErrors;
 use codec::Camera;
 use glam::{DMat3, DVec2, DVec3};
+use program::Fault;
 use refine::image::{Image, psnr};
 use refine::metrics::ssim;
 
@@ -21,17 +22,26 @@ pub(super) struct Expected {
 
 impl Expected {
     /// The errors of images of the same views.
-    pub(super) fn errors(&self, pictures: &[Image], turn: &[Image]) -> ImageErrors {
+    ///
+    /// # Errors
+    /// [`Fault::Device`] if a pixel is no number: its error would be none, and read as no error.
+    pub(super) fn errors(&self, pictures: &[Image], turn: &[Image]) -> Result<ImageErrors, Fault> {
+        let is_number = |image: &Image| image.pixels.iter().flatten().all(|channel| !channel.is_nan());
+        if !pictures.iter().chain(turn).all(is_number) {
+            let what =
+                "the renderer draws pixels that are no numbers; look for the case with report --stability";
+            return Err(Fault::Device(what.into()));
+        }
         let pairs = || self.pictures.iter().zip(pictures);
         let squares: f64 = pairs().map(|(a, b)| a.squared_error(b)).sum();
         let pixels: usize = self.pictures.iter().map(|image| image.pixels.len()).sum();
         let worst = pairs().map(|(a, b)| worst_tile(a, b)).fold(f64::INFINITY, f64::min);
-        ImageErrors {
+        Ok(ImageErrors {
             psnr_db: Some(psnr(squares, pixels)).filter(|db| db.is_finite()),
             ssim: Some(pairs().map(|(a, b)| ssim(a, b)).sum::<f64>() / pictures.len() as f64),
             worst_tile_db: Some(worst).filter(|db| db.is_finite()),
             flicker: Some(self.flicker(turn)),
-        }
+        })
     }
 
     /// Root mean square change of the error from each frame of the turning head to the next, in 255ths. An error that
@@ -117,7 +127,7 @@ mod tests {
         // In the lower right tile, which has 32x8 pixels.
         image.pixels[39 * 64 + 63] = [0.5, 0.5, 1.0, 1.0];
         let expected = Expected { pictures: vec![gray(0.5)], turn: Vec::new(), cameras: Vec::new() };
-        let errors = expected.errors(&[image], &[]);
+        let errors = expected.errors(&[image], &[]).unwrap();
         let db = |squares: f64, pixels: f64| -10.0 * (squares / (3.0 * pixels)).log10();
         assert!((errors.psnr_db.unwrap() - db(0.25, 64.0 * 40.0)).abs() < 1e-9);
         assert!((errors.worst_tile_db.unwrap() - db(0.25, 32.0 * 8.0)).abs() < 1e-9);
@@ -160,7 +170,18 @@ mod tests {
     #[test]
     fn no_error_is_none() {
         let expected = Expected { pictures: vec![gray(0.5)], turn: vec![gray(0.5)], cameras: Vec::new() };
-        let errors = expected.errors(&[gray(0.5)], &[gray(0.5)]);
+        let errors = expected.errors(&[gray(0.5)], &[gray(0.5)]).unwrap();
         assert_eq!((errors.psnr_db, errors.worst_tile_db, errors.flicker), (None, None, Some(0.0)));
+    }
+
+    #[test]
+    fn a_pixel_that_is_no_number_is_not_no_error() {
+        let expected = Expected { pictures: vec![gray(0.5)], turn: vec![gray(0.5)], cameras: Vec::new() };
+        let mut image = gray(0.5);
+        image.pixels[70][1] = f64::NAN;
+        for (picture, frame) in [(image.clone(), gray(0.5)), (gray(0.5), image)] {
+            let fault = expected.errors(&[picture], &[frame]).unwrap_err();
+            assert!(matches!(fault, Fault::Device(_)), "{fault}");
+        }
     }
 }

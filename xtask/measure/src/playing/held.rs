@@ -59,7 +59,7 @@ pub(super) fn parameter(
             let held = take(posed_view, &views.turn[i - i % frames]);
             turned.push(on_top(&base.inspection.turn[i], &held, &turn[i]));
         }
-        points.push(held_point(frames, base, expected.errors(&pictures, &turned)));
+        points.push(held_point(frames, base, expected.errors(&pictures, &turned)?));
         longest = pictures.into_iter().next();
     }
     let parameter = Parameter {
