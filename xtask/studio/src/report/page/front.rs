@@ -24,6 +24,12 @@ pub(super) struct Mark {
 }
 
 impl Chart {
+    /// The labels of the marks without an error, which have no place in a chart of decibels.
+    pub(super) fn exact(&self) -> Vec<&str> {
+        let exact = self.marks.iter().filter(|mark| mark.y == f64::INFINITY);
+        exact.map(|mark| mark.label.as_str()).collect()
+    }
+
     /// Whether it shows at least two points.
     pub(super) fn has_line(&self) -> bool {
         self.marks.iter().filter(|mark| mark.is_finite()).count() >= 2
@@ -108,10 +114,12 @@ where
         }
         // Labels alternate above and below, so that neighbours do not overlap.
         let (v, y) = if i.is_multiple_of(2) { (VPos::Bottom, -7) } else { (VPos::Top, 7) };
+        // Towards the middle, so that a long one stays within the chart.
+        let (h, aside) = if 2.0 * x > left + right { (HPos::Right, -5) } else { (HPos::Left, 5) };
         let color = if mark.default { DEFAULT } else { BLACK };
-        let style = ("sans-serif", 12).into_text_style(area).color(&color).pos(Pos::new(HPos::Left, v));
+        let style = ("sans-serif", 12).into_text_style(area).color(&color).pos(Pos::new(h, v));
         let at = EmptyElement::at((x, mark.y));
-        axes.draw_series([at + Text::new(mark.label.clone(), (5, y), style)])?;
+        axes.draw_series([at + Text::new(mark.label.clone(), (aside, y), style)])?;
     }
     Ok(())
 }
@@ -148,6 +156,18 @@ mod tests {
         let svg = svg(&[Chart { title: "a & b".into(), x: "ms".into(), marks }]).unwrap();
         assert_eq!(svg.matches("<circle").count(), 3, "{svg}");
         assert!(svg.contains("a &amp; b") && svg.contains("&lt;1&gt;") && !svg.contains("NaN"), "{svg}");
+    }
+
+    #[test]
+    fn labels_turn_towards_the_middle() {
+        let marks = vec![mark(1.0, 40.0, false), mark(9.0, 50.0, false)];
+        let svg = svg(&[Chart { title: String::new(), x: String::new(), marks }]).unwrap();
+        let anchor = |label: &str| {
+            let before = &svg[..svg.find(label).unwrap()];
+            let text = &before[before.rfind("<text").unwrap()..];
+            text.split_once("text-anchor=\"").unwrap().1.split('"').next().unwrap().to_owned()
+        };
+        assert_eq!((anchor("&lt;1&gt;"), anchor("&lt;9&gt;")), ("start".into(), "end".into()), "{svg}");
     }
 
     #[test]

@@ -259,6 +259,10 @@ fn section(text: &mut String, parameter: &Parameter) -> anyhow::Result<()> {
             marks: parameter.points.iter().map(flicker).collect(),
         });
     }
+    let exact = charts[0].exact().join(", ");
+    if !exact.is_empty() {
+        let _ = writeln!(text, "<p>Without an error, and so not in the chart: {}.</p>", escape(&exact));
+    }
     let (drawn, empty): (Vec<Chart>, Vec<Chart>) = charts.into_iter().partition(Chart::has_line);
     if !drawn.is_empty() {
         *text += &svg(&drawn)?;

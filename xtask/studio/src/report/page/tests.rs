@@ -163,6 +163,15 @@ fn a_beaten_default_says_by_how_much_and_why_it_stands() {
 }
 
 #[test]
+fn what_has_no_error_is_named_where_a_chart_cannot_show_it() {
+    let exact = || point("exact", 9.0, f64::INFINITY);
+    let page = |points| findings_of(points).part().unwrap().body;
+    let named = page(vec![exact(), point("near", 4.0, 52.0), point("far", 3.0, 40.0)]);
+    assert!(named.contains("<p>Without an error, and so not in the chart: exact.</p>"), "{named}");
+    assert!(!page(vec![point("near", 4.0, 52.0), point("far", 3.0, 40.0)]).contains("Without an error"));
+}
+
+#[test]
 fn a_parameter_of_one_value_has_a_sentence_in_place_of_a_chart() {
     let mut findings = findings_of(vec![point("exact", 9.0, 50.0)]);
     findings.fits[0].entries.truncate(1);
