@@ -27,7 +27,7 @@ use crate::reference::sensitivities;
 pub use error::CodeError;
 use joint::RoundingState;
 pub use joint::{JOINT_ROUNDS, JointRounding};
-use scan::Scan;
+use scan::{SCANNED, Scan};
 pub use search::{Miss, SURPLUS_MAX_DB, TRIALS, WORST_BELOW_DB};
 use search::{SLOPE, Search};
 use trials::{Fineness, Trials, decode};
@@ -76,10 +76,29 @@ pub struct PackageTarget<'a> {
     pub by_device: bool,
 }
 
+/// What coding does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CodeStep {
+    /// It tries a precision.
+    Trial {
+        /// What is tried.
+        what: &'static str,
+        /// Number of the trial, from 1.
+        number: usize,
+        /// Most trials of this kind.
+        most: usize,
+    },
+    /// It has done one of the views, or of [`code_steps`].
+    Done,
+}
+
+/// Hears of steps.
+type OnStep<'a> = &'a mut dyn FnMut(CodeStep);
+
 /// Packages `source` at a PSNR of `target.psnr_db` to [`SURPLUS_MAX_DB`] above, no picture more than
 /// [`WORST_BELOW_DB`] below it, or as close as possible. Sensitivities are taken from the views `seen`; `judge` holds
-/// pictures of the source to compare with; `joint` rounds the numbers jointly. `on_step` is called after each of `seen`
-/// and each of [`code_steps`].
+/// pictures of the source to compare with; `joint` rounds the numbers jointly. `on_step` hears of every trial, and of the end
+/// of each of `seen` and of each of [`code_steps`].
 ///
 /// # Errors
 /// Errors of [`codec::encode`] and [`codec::decode`].
@@ -89,9 +108,9 @@ pub fn code(
     seen: &[PosedView],
     judge: &Pictures,
     joint: Option<&mut JointRounding>,
-    mut on_step: impl FnMut(),
+    mut on_step: impl FnMut(CodeStep),
 ) -> Result<Coded, CodeError> {
-    let known = sensitivities(source.field, source.plate, seen, &mut on_step);
+    let known = sensitivities(source.field, source.plate, seen, || on_step(CodeStep::Done));
     let PackageTarget { layers, psnr_db, by_device } = target;
     let mut coder = TargetCoder::new(source, layers, known, judge).mark(by_device);
     match joint {
@@ -151,16 +170,17 @@ impl<'a> TargetCoder<'a> {
         self
     }
 
-    /// Packages the source at `psnr_db`, as [`code`] does. `on_step` is called after each of [`TRIALS`].
+    /// Packages the source at `psnr_db`, as [`code`] does. `on_step` hears of every trial, and of [`TRIALS`] ends.
     ///
     /// # Errors
     /// Errors of [`codec::encode`] and [`codec::decode`].
-    pub fn code(&mut self, psnr_db: f64, on_step: impl FnMut()) -> Result<Coded, CodeError> {
-        self.meet(psnr_db, on_step).map(|met| met.coded)
+    pub fn code(&mut self, psnr_db: f64, mut on_step: impl FnMut(CodeStep)) -> Result<Coded, CodeError> {
+        self.meet(psnr_db, &mut on_step).map(|met| met.coded)
     }
 
-    /// Packages the source at `psnr_db` with numbers that are rounded jointly, if that is smaller. `on_step` is called
-    /// after each of [`code_steps`]; where no rounds of a large field come close, a search follows the last one.
+    /// Packages the source at `psnr_db` with numbers that are rounded jointly, if that is smaller. `on_step` hears of
+    /// every trial, and of the end of each of [`code_steps`]; where no rounds of a large field come close, a search follows
+    /// the last one.
     ///
     /// # Errors
     /// Errors of [`codec::encode`] and [`codec::decode`].
@@ -168,7 +188,7 @@ impl<'a> TargetCoder<'a> {
         &mut self,
         psnr_db: f64,
         joint: &mut JointRounding,
-        mut on_step: impl FnMut(),
+        mut on_step: impl FnMut(CodeStep),
     ) -> Result<Coded, CodeError> {
         let Start { alone, precision, gain_db } = self.start(psnr_db, &mut on_step)?;
         let source = self.own.source;
@@ -178,10 +198,11 @@ impl<'a> TargetCoder<'a> {
         options.precision.psnr -= gain_db / SLOPE;
         let mut state = RoundingState::new(source.field);
         let mut steps = 0;
-        for _ in 0..JOINT_TRIALS {
+        for number in 1..=JOINT_TRIALS {
+            on_step(CodeStep::Trial { what: "joint rounding", number, most: JOINT_TRIALS });
             let bytes = joint.round(source, &options, &mut state, || {
                 steps += 1;
-                on_step();
+                on_step(CodeStep::Done);
             })?;
             let (clip, fidelity) = self.own.compare(&bytes)?;
             let surplus_db = search::surplus_db(&fidelity, psnr_db);
@@ -195,21 +216,21 @@ impl<'a> TargetCoder<'a> {
             }
             options.precision.psnr += (JOINT_AIM_DB - surplus_db) / SLOPE;
         }
-        (TRIALS + steps..code_steps(joint.rounds())).for_each(|_| on_step());
+        (TRIALS + steps..code_steps(joint.rounds())).for_each(|_| on_step(CodeStep::Done));
         match best {
             // Out of reach of the rounds, a search may be closer.
             Some(best) if bytes_alone.is_some() || !matches!(best.miss, Some(Miss::Below | Miss::Above)) => {
                 Ok(best)
             }
             best => {
-                let alone = self.meet(psnr_db, || ())?.coded;
+                let alone = self.meet(psnr_db, &mut trials_only(&mut on_step))?.coded;
                 Ok(best.filter(|best| best.is_better_than(&alone)).unwrap_or(alone))
             }
         }
     }
 
-    /// Where joint rounding begins for a target. `on_step` is called [`TRIALS`] times.
-    fn start(&mut self, psnr_db: f64, mut on_step: impl FnMut()) -> Result<Start, CodeError> {
+    /// Where joint rounding begins for a target. `on_step` hears of [`TRIALS`] ends.
+    fn start(&mut self, psnr_db: f64, on_step: OnStep) -> Result<Start, CodeError> {
         let gain_db = JOINT_GAINS_DB[usize::from(self.own.source.field.temporal.is_some())];
         if self.own.is_small() {
             let Met { coded, precision } = self.meet(psnr_db, on_step)?;
@@ -217,17 +238,18 @@ impl<'a> TargetCoder<'a> {
             return Ok(Start { alone: Some(coded), precision, gain_db });
         }
         let mut search = Search::new(psnr_db);
+        on_step(CodeStep::Trial { what: PRECISION, number: 1, most: 1 });
         let (_, fidelity) = self.own.compare(&self.own.encode(Fineness::even(psnr_db))?)?;
         search.record(&fidelity, usize::MAX);
-        (0..TRIALS).for_each(|_| on_step());
+        (0..TRIALS).for_each(|_| on_step(CodeStep::Done));
         let precision = self.own.at(Fineness::even(search.next().unwrap_or(psnr_db)));
         Ok(Start { alone: None, precision, gain_db })
     }
 
     /// The package of the rows' own precisions, or of equal ones if that is better. The latest one is not made again.
-    fn meet(&mut self, psnr_db: f64, mut on_step: impl FnMut()) -> Result<Met, CodeError> {
+    fn meet(&mut self, psnr_db: f64, on_step: OnStep) -> Result<Met, CodeError> {
         if let Some((_, met)) = self.latest.as_ref().filter(|(latest_db, _)| *latest_db == psnr_db) {
-            (0..TRIALS).for_each(|_| on_step());
+            (0..TRIALS).for_each(|_| on_step(CodeStep::Done));
             return Ok(met.clone());
         }
         let met = self.search(psnr_db, on_step)?;
@@ -236,23 +258,27 @@ impl<'a> TargetCoder<'a> {
     }
 
     /// Makes the package that [`TargetCoder::meet`] returns.
-    fn search(&mut self, psnr_db: f64, on_step: impl FnMut()) -> Result<Met, CodeError> {
+    fn search(&mut self, psnr_db: f64, on_step: OnStep) -> Result<Met, CodeError> {
         let own = meet(&mut self.own, psnr_db, on_step)?;
         let Some(equal) = self.equal.as_mut().filter(|equal| equal.is_small()) else { return Ok(own) };
         let equal = match own.coded.miss {
-            Some(Miss::Below) => Some(meet(equal, psnr_db, || ())?),
-            _ => scan(equal, psnr_db, own.coded.bytes.len(), || ())?,
+            Some(Miss::Below) => Some(meet(equal, psnr_db, &mut trials_only(on_step))?),
+            _ => scan(equal, psnr_db, own.coded.bytes.len(), &mut trials_only(on_step))?,
         };
         Ok(equal.filter(|equal| equal.coded.is_better_than(&own.coded)).unwrap_or(own))
     }
 
-    /// Packages the source at `psnr_db` with equal precision for all rows. `on_step` is called after each
-    /// of [`TRIALS`].
+    /// Packages the source at `psnr_db` with equal precision for all rows. `on_step` hears of every trial, and of
+    /// [`TRIALS`] ends.
     ///
     /// # Errors
     /// Errors of [`codec::encode`] and [`codec::decode`].
-    pub fn code_equally(&mut self, psnr_db: f64, on_step: impl FnMut()) -> Result<Coded, CodeError> {
-        meet(self.equal.as_mut().unwrap_or(&mut self.own), psnr_db, on_step).map(|met| met.coded)
+    pub fn code_equally(
+        &mut self,
+        psnr_db: f64,
+        mut on_step: impl FnMut(CodeStep),
+    ) -> Result<Coded, CodeError> {
+        meet(self.equal.as_mut().unwrap_or(&mut self.own), psnr_db, &mut on_step).map(|met| met.coded)
     }
 }
 
@@ -288,25 +314,38 @@ struct Met {
     precision: Precision,
 }
 
+/// What [`meet`] tries.
+const PRECISION: &str = "precision";
+
+/// Hears of trials alone.
+fn trials_only(on_step: OnStep) -> impl FnMut(CodeStep) {
+    |step| {
+        if step != CodeStep::Done {
+            on_step(step);
+        }
+    }
+}
+
 /// The package at the coarsest precision that meets a target, or the package that comes closest to it.
-fn meet(trials: &mut Trials, psnr_db: f64, mut on_step: impl FnMut()) -> Result<Met, CodeError> {
+fn meet(trials: &mut Trials, psnr_db: f64, on_step: OnStep) -> Result<Met, CodeError> {
     if !trials.is_small() {
         return search(trials, psnr_db, on_step);
     }
-    match scan(trials, psnr_db, usize::MAX, &mut on_step)? {
+    match scan(trials, psnr_db, usize::MAX, on_step)? {
         Some(met) => Ok(met),
         // Out of reach, a search comes as close as any.
-        None => search(trials, psnr_db, || ()),
+        None => search(trials, psnr_db, &mut trials_only(on_step)),
     }
 }
 
 /// Searches a precision as [`Search`] does.
-fn search(trials: &Trials, psnr_db: f64, mut on_step: impl FnMut()) -> Result<Met, CodeError> {
+fn search(trials: &Trials, psnr_db: f64, on_step: OnStep) -> Result<Met, CodeError> {
     let mut best: Option<Met> = None;
     let mut search = Search::new(psnr_db);
     let mut steps = 0;
     while let Some(finer_db) = search.next() {
         let fineness = Fineness::even(finer_db);
+        on_step(CodeStep::Trial { what: PRECISION, number: steps + 1, most: TRIALS });
         let bytes = trials.encode(fineness)?;
         let (clip, fidelity) = trials.compare(&bytes)?;
         let miss = search.record(&fidelity, bytes.len());
@@ -315,9 +354,9 @@ fn search(trials: &Trials, psnr_db: f64, mut on_step: impl FnMut()) -> Result<Me
             best = Some(Met { coded, precision: trials.at(fineness) });
         }
         steps += 1;
-        on_step();
+        on_step(CodeStep::Done);
     }
-    (steps..TRIALS).for_each(|_| on_step());
+    (steps..TRIALS).for_each(|_| on_step(CodeStep::Done));
     Ok(best.expect("a search has at least one trial"))
 }
 
@@ -326,12 +365,7 @@ const SHARE_TRIALS: usize = 7;
 
 /// Takes the coarsest precision of [`Scan`] that meets the target with fewer than `limit` bytes; `None` if none does.
 /// Where its PSNR is well above the target, as many rows are coarser as meet it.
-fn scan(
-    trials: &mut Trials,
-    psnr_db: f64,
-    limit: usize,
-    mut on_step: impl FnMut(),
-) -> Result<Option<Met>, CodeError> {
+fn scan(trials: &mut Trials, psnr_db: f64, limit: usize, on_step: OnStep) -> Result<Option<Met>, CodeError> {
     let mut found: Option<(Fineness, Fidelity)> = None;
     let least_db = (psnr_db, psnr_db - WORST_BELOW_DB);
     let mut scan = Scan::new(psnr_db);
@@ -339,6 +373,7 @@ fn scan(
     while let Some(finer_db) = scan.next() {
         // Finer packages are larger, so the scan goes on below this precision, as if it met the target.
         let fineness = Fineness::even(finer_db);
+        on_step(CodeStep::Trial { what: PRECISION, number: steps + 1, most: SCANNED });
         if trials.bytes(fineness)?.len() >= limit {
             scan.record(true);
         } else {
@@ -348,16 +383,17 @@ fn scan(
         }
         steps += 1;
         if steps <= TRIALS {
-            on_step();
+            on_step(CodeStep::Done);
         }
     }
-    (steps..TRIALS).for_each(|_| on_step());
+    (steps..TRIALS).for_each(|_| on_step(CodeStep::Done));
     let Some((mut fineness, mut fidelity)) = found else { return Ok(None) };
     let mut too_many = 1.0;
-    for _ in 0..SHARE_TRIALS {
+    for number in 1..=SHARE_TRIALS {
         if search::miss_of(&fidelity, psnr_db) != Some(Miss::Above) {
             break;
         }
+        on_step(CodeStep::Trial { what: "share of coarser Gaussians", number, most: SHARE_TRIALS });
         let coarser_share = 0.5 * (fineness.coarser_share + too_many);
         let coarser = Fineness { coarser_share, ..fineness };
         match trials.meets(coarser, least_db)? {
@@ -404,9 +440,9 @@ mod tests {
         let judge = Pictures::take(&RenderScene::from(&field), views, || ());
         let coder = || TargetCoder::new(&source, &[], known.clone(), &judge);
         let [mut alone, mut after] = [coder(), coder()];
-        let first = after.code(40.0, || ()).unwrap();
+        let first = after.code(40.0, |_| ()).unwrap();
         let before = after.own.known.len();
-        let [expected, second] = [&mut alone, &mut after].map(|coder| coder.code(42.0, || ()).unwrap());
+        let [expected, second] = [&mut alone, &mut after].map(|coder| coder.code(42.0, |_| ()).unwrap());
         assert!(expected.bytes == second.bytes && expected.fidelity == second.fidelity);
         assert!(first.bytes.len() < second.bytes.len() && second.miss.is_none(), "{:?}", second.miss);
         let (fresh, added) = (alone.own.known.len(), after.own.known.len() - before);
@@ -433,10 +469,16 @@ mod tests {
             let rounds = std::num::NonZero::new(4).unwrap();
             let mut backend = crate::fit::Cpu::default();
             let mut joint = JointRounding::new(views(0.25), rounds, &mut backend);
-            let mut steps = 0;
-            let coded = coder.code_jointly(psnr, &mut joint, || steps += 1).unwrap();
+            let (mut steps, mut trials) = (0, Vec::new());
+            let on_step = |step| match step {
+                CodeStep::Done => steps += 1,
+                CodeStep::Trial { what, number, most } => trials.push((what, number, most)),
+            };
+            let coded = coder.code_jointly(psnr, &mut joint, on_step).unwrap();
             assert_eq!(steps, code_steps(rounds.get()));
-            [coded, coder.code(psnr, || ()).unwrap()]
+            assert!(trials.iter().all(|(_, number, most)| number <= most), "{trials:?}");
+            assert!(trials.contains(&("joint rounding", 1, JOINT_TRIALS)), "{trials:?}");
+            [coded, coder.code(psnr, |_| ()).unwrap()]
         })
     }
 

@@ -92,7 +92,7 @@ fn regular_fields_meet_their_quality() {
     let judge = Pictures::take(&RenderScene::from(&field), views.clone(), || ());
     for psnr_db in [40.0, 43.0, 46.0, 49.0, 52.0] {
         let target = PackageTarget { layers: &[], psnr_db, by_device: false };
-        let Coded { fidelity, miss, .. } = code(&source, target, &views, &judge, None, || ()).unwrap();
+        let Coded { fidelity, miss, .. } = code(&source, target, &views, &judge, None, |_| ()).unwrap();
         println!("{psnr_db}: {}", fidelity.psnr_db);
         assert_eq!(miss, None, "{psnr_db} dB: {fidelity:?}");
     }

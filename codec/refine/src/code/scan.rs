@@ -13,6 +13,12 @@ const PARTS: usize = 8;
 const START_BELOW_DB: f64 = 12.0;
 const END_ABOVE_DB: f64 = 28.0;
 
+/// Large steps after the first one.
+const STEPS: usize = ((START_BELOW_DB + END_ABOVE_DB) / STEP_DB) as usize;
+
+/// Most trials of a scan: all large steps, and the small ones below the last.
+pub(super) const SCANNED: usize = 1 + STEPS + PARTS - 1;
+
 /// A scan of precisions.
 #[derive(Debug)]
 pub(super) struct Scan {
@@ -46,8 +52,7 @@ impl Scan {
             None if is_met => (self.part, self.is_done) = (Some(1), self.step == self.first),
             None => {
                 self.step += 1;
-                let steps = ((START_BELOW_DB + END_ABOVE_DB) / STEP_DB) as usize;
-                self.is_done = self.step > self.first + steps;
+                self.is_done = self.step > self.first + STEPS;
             }
             Some(part) => {
                 self.part = Some(part + 1);
@@ -96,6 +101,9 @@ mod tests {
     #[test]
     fn a_ceiling_ends_the_scan() {
         let (found, trials) = scan(50.0, |precision| precision.min(40.0));
-        assert!(found.is_none() && trials < 30, "{trials}");
+        assert!(found.is_none() && trials <= SCANNED, "{trials}");
+        // Met by the last of the large steps, and by none of the small ones below.
+        let last = (50.0f64 - START_BELOW_DB) + STEP_DB * STEPS as f64;
+        assert_eq!(scan(50.0, |precision| if precision >= last { 50.0 } else { 0.0 }), (Some(last), SCANNED));
     }
 }

@@ -64,7 +64,7 @@ impl<'a> FieldAnalysis<'a> {
     /// that looks most like the whole field wins.
     pub(crate) fn select(&self, budget: usize) -> Selection {
         let prune = |ranking: Ranking| {
-            self.progress.stage(ranking.name(), 1 + ROUNDS);
+            self.progress.stage(selecting(ranking), 1 + ROUNDS);
             let order = self.order(ranking);
             match self.settings.no_floor {
                 true => vec![self.floor.leave(&order, budget)],
@@ -136,8 +136,13 @@ impl<'a> FieldAnalysis<'a> {
     }
 }
 
+/// The stage that selects by a ranking.
+pub(super) fn selecting(ranking: Ranking) -> String {
+    format!("selecting by {}", ranking.name())
+}
+
 /// The rankings to try.
-fn rankings(settings: &PackageSettings) -> Vec<Ranking> {
+pub(super) fn rankings(settings: &PackageSettings) -> Vec<Ranking> {
     settings.rank.map_or(Ranking::ALL.to_vec(), |ranking| vec![ranking])
 }
 

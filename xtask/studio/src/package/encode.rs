@@ -5,7 +5,9 @@ use std::num::NonZero;
 use anyhow::{anyhow, ensure};
 use codec::{Clip, Coder, EncodeError, EncodeOptions, Field, Limits, Source};
 use program::Fault;
-use refine::code::{CodeError, Coded, JointRounding, Miss, PackageTarget, WORST_BELOW_DB, code, code_steps};
+use refine::code::{
+    CodeError, CodeStep, Coded, JointRounding, Miss, PackageTarget, WORST_BELOW_DB, code, code_steps,
+};
 use refine::fit::Backend;
 use refine::prune::{Fidelity, Pictures};
 use refine::reference::RenderScene;
@@ -54,6 +56,7 @@ pub(crate) fn encode(
     progress.stage("pictures to code by", compared.len());
     let judging_views = compared.len();
     let judge = Pictures::take(&render_scene(field, plate), compared, || progress.step());
+    progress.stage("snapping", 1);
     let views = visibility_views(scene, field, CODED_SIZE);
     let whole = field;
     let (field, snapped) = &snap(field, &views, coding);
@@ -72,7 +75,7 @@ pub(crate) fn encode(
             let mut joint = rounding.map(|(rounds, views)| JointRounding::new(views, rounds, backend));
             progress.stage("coding", views.len() + code_steps(joint_rounds));
             let target = PackageTarget { layers: &LAYERS, psnr_db: quality_db, by_device };
-            let coded = code(&source, target, &views, &judge, joint.as_mut(), || progress.step())
+            let coded = code(&source, target, &views, &judge, joint.as_mut(), |step| show(step, progress))
                 .map_err(|error| refused(scene, error))?;
             (coded, views.len(), rounding_count)
         }
@@ -81,6 +84,7 @@ pub(crate) fn encode(
     let decoded_plate = clip.plate.as_ref().map(Field::len);
     let is_whole = (clip.len(), decoded_plate) == (field.len(), plate.map(Field::len));
     ensure!(is_whole, "{}: the package does not decode to all of the field; {DEFECT}", scene.name);
+    progress.stage("reporting", 1);
     let reported = match reported_views(scene, whole, CODED_SIZE) {
         Some(views) => {
             let pictures = Pictures::take(&render_scene(whole, plate), views, || ());
@@ -89,6 +93,16 @@ pub(crate) fn encode(
         None => coded.fidelity.clone(),
     };
     Ok(VerifiedPackage { coded, snapped: *snapped, steering_views, rounding_views, judging_views, reported })
+}
+
+/// Shows what coding does.
+pub(crate) fn show(step: CodeStep, progress: &StagedProgress) {
+    match step {
+        CodeStep::Done => progress.step(),
+        CodeStep::Trial { what, number, most } => {
+            progress.say(&format!("coding, {what}, trial {number} of at most {most}"));
+        }
+    }
 }
 
 /// Encodes a field by the coder `fixed`, and decodes it again.

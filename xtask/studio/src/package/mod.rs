@@ -21,6 +21,8 @@ mod views;
 mod visible;
 
 pub(crate) use analysis::{FLOOR_INSTANTS, FieldAnalysis, floor};
+#[cfg(feature = "measure")]
+pub(crate) use encode::show;
 pub(crate) use encode::{encode, refused};
 pub use layer_order::TriedOrder;
 #[cfg(feature = "measure")]

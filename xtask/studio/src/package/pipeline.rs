@@ -5,11 +5,12 @@ use program::Fault;
 use refine::code::Miss;
 use refine::fit::{Backend, Cpu};
 
+use super::analysis::{rankings, selecting};
 use super::choose::choose;
 use super::encode::{VerifiedPackage, encode, explain};
 use super::lens_fragments::lens_fragments;
 use super::report::{PackageReport, Shortfall, WorstView};
-use super::settings::PackageSettings;
+use super::settings::{Coding, LAYERS, PackageSettings};
 use super::views::unseen;
 use super::visible::{VisibleScene, visible_scene};
 use crate::fit::{Refinement, RefinementReport};
@@ -54,12 +55,15 @@ pub fn package_with(
 ) -> anyhow::Result<Package> {
     let VisibleScene { field, mut subject, plate, plate_counts, parts_removed } =
         visible_scene(scene, settings)?;
+    progress.plan(plan(settings, field.len(), refinement));
     let mut choice = choose(scene, &field, plate.as_ref(), settings, progress)?;
     let refine = |refinement| refine_field(&mut choice.field, refinement, backend, progress);
     let refined = refinement.map(refine).transpose()?;
     let VerifiedPackage { coded, snapped, steering_views, rounding_views, judging_views, reported } =
         encode(scene, &choice.field, plate.as_ref(), settings.coding, backend, progress)?;
+    progress.stage("counting fragments", 1);
     let lens_fragments = lens_fragments(&field, plate.as_ref(), &coded.clip);
+    progress.stage("comparing with the whole", 1);
     let whole_psnr_db = choice.whole_psnr_db(&coded.clip);
     progress.finish();
     let within_budget = settings.budget.map_or(field.len(), |budget| budget.min(field.len()));
@@ -102,6 +106,49 @@ pub fn package_with(
     Ok(Package { bytes: coded.bytes, report })
 }
 
+/// The stages of packaging `rows` Gaussians with their work: seconds of a film of 68,000 Gaussians on two cores.
+fn plan(settings: &PackageSettings, rows: usize, refinement: Option<&Refinement>) -> Vec<(String, f64)> {
+    let rankings = rankings(settings);
+    let budget = settings.budget.filter(|&budget| budget < rows);
+    let mut plan = Vec::new();
+    let mut add = |stage: &str, work: f64| plan.push((stage.to_owned(), work));
+    let is_judged = budget.is_some() || settings.fragments.is_some();
+    if rankings.iter().any(|ranking| ranking.looks_at_pictures()) && (is_judged || settings.rank.is_some()) {
+        add("ranking", 3.0);
+    }
+    if is_judged {
+        add("pictures of the whole", 2.0);
+        add("topology of the whole", 0.5);
+    }
+    if let Some(budget) = budget {
+        rankings.iter().for_each(|&ranking| add(&selecting(ranking), 2.5));
+        let prefixes = LAYERS.into_iter().filter(|&end| end < budget).count() * rankings.len();
+        if rankings.len() > 1 && prefixes > 0 {
+            add("layers", prefixes as f64);
+        }
+    }
+    if settings.fragments.is_some() {
+        add("fragments", 3.0);
+    }
+    if settings.recolor && is_judged {
+        add("colours", 20.0);
+    }
+    if let Some(refinement) = refinement {
+        add("refining", 0.1 * refinement.steps as f64);
+    }
+    add("pictures to code by", 1.5);
+    add("snapping", 2.0);
+    if let Coding::ToQuality { joint_rounds, .. } = settings.coding {
+        add("coding", 8.0 + 7.0 * joint_rounds as f64);
+    }
+    add("reporting", 1.5);
+    add("counting fragments", 3.0);
+    if is_judged {
+        add("comparing with the whole", 3.0);
+    }
+    plan
+}
+
 /// Refines `field` on the photographs; its rows stay in order.
 fn refine_field(
     field: &mut Field,
@@ -131,7 +178,7 @@ mod tests {
     use refine::reference::RenderScene;
 
     use super::*;
-    use crate::package::settings::{Coding, DropPart, QUALITY_DB};
+    use crate::package::settings::{DropPart, QUALITY_DB};
     use crate::package::views::reported_views;
 
     /// Rows of the ball, and as many of the room.

@@ -469,6 +469,33 @@ fn scene_json_overrides_the_file_which_overrides_defaults() {
     assert!(in_view.count() > 800, "the viewpoint shows the field");
 }
 
+/// Seconds and share of the lines about progress, with their text.
+fn stages(stderr: &str) -> Vec<(f64, u32, &str)> {
+    let parse = |line| -> Option<(f64, u32, &str)> {
+        let (seconds, rest) = str::strip_prefix(line, "note: ")?.split_once(" s, ")?;
+        let (share, text) = rest.split_once(" %: ")?;
+        Some((seconds.parse().ok()?, share.parse().ok()?, text))
+    };
+    stderr.lines().filter_map(parse).collect()
+}
+
+#[test]
+fn a_log_has_a_line_for_each_stage() {
+    let folder = tempdir().unwrap();
+    assert_eq!(aarc_studio(folder.path(), &["synth", "limbs", "-o", "limbs.ply"]).code, Some(0));
+    let options = ["--budget", "2000", "--quality", "40", "-o", "limbs.aarc"];
+    let args = [&["package", "limbs.ply"], &options[..]].concat();
+    let stderr = aarc_studio(folder.path(), &args).success().stderr;
+    let stages = stages(&stderr);
+    assert!(stages.is_sorted_by_key(|(seconds, ..)| *seconds), "{stderr}");
+    assert!(stages.is_sorted_by_key(|(_, share, _)| *share), "{stderr}");
+    assert_eq!((stages[0].1, stages[0].2), (0, "ranking"));
+    assert!((90..100).contains(&stages.last().unwrap().1), "{stderr}");
+    for text in ["selecting by blend-max", "coding", "counting fragments"] {
+        assert_eq!(stages.iter().filter(|stage| stage.2 == text).count(), 1, "{text}: {stderr}");
+    }
+}
+
 #[test]
 fn viewpoints_that_show_nothing_are_named() {
     let folder = tempdir().unwrap();
@@ -481,9 +508,13 @@ fn viewpoints_that_show_nothing_are_named() {
         assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
         outcome.stderr
     };
-    assert_eq!(stderr(&[viewpoint("front", 0.0)]), "");
-    let note = stderr(&[viewpoint("front", 0.0), viewpoint("away", -20.0), viewpoint("back", -90.0)]);
-    let [line] = note.lines().collect::<Vec<_>>()[..] else { panic!("one line: {note}") };
+    let notes = |viewpoints: &[Value]| {
+        let stderr = stderr(viewpoints);
+        stderr.lines().filter(|line| line.contains("viewpoint")).map(str::to_owned).collect::<Vec<_>>()
+    };
+    assert!(notes(&[viewpoint("front", 0.0)]).is_empty());
+    let notes = notes(&[viewpoint("front", 0.0), viewpoint("away", -20.0), viewpoint("back", -90.0)]);
+    let [line] = &notes[..] else { panic!("one line: {notes:?}") };
     assert!(line.starts_with("note: ") && line.contains("the viewpoints \"away\", \"back\";"), "{line}");
 }
 

@@ -24,7 +24,7 @@ use refine::prune::Ranking;
 use crate::package::{
     FieldAnalysis, Package, PackageSettings, VisibleScene, package_with, visible, visible_scene,
 };
-use crate::progress::{StagedProgress, counting};
+use crate::progress::StagedProgress;
 use crate::scene::Scene;
 use crate::segments::{Agreement, Span, TakeWriter, gaps, held_at_starts};
 use crate::sound::{Soundtrack, put};
@@ -78,17 +78,15 @@ pub fn package_take(
         None => probes(&survey.gaussians).into_iter().filter(|&i| over_budget(i)).collect(),
         Some(_) => Vec::new(),
     };
-    let of_probes: usize = probes.iter().map(|&i| survey.gaussians[i]).sum();
-    let whole = survey.gaussians.iter().sum::<usize>() + of_probes;
-    print_estimate(&survey, kept.as_deref(), whole);
-
-    let progress = counting(whole as u64, "Gaussians");
+    let plan = plan(&survey, &probes);
+    print_estimate(&survey, kept.as_deref(), plan.iter().map(|(_, gaussians)| gaussians).sum());
+    let progress = StagedProgress::visible();
+    progress.plan(plan);
     let mut tried = Vec::new();
     for &i in &probes {
-        progress.set_message(format!("ranking, segment {i}"));
+        progress.stage(trying(i), 1);
         let budget = kept.as_ref().map_or(usize::MAX, |kept| kept[i]);
         tried.push(try_rankings(&read(i)?, settings, budget)?);
-        progress.inc(survey.gaussians[i] as u64);
     }
     let tried = best_ranking(&tried);
     let chosen = tried.iter().find(|ranking| ranking.chosen).map(|ranking| ranking.ranking);
@@ -97,7 +95,7 @@ pub fn package_take(
     let sounds = soundtrack.map(|soundtrack| soundtrack.of_segments(sources.duration_s, &survey.spans));
     let mut segments = Vec::new();
     for (i, &span) in survey.spans.iter().enumerate() {
-        progress.set_message(format!("segment {i} of {}", survey.spans.len()));
+        progress.stage(packaging(i, survey.spans.len()), 1);
         let budget = kept.as_ref().map(|kept| kept[i]);
         // Where nothing is left out, no ranking was tried.
         let rank = rank.or(budget.map(|_| Ranking::Mass));
@@ -114,10 +112,9 @@ pub fn package_take(
         }
         writer.add(span, &bytes)?;
         segments.push(SegmentReport::new(span, budget, report));
-        progress.inc(survey.gaussians[i] as u64);
     }
     let bytes = writer.finish(&survey.info, sources.duration_s)?;
-    progress.finish_and_clear();
+    progress.finish();
     Ok(report(sources, &survey, segments, tried, bytes))
 }
 
@@ -191,6 +188,24 @@ fn probes(gaussians: &[usize]) -> Vec<usize> {
     probes
 }
 
+/// The stages with their work: Gaussians.
+fn plan(survey: &Survey, probes: &[usize]) -> Vec<(String, f64)> {
+    let gaussians = |i: usize| survey.gaussians[i] as f64;
+    let all = survey.spans.len();
+    let stages = probes.iter().map(|&i| (trying(i), gaussians(i)));
+    stages.chain((0..all).map(|i| (packaging(i, all), gaussians(i)))).collect()
+}
+
+/// The stage that tries rankings on a segment.
+fn trying(i: usize) -> String {
+    format!("ranking, segment {i}")
+}
+
+/// The stage that packages a segment.
+fn packaging(i: usize, all: usize) -> String {
+    format!("segment {i} of {all}")
+}
+
 /// PSNR in dB of the best candidate of each ranking for a budget of a segment.
 fn try_rankings(
     scene: &Scene,
@@ -221,9 +236,9 @@ fn best_ranking(tried: &[Vec<(Ranking, f64)>]) -> Vec<TriedRanking> {
 }
 
 /// Says on standard error how long the work will take, and how much disk.
-fn print_estimate(survey: &Survey, kept: Option<&[usize]>, whole: usize) {
+fn print_estimate(survey: &Survey, kept: Option<&[usize]>, whole: f64) {
     let kept: usize = kept.unwrap_or(&survey.gaussians).iter().sum();
-    let seconds = SECONDS_PER_GAUSSIAN * whole as f64 + SECONDS_PER_SEGMENT * survey.spans.len() as f64;
+    let seconds = SECONDS_PER_GAUSSIAN * whole + SECONDS_PER_SEGMENT * survey.spans.len() as f64;
     let seconds = seconds / rayon::current_num_threads() as f64;
     // The segments wait beside the output until the head is known.
     let megabytes = 2.0 * BYTES_PER_GAUSSIAN * 1e-6 * kept as f64;

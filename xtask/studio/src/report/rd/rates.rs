@@ -10,7 +10,7 @@ use refine::prune::Pictures;
 use refine::reference::sensitivities;
 use serde::Serialize;
 
-use crate::package::{LAYERS, compared_views, refused, render_scene, rounding_views, visibility_views};
+use crate::package::{LAYERS, compared_views, refused, render_scene, rounding_views, show, visibility_views};
 use crate::progress::StagedProgress;
 use crate::report::subject::ReportSubject;
 
@@ -48,7 +48,7 @@ pub(super) fn measure(
     size: [u32; 2],
     progress: &StagedProgress,
 ) -> anyhow::Result<Vec<CoderRate>> {
-    let step = || progress.step();
+    let step = |step| show(step, progress);
     let ReportSubject { scene, field, plate } = subject;
     let part = field.select(&order[..BUDGET.min(order.len())]);
     let source = Source { info: &scene.info, field: &part, plate: plate.as_ref() };
