@@ -713,8 +713,11 @@ fn quality_is_met_and_costs_bytes() {
     let folder = tempdir().unwrap();
     let mut dynamic = field(900, 1, Some(3), true);
     make_small(&mut dynamic);
-    for (name, field) in [("floor", checker_floor(30)), ("dynamic", dynamic)] {
-        write_field(&folder.path().join("field.ply"), &field);
+    for (name, field) in [("floor", Some(checker_floor(30))), ("dynamic", Some(dynamic)), ("limbs", None)] {
+        match &field {
+            Some(field) => write_field(&folder.path().join("field.ply"), field),
+            None => drop(aarc_studio(folder.path(), &["synth", "limbs", "-o", "field.ply"]).success()),
+        }
         let mut last_bytes = 0;
         for quality in [40.0, 45.0, 47.0, 50.7, 55.0] {
             let db = quality.to_string();
@@ -729,7 +732,9 @@ fn quality_is_met_and_costs_bytes() {
                 continue;
             }
             assert!(psnr >= quality && worst >= quality - 6.0, "{name} at {quality}: {report}");
-            assert!(psnr <= quality + 0.3 || report["miss"] != json!(null), "{name}: {report}");
+            let is_reached = psnr <= quality + 0.3;
+            let may_jump = name != "limbs" || quality < 45.0;
+            assert!(is_reached || may_jump && report["miss"] != json!(null), "{name}: {report}");
             assert!(bytes > last_bytes, "{name} at {quality}: {bytes} bytes after {last_bytes}");
             last_bytes = bytes;
         }
