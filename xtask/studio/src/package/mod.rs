@@ -21,9 +21,7 @@ mod views;
 mod visible;
 
 pub(crate) use analysis::{FLOOR_INSTANTS, FieldAnalysis, floor};
-#[cfg(feature = "measure")]
-pub(crate) use encode::show;
-pub(crate) use encode::{encode, refused};
+pub(crate) use encode::{encode, refused, show};
 pub use layer_order::TriedOrder;
 #[cfg(feature = "measure")]
 pub(crate) use lens_fragments::LensCounter;
