@@ -6,6 +6,9 @@ use std::fmt;
 /// The reason of [`Repairs::dropped`] for rows that the header announces and the file lacks.
 pub(crate) const TRUNCATED: &str = "truncated payload";
 
+/// The reason of [`Repairs::repaired`] for rows with more SH than a field holds.
+pub(crate) const SH_CUT: &str = "SH above degree 3 left out";
+
 /// The difference between a file and the field that was made of it.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Account {

@@ -5,6 +5,7 @@
 use codec::{Field, MOTION_ORDER_MAX, sh_coefficients};
 
 use crate::account::Repairs;
+use crate::columns::LOG_FLAT;
 
 /// Makes a field of raw rows satisfy the invariants of [`Field`], and counts the changes.
 ///
@@ -19,6 +20,7 @@ pub(crate) fn clean(mut field: Field, repairs: &mut Repairs) -> Field {
         if let Some(reason) = unusable(&field, row) {
             repairs.drop_rows(reason, 1);
         } else {
+            repair_scale(&mut field, row, repairs);
             repair_opacity(&mut field, row, repairs);
             repair_rotation(&mut field, row, repairs);
             usable.push(row);
@@ -74,14 +76,23 @@ fn keep_rows(field: &mut Field, rows: &[usize]) {
     }
 }
 
+/// Largest usable logarithm of a scale: variances are `f32`.
+const LOG_SCALE_MAX: f32 = 44.0;
+
+/// Logarithm of a scale that is zero along all axes: the smallest positive `f16`, which formats of few bits round down.
+const LOG_POINT: f32 = -16.635_532;
+
 /// Reason to drop a row; `None` if it is usable.
 fn unusable(raw: &Field, row: usize) -> Option<&'static str> {
     let finite = |vectors: &[[f32; 3]]| vectors.iter().flatten().all(|x| x.is_finite());
     if !finite(&raw.centers[row..=row]) {
         return Some("non-finite centre");
     }
-    if !finite(&raw.log_scales[row..=row]) {
+    if !raw.log_scales[row].iter().all(|scale| scale.is_finite() || *scale == f32::NEG_INFINITY) {
         return Some("non-finite scale");
+    }
+    if raw.log_scales[row].iter().any(|&scale| scale > LOG_SCALE_MAX) {
+        return Some("scale beyond 32-bit numbers");
     }
     if !finite(raw.sh_of(row)) {
         return Some("non-finite colour");
@@ -102,6 +113,18 @@ fn unusable(raw: &Field, row: usize) -> Option<&'static str> {
     }
     let rates = temporal.rotation_rates.as_ref()?;
     (!rates[row].iter().all(|x| x.is_finite())).then_some("non-finite rotation rate")
+}
+
+/// Gives axes of no thickness a little: a disc stays a disc in any unit.
+fn repair_scale(raw: &mut Field, row: usize, repairs: &mut Repairs) {
+    let scales = &mut raw.log_scales[row];
+    let (count, sum) =
+        scales.iter().filter(|scale| scale.is_finite()).fold((0, 0.0), |(n, sum), x| (n + 1, sum + x));
+    if count < 3 {
+        let thickness = if count > 0 { sum / count as f32 + LOG_FLAT } else { LOG_POINT };
+        scales.iter_mut().filter(|scale| scale.is_infinite()).for_each(|scale| *scale = thickness);
+        repairs.repair_rows("zero scale", 1);
+    }
 }
 
 fn repair_opacity(raw: &mut Field, row: usize, repairs: &mut Repairs) {

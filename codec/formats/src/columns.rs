@@ -1,9 +1,11 @@
 //! Columns as formats store them: a channel in `[0, 1]` for the constant SH coefficient, SH of a lower degree, three of
-//! four components of a quaternion, standard deviations for their logarithms.
+//! four components of a quaternion.
 
 use codec::{SH_C0, sh_coefficients};
 
-use crate::account::Repairs;
+/// Logarithm of the thickness of a flat Gaussian over its width: thin enough for a disc, and not 0, which has no
+/// logarithm.
+pub(crate) const LOG_FLAT: f32 = -13.815_511;
 
 /// The constant SH coefficient of a channel with this value in `[0, 1]`.
 pub(crate) fn sh_of_rgb(value: f64) -> f32 {
@@ -36,11 +38,4 @@ pub(crate) fn padded_sh(sh: &[[f32; 3]], from: u8, to: u8) -> Vec<[f32; 3]> {
     let zeros = [[0.0; 3]; 16];
     let added = &zeros[..sh_coefficients(to) - sh_coefficients(from)];
     sh.chunks_exact(sh_coefficients(from)).flat_map(|row| row.iter().chain(added)).copied().collect()
-}
-
-/// The logarithms of standard deviations. Zero, the result of underflow in formats with few bits,
-/// becomes the smallest positive [`half::f16`].
-pub(crate) fn log_of_scales(scales: [f32; 3], repairs: &mut Repairs) -> [f32; 3] {
-    repairs.repair_rows("zero scale", usize::from(scales.contains(&0.0)));
-    scales.map(|scale| if scale == 0.0 { half::f16::from_bits(1).to_f32() } else { scale }.ln())
 }

@@ -11,7 +11,7 @@ use crate::import_within;
 use crate::imported::Imported;
 use crate::limits::ImportLimits;
 use crate::sequence::{SequenceFiles, import_sequence};
-use crate::sog::INDEX;
+use crate::sog::{INDEX, STREAMED_INDEX};
 use crate::table::{extension_of, extensions};
 
 /// Clouds of points without Gaussians that captures and fitting programs put beside a field.
@@ -89,10 +89,10 @@ pub fn is_field_name(name: &str) -> bool {
     !is_plate && !POINT_CLOUDS.contains(&name) && is_field_file(name)
 }
 
-/// Whether a file of this name has a field format.
+/// Whether a file of this name has a field format, or says why it is none that is read.
 pub fn is_field_file(name: &str) -> bool {
     let extension = extension_of(Path::new(name));
-    name == INDEX || extensions().any(|known| known == extension)
+    [INDEX, STREAMED_INDEX].contains(&name) || extensions().any(|known| known == extension)
 }
 
 /// Whether a file begins as a package does, whatever its name.

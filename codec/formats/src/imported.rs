@@ -3,6 +3,7 @@
 use codec::{Field, NEAR_OF_SIZE, Surroundings, Viewpoint};
 
 use crate::account::{Account, Repairs, TRUNCATED};
+use crate::similarity::Similarity;
 use crate::up_axis::DEFAULT_UP;
 
 /// A field read from a file.
@@ -33,6 +34,14 @@ impl Imported {
         });
         self.field.near = if near.is_finite() { near } else { 0.0 };
         self
+    }
+
+    /// Moves the field to be relative to another origin in the file.
+    pub(crate) fn move_origin(&mut self, origin: [f64; 3]) {
+        let own = self.hints.origin.unwrap_or_default();
+        let translation = [0, 1, 2].map(|axis| own[axis] - origin[axis]);
+        Similarity { translation, ..Similarity::IDENTITY }.apply(&mut self.field);
+        self.hints.origin = (origin != [0.0; 3]).then_some(origin);
     }
 
     /// Checks that at least half of the announced rows are in the file. With fewer, the header or the file is
@@ -66,6 +75,8 @@ impl Imported {
 pub struct Hints {
     /// Unit vector of the source's axes that points up.
     pub up: Option<[f32; 3]>,
+    /// Coordinates of the field's origin in the file; `None` if they are zeros.
+    pub origin: Option<[f64; 3]>,
     /// Metres per unit of the source.
     pub metres_per_unit: Option<f32>,
     /// [`Field::near`]; 0 if nothing fades near an eye.

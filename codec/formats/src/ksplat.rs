@@ -29,9 +29,16 @@ use codec::{SH_DEGREE_MAX, sh_coefficients};
 
 use crate::account::Repairs;
 use crate::bytes::{f16_at, f32_at, u32_at};
-use crate::columns::{log_of_scales, padded_sh, unpack_rgba};
+use crate::columns::{padded_sh, unpack_rgba};
 use crate::imported::Imported;
 use crate::limits::ImportBudget;
+use crate::statements::{Statement, honoured, ignored};
+
+/// What a file says.
+pub(crate) const STATEMENTS: &[Statement] = &[
+    honoured("both headers, all sections", "the columns"),
+    ignored("centre of the scene", "the first view of its player"),
+];
 
 const HEADER: usize = 4096;
 const SECTION_HEADER: usize = 1024;
@@ -66,14 +73,14 @@ pub(crate) fn read(bytes: &[u8], budget: &mut ImportBudget) -> Result<Imported, 
     let sh_degree = sections.iter().map(|section| section.sh_degree).max().unwrap_or(0);
     let rows = sections.iter().map(|section| section.rows_present(&header)).sum();
     let mut field = budget.field(rows, sh_degree)?;
-    let mut repairs = Repairs::truncated(header.gaussians.saturating_sub(rows));
+    let repairs = Repairs::truncated(header.gaussians.saturating_sub(rows));
     for section in &sections {
         let stride = header.stride(section.sh_degree);
         let mut bucket_of = section.buckets();
         for (row, cells) in section.rows.chunks_exact(stride).take(section.gaussians).enumerate() {
             field.centers.push(header.center(cells, section, bucket_of(row)));
             let number = |k: usize| header.number(cells, k);
-            field.log_scales.push(log_of_scales([3, 4, 5].map(number), &mut repairs));
+            field.log_scales.push([3, 4, 5].map(|k| number(k).ln()));
             field.rotations.push([6, 7, 8, 9].map(number));
             let at = header.color_at();
             let (color, opacity) = unpack_rgba([0, 1, 2, 3].map(|k| cells[at + k]));
@@ -96,11 +103,15 @@ impl Header {
         }
         let [major, minor] = [bytes[0], bytes[1]];
         if (major, minor) != (0, 1) {
-            return Err(format!(".ksplat version {major}.{minor}; 0.1 is known"));
+            return Err(format!(
+                ".ksplat of version {major}.{minor}, and 0.1 is read; export the field in another format"
+            ));
         }
         let compression = u32_at(bytes, 20) as u16;
         if compression > 2 {
-            return Err(format!(".ksplat header: compression {compression}; 0, 1 and 2 are known"));
+            return Err(format!(
+                ".ksplat header: compression {compression}, and 0, 1 and 2 are read; export the field in another format"
+            ));
         }
         let or = |x: f32, default: f32| if x == 0.0 { default } else { x };
         Ok(Header {

@@ -32,7 +32,9 @@ mod source;
 mod splat;
 mod splatv;
 mod spz;
+mod statements;
 mod table;
+mod text;
 mod up_axis;
 mod writing;
 
@@ -59,6 +61,7 @@ pub use similarity::Similarity;
 pub use sog::INDEX as SOG_INDEX;
 pub use splatv::write as write_splatv;
 pub use spz::write as write_spz;
+pub use statements::{Statement, Treatment};
 pub use table::{FORMATS, Format, extensions, titles};
 pub use up_axis::{DEFAULT_UP, up_of};
 pub use writing::Target;

@@ -50,7 +50,8 @@ impl Overrides {
     /// [`ImportError`] that names the file and the key.
     pub fn load(path: &Path) -> Result<Overrides, ImportError> {
         let text = fs::read_to_string(path).map_err(|error| ImportError::unreadable(path, &error))?;
-        let document: Document = serde_json::from_str(&text)
+        let text = text.trim_start_matches('\u{feff}');
+        let document: Document = serde_json::from_str(text)
             .map_err(|error| ImportError::new(path, format!("{error}; `package --help` shows its keys")))?;
         document.check().map_err(|what| ImportError::new(path, what))?;
         Ok(Overrides {
@@ -113,7 +114,8 @@ impl From<ViewpointEntry> for Viewpoint {
     }
 }
 
-fn normalized(v: [f32; 3]) -> Option<[f32; 3]> {
+/// A vector of length 1; `None` if it has no direction.
+pub(crate) fn normalized(v: [f32; 3]) -> Option<[f32; 3]> {
     let length = v.iter().map(|x| x * x).sum::<f32>().sqrt();
     (length.is_finite() && length > 1e-6).then(|| v.map(|x| x / length))
 }

@@ -20,7 +20,7 @@
 
 use std::path::{Path, PathBuf};
 
-use codec::{ClipInfo, Field, Surroundings};
+use codec::{ClipInfo, Field, Surroundings, Viewpoint};
 
 use crate::error::ImportError;
 use crate::folder::{FieldPath, NoField, PLATE, list_folder};
@@ -131,13 +131,24 @@ impl ImportedScene {
         mut plate: Option<Imported>,
         overrides: Overrides,
     ) -> Result<ImportedScene, ImportError> {
+        let origin = subject.hints.origin.unwrap_or_default();
         if let Some(plate) = &mut plate {
+            plate.move_origin(origin);
             share_near(&mut subject.field, &mut plate.field);
         }
         let hints = &subject.hints;
         let mut assumed = Vec::new();
         let up = known(overrides.up.or(hints.up), "up", DEFAULT_UP, &mut assumed);
-        let mut viewpoints = overrides.viewpoints.unwrap_or_else(|| hints.viewpoints.clone());
+        let relative = |p: [f32; 3]| [0, 1, 2].map(|axis| (f64::from(p[axis]) - origin[axis]) as f32);
+        let mut viewpoints = overrides.viewpoints.map_or_else(
+            || hints.viewpoints.clone(),
+            |mut viewpoints| {
+                for Viewpoint { position, target, .. } in &mut viewpoints {
+                    (*position, *target) = (relative(*position), relative(*target));
+                }
+                viewpoints
+            },
+        );
         if viewpoints.is_empty() {
             assumed.push("viewpoints");
             let background = plate.as_ref().map(|plate| &plate.field);

@@ -75,7 +75,9 @@ impl Similarity {
             temporal.motion.iter_mut().for_each(|v| *v = turn(*v).map(|x| x as f32));
             temporal.rotation_rates.iter_mut().flatten().for_each(|rate| *rate = turned_quaternion(*rate));
         }
-        turn_sh(field, matrix);
+        if self.rotation != Similarity::IDENTITY.rotation {
+            turn_sh(field, matrix);
+        }
     }
 }
 
@@ -153,6 +155,23 @@ pub(crate) fn matrix([w, x, y, z]: [f64; 4]) -> [[f64; 3]; 3] {
         [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
         [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
     ]
+}
+
+/// Unit quaternion w, x, y, z of a rotation matrix, given row by row.
+pub(crate) fn quaternion(m: [[f64; 3]; 3]) -> [f64; 4] {
+    let trace = m[0][0] + m[1][1] + m[2][2];
+    let squares =
+        [1.0 + trace, 1.0 + 2.0 * m[0][0] - trace, 1.0 + 2.0 * m[1][1] - trace, 1.0 + 2.0 * m[2][2] - trace];
+    let largest = (1..4).fold(0, |best, k| if squares[k] > squares[best] { k } else { best });
+    let odd = [m[2][1] - m[1][2], m[0][2] - m[2][0], m[1][0] - m[0][1]];
+    let even = [m[2][1] + m[1][2], m[0][2] + m[2][0], m[1][0] + m[0][1]];
+    let products = match largest {
+        0 => [squares[0], odd[0], odd[1], odd[2]],
+        1 => [odd[0], squares[1], even[2], even[1]],
+        2 => [odd[1], even[2], squares[2], even[0]],
+        _ => [odd[2], even[1], even[0], squares[3]],
+    };
+    products.map(|product| product / (2.0 * squares[largest].sqrt()))
 }
 
 #[cfg(test)]

@@ -7,20 +7,27 @@
 //! Higher SH comes from a palette: two bytes per Gaussian name an entry, which is a run of pixels,
 //! 64 entries to a line. The files lie in a folder or, bundled, in a ZIP archive.
 
+use std::collections::BTreeMap;
 use std::ffi::OsStr;
 use std::io::{Cursor, Read};
 use std::path::Path;
 
-use codec::{SH_DEGREE_MAX, sh_coefficients};
+use codec::{PixelFilter, SH_DEGREE_MAX, sh_coefficients};
 use image::{ImageReader, RgbaImage};
 use serde::Deserialize;
+use serde::de::IgnoredAny;
 
 use crate::account::Repairs;
 use crate::imported::Imported;
 use crate::limits::ImportBudget;
+use crate::spz::ASSUMED_VARIANCE;
+use crate::statements::{Statement, honoured, ignored, noted, unread};
 
 /// Name of the file that names the others.
 pub const INDEX: &str = "meta.json";
+
+/// Name of the file that names the parts of a streamed SOG.
+pub(crate) const STREAMED_INDEX: &str = "lod-meta.json";
 
 /// The first bytes of a bundle.
 pub(crate) const START: &[u8] = b"PK\x03\x04";
@@ -30,6 +37,15 @@ const BYTES_PER_PIXEL: u64 = 12;
 
 /// Most pixels of an image of `count` Gaussians beyond `2 * count`. Writers pad images to whole lines.
 const PADDING_MAX: u64 = 1 << 16;
+
+/// The keys of `meta.json`.
+pub(crate) const STATEMENTS: &[Statement] = &[
+    honoured("version count means scales quats sh0 shN", "the columns"),
+    honoured("antialias", "the filter, without its variance"),
+    ignored("asset", "the program that wrote it"),
+    noted("any other key", "not read"),
+    noted("lod-meta.json", "refused: one part of a streamed SOG is not the field"),
+];
 
 /// Entries of the SH palette per line of its image.
 const PALETTE_COLUMNS: usize = 64;
@@ -43,6 +59,10 @@ struct Meta {
     sh0: Coded,
     #[serde(rename = "shN")]
     sh_n: Option<Palette>,
+    #[serde(default)]
+    antialias: bool,
+    #[serde(flatten)]
+    others: BTreeMap<String, IgnoredAny>,
 }
 
 #[derive(Deserialize)]
@@ -96,7 +116,10 @@ fn read_bundle(bytes: &[u8], budget: &mut ImportBudget) -> Result<Imported, Stri
         let size = file.size();
         ImportBudget::check_ratio(file.compressed_size(), size).map_err(wrong)?;
         let mut content = budget.vec(usize::try_from(size).unwrap_or(usize::MAX)).map_err(wrong)?;
-        file.take(size).read_to_end(&mut content).map_err(|error| wrong(error.to_string()))?;
+        // One byte more would come before the checksum is compared.
+        file.take(size.saturating_add(1))
+            .read_to_end(&mut content)
+            .map_err(|error| wrong(error.to_string()))?;
         Ok(content)
     };
     let meta = load(INDEX, budget)?;
@@ -162,7 +185,36 @@ fn read_files(
             palette.push_row(i, &mut field.sh, &mut repairs);
         }
     }
-    Ok(Imported::new("SOG", field, repairs))
+    if meta.antialias {
+        field.filter = PixelFilter::Mip;
+    }
+    let mut imported = Imported::new("SOG", field, repairs);
+    imported.account.assumed.extend(meta.antialias.then(|| ASSUMED_VARIANCE.into()));
+    let unread = unread(STATEMENTS, meta.others.keys().map(String::as_str));
+    imported.account.lost.extend(unread.map(|keys| format!("{INDEX}: keys that are not read: {keys}")));
+    Ok(imported)
+}
+
+/// Why the index of a streamed SOG is refused.
+pub(crate) fn streamed(index: &[u8]) -> String {
+    #[derive(Default, Deserialize)]
+    #[serde(rename_all = "camelCase", default)]
+    struct Index {
+        lod_levels: usize,
+        filenames: Vec<IgnoredAny>,
+    }
+    let Index { lod_levels, filenames } = serde_json::from_slice(index).unwrap_or_default();
+    let parts = filenames.len();
+    format!(
+        "a streamed SOG of {lod_levels} levels of detail in {parts} parts, which is not read: one part is not the \
+         field; export it as one .sog or .ply, for example with splat-transform"
+    )
+}
+
+fn of_version(version: u32) -> String {
+    format!(
+        "SOG of version {version}, and 2 is read; export the field again with today's splat-transform or SuperSplat"
+    )
 }
 
 fn parse_meta(bytes: &[u8]) -> Result<Meta, String> {
@@ -170,11 +222,14 @@ fn parse_meta(bytes: &[u8]) -> Result<Meta, String> {
     #[derive(Deserialize)]
     struct Version {
         version: Option<u32>,
+        means: Option<IgnoredAny>,
     }
     let version: Version = serde_json::from_slice(bytes).map_err(wrong)?;
     match version.version {
         Some(2) => serde_json::from_slice(bytes).map_err(wrong),
-        Some(version) => Err(format!("meta.json: SOG version {version}, and only 2 is known")),
+        Some(version) => Err(of_version(version)),
+        // The first version stated none.
+        None if version.means.is_some() => Err(of_version(1)),
         None => Err("it states no version of SOG, as the meta.json of a field does".into()),
     }
 }

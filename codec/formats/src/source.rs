@@ -7,9 +7,9 @@ use crate::error::ImportError;
 use crate::imported::Imported;
 use crate::limits::ImportBudget;
 use crate::table::{Format, Reader, extension_of, titles};
-use crate::{clean, sog};
+use crate::{clean, sog, text};
 
-/// The end of a sentence on a file that is damaged.
+/// The end of a sentence that does not say what to do behind a semicolon: the file is damaged.
 const ADVICE: &str = "get the file again, or export it again";
 
 /// A file by its format; of a file set, the file that names the others.
@@ -31,19 +31,29 @@ impl FieldSource {
         if metadata.is_dir() {
             return FieldSource::open_folder(path, budget).map_err(fault);
         }
-        let name = path.file_name().unwrap_or_default();
-        if name == "lod-meta.json" {
-            let index = sog::INDEX;
-            return Err(fault(format!("it lists several fields; name one of their folders, or its {index}")));
-        }
         if !metadata.is_file() {
             return Err(fault(format!("not a file; a field is one of: {}", titles())));
         }
-        let bytes = budget.read_file(path).map_err(fault)?;
+        let mut bytes = budget.read_file(path).map_err(fault)?;
         if bytes.is_empty() {
             return Err(fault("the file is empty; get it again, or export it again".into()));
         }
+        let name = path.file_name().unwrap_or_default();
+        if name == sog::STREAMED_INDEX {
+            return Err(fault(sog::streamed(&bytes)));
+        }
+        if let Some(pointer) = text::large_file(&bytes) {
+            return Err(fault(pointer));
+        }
+        if text::has_mark(&bytes) && matches!(bytes.get(text::MARK.len()), Some(b'p' | b'{')) {
+            bytes.drain(..text::MARK.len());
+        }
         match Format::detect(&bytes, &extension_of(path)) {
+            Some(format) if format.is_binary_without_start() && text::is_text(&bytes) => Err(fault(format!(
+                "this is text and no {}; get the file again: {}",
+                format.title,
+                text::start(&bytes)
+            ))),
             Some(format) => {
                 let folder = path.parent().unwrap_or(Path::new(".")).into();
                 Ok(FieldSource { read: format.read, bytes, folder })
@@ -54,9 +64,12 @@ impl FieldSource {
 
     /// Opens an unbundled SOG.
     fn open_folder(folder: &Path, budget: &mut ImportBudget) -> Result<FieldSource, String> {
-        let index = folder.join(sog::INDEX);
+        let (index, streamed) = (folder.join(sog::INDEX), folder.join(sog::STREAMED_INDEX));
         if !index.exists() {
-            return Err(format!("a folder without {} is no field (SOG); name a file", sog::INDEX));
+            return Err(match budget.read_file(&streamed) {
+                Ok(bytes) => sog::streamed(&bytes),
+                Err(_) => format!("a folder without {} is no field (SOG); name a file", sog::INDEX),
+            });
         }
         let bytes = budget.read_file(&index).map_err(|what| advised(what, budget))?;
         Ok(FieldSource { read: sog::read, bytes, folder: folder.into() })
@@ -99,9 +112,9 @@ impl FieldSource {
     }
 }
 
-/// Why a file cannot be read and what to do; a limit says so itself.
+/// Why a file cannot be read and what to do.
 fn advised(what: String, budget: &ImportBudget) -> String {
-    if budget.is_exceeded() { what } else { format!("{what}; {ADVICE}") }
+    if budget.is_exceeded() || what.contains("; ") { what } else { format!("{what}; {ADVICE}") }
 }
 
 /// The sentence on a file of no format.

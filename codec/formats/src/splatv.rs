@@ -19,19 +19,22 @@
 //! puts at the origin, if that camera does. This project's files describe their clip under the key `aarc`, which other
 //! readers skip.
 
+use std::collections::BTreeMap;
 use std::f32::consts::{FRAC_1_SQRT_2, SQRT_2};
 
 use codec::{Camera, ClipInfo, Field, NAME_BYTES_MAX, Surroundings, Viewpoint};
 use half::f16;
+use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
 use crate::account::{Repairs, listed};
 use crate::bytes::{byte_of_unit, f16_at, f32_at, u32_at};
-use crate::columns::{log_of_scales, rgb_of_sh, unpack_rgba};
+use crate::columns::{rgb_of_sh, unpack_rgba};
 use crate::imported::{Hints, Imported};
 use crate::limits::ImportBudget;
 use crate::probe::Probe;
+use crate::statements::{Statement, honoured, ignored, noted, unread};
 use crate::up_axis::{DEFAULT_UP, up_of};
 
 /// The first bytes of a file.
@@ -39,6 +42,13 @@ pub(crate) const START: [u8; 4] = 0x674bu32.to_le_bytes();
 
 /// Type of the chunk that holds the Gaussians.
 const SPLAT: &str = "splat";
+
+/// The keys of chunks, and the chunks.
+pub(crate) const STATEMENTS: &[Statement] = &[
+    honoured("type size cameras aarc", "cameras only if they see the field"),
+    ignored("texwidth texheight", "size of the texture, which `size` implies"),
+    noted("any other key, any other chunk", "not read"),
+];
 
 /// Longest header: parsed JSON takes many times its text.
 const HEADER_MAX: u32 = 1 << 20;
@@ -68,6 +78,8 @@ struct Chunk {
     #[serde(default)]
     cameras: serde_json::Value,
     aarc: Option<ClipRecord>,
+    #[serde(flatten)]
+    others: BTreeMap<String, IgnoredAny>,
 }
 
 /// A camera of a chunk.
@@ -148,7 +160,7 @@ impl ClipRecord {
 
 /// Reads the rows of a dynamic field.
 pub(crate) fn read(bytes: &[u8], budget: &mut ImportBudget) -> Result<Imported, String> {
-    let (chunk, payload) = splat_chunk(bytes)?;
+    let (chunk, payload, others) = splat_chunk(bytes)?;
     let (rows, rest) = payload.as_chunks::<ROW>();
     let last_used = rows.iter().rposition(|row| row.iter().any(|&byte| byte != 0));
     let rows = &rows[..last_used.map_or(0, |last| last + 1)];
@@ -156,7 +168,7 @@ pub(crate) fn read(bytes: &[u8], budget: &mut ImportBudget) -> Result<Imported, 
     // A file that ends in the texture's last line is complete, unless it ends within a row.
     let line = ROWS_PER_LINE * ROW;
     let missing_lines = chunk.size.div_ceil(line) - payload.len().div_ceil(line);
-    let mut repairs = Repairs::truncated(missing_lines * ROWS_PER_LINE + usize::from(!rest.is_empty()));
+    let repairs = Repairs::truncated(missing_lines * ROWS_PER_LINE + usize::from(!rest.is_empty()));
     let mut field = budget.field(rows.len(), 0)?;
     let mut temporal = budget.temporal(rows.len(), 3)?;
     let mut rates = budget.vec(rows.len())?;
@@ -164,7 +176,7 @@ pub(crate) fn read(bytes: &[u8], budget: &mut ImportBudget) -> Result<Imported, 
         let half = |k: usize| f16_at(row, 2 * k);
         field.centers.push([0, 1, 2].map(|axis| f32_at(row, 4 * axis)));
         field.rotations.push([6, 7, 8, 9].map(half));
-        field.log_scales.push(log_of_scales([10, 11, 12].map(half), &mut repairs));
+        field.log_scales.push([10, 11, 12].map(|k| half(k).ln()));
         let (color, opacity) = unpack_rgba([28, 29, 30, 31].map(|k| row[k]));
         field.sh.push(color);
         field.opacities.push(opacity);
@@ -179,11 +191,17 @@ pub(crate) fn read(bytes: &[u8], budget: &mut ImportBudget) -> Result<Imported, 
         Some(record) => record.into_hints()?,
         None => hints_of(&field, &chunk.cameras, budget)?,
     };
-    Ok(Imported { hints, ..Imported::new(".splatv", field, repairs) })
+    let mut imported = Imported { hints, ..Imported::new(".splatv", field, repairs) };
+    let keys = unread(STATEMENTS, chunk.others.keys().map(String::as_str));
+    let chunks = unread(&[], others.iter().map(String::as_str));
+    let named = [("keys", keys), ("chunks", chunks)].into_iter();
+    let lost = named.filter_map(|(what, names)| Some(format!("{what} that are not read: {}", names?)));
+    imported.account.lost.extend(lost);
+    Ok(imported)
 }
 
-/// The `splat` chunk of the file, and its bytes as far as they are there.
-fn splat_chunk(bytes: &[u8]) -> Result<(Chunk, &[u8]), String> {
+/// The `splat` chunk of the file, its bytes as far as they are there, and the types of the other chunks.
+fn splat_chunk(bytes: &[u8]) -> Result<(Chunk, &[u8], Vec<String>), String> {
     let length = bytes.get(4..8).map(|word| u32_at(word, 0)).ok_or("truncated in its header")?;
     if length > HEADER_MAX {
         return Err(format!("a header of {length} bytes, and {HEADER_MAX} are the most"));
@@ -191,14 +209,17 @@ fn splat_chunk(bytes: &[u8]) -> Result<(Chunk, &[u8]), String> {
     let header = bytes.get(8..8 + length as usize).ok_or("truncated in its header")?;
     let chunks: Vec<Chunk> = serde_json::from_slice(header).map_err(|error| format!("header: {error}"))?;
     let mut rest = &bytes[8 + header.len()..];
+    let (mut splat, mut others) = (None, Vec::new());
     for chunk in chunks {
-        let present = chunk.size.min(rest.len());
-        if chunk.kind == SPLAT {
-            return Ok((chunk, &rest[..present]));
+        let (present, after) = rest.split_at(chunk.size.min(rest.len()));
+        rest = after;
+        match splat {
+            None if chunk.kind == SPLAT => splat = Some((chunk, present)),
+            _ => others.push(chunk.kind),
         }
-        rest = &rest[present..];
     }
-    Err("no chunk of type splat".into())
+    let (chunk, present) = splat.ok_or("no chunk of type splat")?;
+    Ok((chunk, present, others))
 }
 
 /// The up axis and viewpoints of a file by another program.

@@ -14,21 +14,23 @@
 //! | 4 | from version 3: index of the largest of x, y, z, w, and the others as sign and 9 bits |
 //! | 9, 24, 45, 72 | SH of degree 1 to 4, `[coefficient][channel]`, `(byte - 128) / 128` |
 //!
-//! The format's axes are x right, y up, z back. The reader keeps them, with +y as the up axis.
+//! The format's axes are x right, y up, z back, unless an extension states others. The reader keeps them. Extensions
+//! follow each other before the table of sizes, or behind the arrays before version 4: `u32` type, `u32` length, content.
 
 use std::f64::consts::FRAC_1_SQRT_2;
-use std::io::{Read, Write};
+use std::io::{ErrorKind, Read, Write};
 
 use codec::{ClipInfo, Field, PixelFilter, SH_DEGREE_MAX, sh_coefficients};
 use flate2::Compression;
 use flate2::read::GzDecoder;
 use flate2::write::GzEncoder;
 
-use crate::account::{Account, Repairs, listed};
+use crate::account::{Repairs, SH_CUT, listed};
 use crate::bytes::u32_at;
 use crate::columns::with_largest;
-use crate::imported::{Hints, Imported};
+use crate::imported::Imported;
 use crate::limits::ImportBudget;
+use crate::statements::{Statement, honoured, ignored, noted};
 use crate::up_axis::Y_UP;
 
 /// The first bytes of a file: of one that is plain, and of one that gzip packed.
@@ -50,6 +52,32 @@ const HEADER_V4: usize = 32;
 /// Bit of byte 14 of the header: the field was fitted with compensated opacities.
 const ANTIALIASED: u8 = 1;
 
+/// Bit of byte 14 of the header: there are extensions.
+const EXTENDED: u8 = 2;
+
+/// Type of the extension that states the axes, as a `u32` number of [`AXES`].
+const AXES_EXTENSION: u32 = 0xADBE_0003;
+
+/// Type of the extension that limits the orbit of a camera.
+const ORBIT_EXTENSION: u32 = 0xADBE_0002;
+
+/// Directions of x, y and z: left or right, up or down, front or back. The first states nothing.
+const AXES: [&str; 17] = [
+    "", "LDB", "RDB", "LUB", "RUB", "LDF", "RDF", "LUF", "RUF", "LBD", "RBD", "LBU", "RBU", "LFD", "RFD",
+    "LFU", "RFU",
+];
+
+/// Most bytes behind the arrays that are looked at.
+const EXTENSIONS_MAX: u64 = 1 << 20;
+
+/// What a file says besides its arrays.
+pub(crate) const STATEMENTS: &[Statement] = &[
+    honoured("antialiased", "the filter, without its variance"),
+    honoured("extension ADBE0003", "axes; left-handed ones are noted, and mirror what is drawn"),
+    ignored("extension ADBE0002", "limits of an orbiting camera"),
+    noted("any other extension", "not read"),
+];
+
 /// Bits of a coordinate without its sign: the most binary places.
 const COORDINATE_BITS: u8 = 23;
 
@@ -63,8 +91,9 @@ const HALF_TURN_SH: [f32; 16] =
 
 /// What is assumed of a file with the bit [`ANTIALIASED`]. Mip-Splatting and Brush compensate for 0.1 px^2; `antialiased` of
 /// gsplat, `--antialiasing` of 3D Gaussian Splatting, and viewers such as PlayCanvas for 0.3 px^2.
-const ASSUMED_VARIANCE: &str = "drawn with the filter of Mip-Splatting, 0.1 px^2; SPZ states no variance, and \
-                                antialiased fits of gsplat and 3D Gaussian Splatting have 0.3 px^2";
+pub(crate) const ASSUMED_VARIANCE: &str = "antialiased, drawn with the filter of Mip-Splatting, 0.1 px^2; the file \
+                                           states no variance, and antialiased fits of gsplat and 3D Gaussian \
+                                           Splatting have 0.3 px^2";
 
 struct Header {
     version: u32,
@@ -73,6 +102,7 @@ struct Header {
     fractional_bits: u8,
     /// Whether the field was fitted with compensated opacities.
     is_antialiased: bool,
+    has_extensions: bool,
     /// Version 4: number of packed arrays, and where their table of sizes starts.
     streams: usize,
     table: usize,
@@ -90,11 +120,15 @@ impl Header {
             sh_degree: bytes[12],
             fractional_bits: bytes[13],
             is_antialiased: bytes[14] & ANTIALIASED != 0,
+            has_extensions: bytes[14] & EXTENDED != 0,
             streams: usize::from(bytes[15]),
             table: bytes.get(16..20).map_or(0, |table| u32_at(table, 0) as usize),
         };
         if !(2..=4).contains(&header.version) {
-            return Err(format!("SPZ version {}; 2, 3 and 4 are known", header.version));
+            return Err(format!(
+                "SPZ of version {}, and 2, 3 and 4 are read; export it as one of these",
+                header.version
+            ));
         }
         if header.sh_degree > 4 || header.fractional_bits > COORDINATE_BITS {
             let Header { sh_degree, fractional_bits, .. } = header;
@@ -115,7 +149,7 @@ impl Header {
 
 /// Reads the rows of a static field.
 pub(crate) fn read(bytes: &[u8], budget: &mut ImportBudget) -> Result<Imported, String> {
-    let (header, arrays) = if bytes.starts_with(&MAGIC) && bytes.get(4) == Some(&4) {
+    let (header, arrays, extensions) = if bytes.starts_with(&MAGIC) && bytes.get(4) == Some(&4) {
         read_v4(bytes, budget)?
     } else if bytes.starts_with(&MAGIC) {
         read_v2_v3(bytes, bytes.len(), budget)?
@@ -132,7 +166,7 @@ pub(crate) fn read(bytes: &[u8], budget: &mut ImportBudget) -> Result<Imported, 
     let mut repairs = Repairs::truncated(header.gaussians - rows);
     let sh_degree = header.sh_degree.min(SH_DEGREE_MAX);
     if sh_degree < header.sh_degree {
-        repairs.repair_rows("SH above degree 3 left out", rows);
+        repairs.repair_rows(SH_CUT, rows);
     }
 
     let [centers, opacities, colors, scales, rotations, sh] = &arrays;
@@ -169,17 +203,58 @@ pub(crate) fn read(bytes: &[u8], budget: &mut ImportBudget) -> Result<Imported, 
         field.sh.push(base(color));
         field.sh.extend(rest(row));
     }
-    let hints = Hints { up: Some(Y_UP), ..Hints::default() };
-    let assumed = Vec::from_iter(header.is_antialiased.then(|| ASSUMED_VARIANCE.into()));
-    let account = Account { assumed, ..repairs.into() };
-    Ok(Imported { field, hints, format: "SPZ", account })
+    let mut imported = Imported::new("SPZ", field, repairs);
+    imported.hints.up = Some(Y_UP);
+    imported.account.assumed.extend(header.is_antialiased.then(|| ASSUMED_VARIANCE.into()));
+    if header.has_extensions {
+        read_extensions(&extensions, &mut imported);
+    }
+    Ok(imported)
 }
 
-fn read_v2_v3(
-    mut source: impl Read,
-    file_size: usize,
-    budget: &mut ImportBudget,
-) -> Result<(Header, [Vec<u8>; 6]), String> {
+/// Takes the axes of extensions, and notes the unknown ones.
+fn read_extensions(mut bytes: &[u8], imported: &mut Imported) {
+    let lost = &mut imported.account.lost;
+    while bytes.len() >= 8 {
+        let (kind, length) = (u32_at(bytes, 0), u32_at(bytes, 4) as usize);
+        let Some((content, rest)) = bytes[8..].split_at_checked(length) else { break };
+        bytes = rest;
+        if kind == ORBIT_EXTENSION {
+            continue;
+        }
+        let axes = (kind == AXES_EXTENSION && length >= 4).then(|| u32_at(content, 0) as usize);
+        match axes.map(|number| AXES.get(number).copied().ok_or(number)) {
+            Some(Ok("")) => {}
+            Some(Ok(axes)) => {
+                imported.hints.up = up_of_axes(axes);
+                imported.account.assumed.push(format!("its axes are {axes}, as its extension says"));
+                // RUB is right-handed; each opposite direction, and y for z, makes the other hand of it.
+                let changes = axes.matches(['L', 'D', 'F']).count() + usize::from(axes.ends_with(['U', 'D']));
+                if changes % 2 == 1 {
+                    lost.push(format!(
+                        "its axes {axes} are left-handed, and are drawn as right-handed: mirrored"
+                    ));
+                }
+            }
+            Some(Err(number)) => {
+                lost.push(format!("its axes are of the unknown kind {number}, drawn with y up"))
+            }
+            None => lost.push(format!("an extension that is not read: {kind:08X}, of {length} bytes")),
+        }
+    }
+}
+
+/// The up axis of axes with these directions.
+fn up_of_axes(axes: &str) -> Option<[f32; 3]> {
+    let axis = axes.find(['U', 'D'])?;
+    let sign = if axes.contains('U') { 1.0 } else { -1.0 };
+    Some(std::array::from_fn(|k| if k == axis { sign } else { 0.0 }))
+}
+
+/// A header, the arrays, and the bytes of the extensions.
+type Parts = (Header, [Vec<u8>; 6], Vec<u8>);
+
+fn read_v2_v3(mut source: impl Read, file_size: usize, budget: &mut ImportBudget) -> Result<Parts, String> {
     let header = read_up_to(&mut source, HEADER, budget)?;
     let header = Header::parse(&header, file_size)?;
     if header.version == 4 {
@@ -189,10 +264,14 @@ fn read_v2_v3(
     for (array, stride) in arrays.iter_mut().zip(header.strides()) {
         *array = read_up_to(&mut source, header.gaussians * stride, budget)?;
     }
-    Ok((header, arrays))
+    // Up to the end, where gzip has its checksum.
+    let mut extensions = Vec::new();
+    budget.spend(2 * EXTENSIONS_MAX)?;
+    read_to(&mut extensions, source.take(EXTENSIONS_MAX))?;
+    Ok((header, arrays, extensions))
 }
 
-fn read_v4(bytes: &[u8], budget: &mut ImportBudget) -> Result<(Header, [Vec<u8>; 6]), String> {
+fn read_v4(bytes: &[u8], budget: &mut ImportBudget) -> Result<Parts, String> {
     if bytes.len() < HEADER_V4 {
         return Err(format!("SPZ truncated at byte {}", bytes.len()));
     }
@@ -211,7 +290,9 @@ fn read_v4(bytes: &[u8], budget: &mut ImportBudget) -> Result<(Header, [Vec<u8>;
         let decoder = zstd::stream::read::Decoder::with_buffer(stream).map_err(|e| format!("SPZ: {e}"))?;
         *array = read_up_to(decoder, header.gaussians * stride, budget)?;
     }
-    Ok((header, arrays))
+    let extensions = bytes.get(HEADER_V4..header.table).unwrap_or_default();
+    budget.spend(extensions.len() as u64)?;
+    Ok((header, arrays, extensions.to_vec()))
 }
 
 /// The first `rows` rows of an array of `N` bytes each.
@@ -219,12 +300,20 @@ fn first<const N: usize>(array: &[u8], rows: usize) -> impl Iterator<Item = &[u8
     array.as_chunks().0[..rows].iter()
 }
 
-/// Reads `size` bytes, or fewer if the source ends or fails.
+/// Reads `size` bytes, or fewer if the source ends.
 fn read_up_to(source: impl Read, size: usize, budget: &mut ImportBudget) -> Result<Vec<u8>, String> {
     let mut bytes = budget.vec(size)?;
-    // Bytes before an error are used; the caller counts the missing ones.
-    let _ = source.take(size as u64).read_to_end(&mut bytes);
+    read_to(&mut bytes, source.take(size as u64))?;
     Ok(bytes)
+}
+
+/// Appends the bytes of a source. Bytes before an early end are used, and the caller counts the missing ones; where the
+/// packed bytes are damaged, what was unpacked is wrong.
+fn read_to(bytes: &mut Vec<u8>, mut source: impl Read) -> Result<(), String> {
+    match source.read_to_end(bytes) {
+        Err(error) if error.kind() != ErrorKind::UnexpectedEof => Err(format!("SPZ: damaged: {error}")),
+        _ => Ok(()),
+    }
 }
 
 fn unpack_first_three(xyz: [u8; 3]) -> [f32; 4] {

@@ -7,6 +7,7 @@ use codec::MAGIC;
 
 use crate::imported::Imported;
 use crate::limits::ImportBudget;
+use crate::statements::Statement;
 use crate::writing::Target;
 use crate::{glb, ksplat, ply, sog, splat, splatv, spz};
 
@@ -25,6 +26,8 @@ pub struct Format {
     starts: &'static [&'static [u8]],
     /// Extension of its files that begin otherwise.
     other: Option<&'static str>,
+    /// What its files can say.
+    pub statements: &'static [Statement],
     pub(crate) read: Reader,
 }
 
@@ -36,14 +39,16 @@ pub const FORMATS: [Format; 8] = [
         targets: &[Target::FieldFile, Target::StaticPly],
         starts: &ply::STARTS,
         other: None,
+        statements: ply::STATEMENTS,
         read: |bytes, _, budget| ply::read(bytes, budget),
     },
     Format {
-        title: "a folder of numbered PLYs",
+        title: "a folder of numbered fields",
         extensions: &[],
         targets: &[Target::StaticPly],
         starts: &[],
         other: None,
+        statements: &[],
         read: |bytes, _, budget| ply::read(bytes, budget),
     },
     Format {
@@ -52,6 +57,7 @@ pub const FORMATS: [Format; 8] = [
         targets: &[Target::Splatv],
         starts: &[&splatv::START],
         other: None,
+        statements: splatv::STATEMENTS,
         read: |bytes, _, budget| splatv::read(bytes, budget),
     },
     Format {
@@ -60,6 +66,7 @@ pub const FORMATS: [Format; 8] = [
         targets: &[Target::Spz],
         starts: &spz::STARTS,
         other: None,
+        statements: spz::STATEMENTS,
         read: |bytes, _, budget| spz::read(bytes, budget),
     },
     Format {
@@ -68,6 +75,7 @@ pub const FORMATS: [Format; 8] = [
         targets: &[],
         starts: &[sog::START],
         other: Some("json"),
+        statements: sog::STATEMENTS,
         read: sog::read,
     },
     Format {
@@ -76,6 +84,7 @@ pub const FORMATS: [Format; 8] = [
         targets: &[Target::Glb],
         starts: &[&glb::START],
         other: Some("gltf"),
+        statements: glb::STATEMENTS,
         read: glb::read,
     },
     Format {
@@ -84,6 +93,7 @@ pub const FORMATS: [Format; 8] = [
         targets: &[],
         starts: &[],
         other: Some("splat"),
+        statements: splat::STATEMENTS,
         read: |bytes, _, budget| splat::read(bytes, budget),
     },
     Format {
@@ -92,11 +102,17 @@ pub const FORMATS: [Format; 8] = [
         targets: &[],
         starts: &[],
         other: Some("ksplat"),
+        statements: ksplat::STATEMENTS,
         read: |bytes, _, budget| ksplat::read(bytes, budget),
     },
 ];
 
 impl Format {
+    /// Whether its files are binary and do not begin alike, so that any file of that name may be taken for one.
+    pub(crate) fn is_binary_without_start(&self) -> bool {
+        self.starts.is_empty()
+    }
+
     /// The format of a file with this content and this extension, in lower case.
     pub(crate) fn detect(bytes: &[u8], extension: &str) -> Option<&'static Format> {
         let is_other = |format: &&Format| format.other == Some(extension);

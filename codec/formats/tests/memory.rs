@@ -74,7 +74,7 @@ fn memory_is_bounded() {
         ("ascii.ply", ascii_ply(STATIC, &["0 0 1 1 1 1 2 0 0 0 1 0 0 0"; ROWS])),
         ("a.splatv", write_splatv(&dynamic, &info())),
         ("a.spz", write_spz(&constant, [0.0, 1.0, 0.0])),
-        ("a.splat", [0, 0, 0, 64].repeat(8 * ROWS)),
+        ("a.splat", [&[0, 0, 0, 64].repeat(7)[..], &[255, 128, 128, 128]].concat().repeat(ROWS)),
         ("a.sog", sog(ROWS)),
     ] {
         // The least limit that accepts the file, to 16 KiB.

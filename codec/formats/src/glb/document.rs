@@ -26,6 +26,7 @@ pub(super) struct Document {
     pub(super) buffers: Vec<Buffer>,
     pub(super) animations: Vec<Value>,
     pub(super) extensions_required: Vec<String>,
+    pub(super) extensions_used: Vec<String>,
 }
 
 #[derive(Deserialize)]

@@ -20,11 +20,12 @@ use std::path::Path;
 use codec::{ClipInfo, Field};
 use serde_json::json;
 
-use crate::account::{Account, Repairs, listed};
+use crate::account::{Account, Repairs, SH_CUT, listed};
 use crate::columns::padded_sh;
 use crate::imported::{Hints, Imported};
 use crate::limits::ImportBudget;
 use crate::similarity::Similarity;
+use crate::statements::{Statement, Treatment, honoured, ignored, noted, treatment, unread};
 use crate::up_axis::Y_UP;
 
 use attributes::Attributes;
@@ -34,8 +35,14 @@ use primitive::{DISPLAY, EXTENSION, Gaussians, KERNEL, PREFIX, SCALE, ScaleForm}
 
 pub(crate) use container::START;
 
-/// Extensions that may be required: the extension that is read, and an extension that allows integers in attributes.
-const KNOWN: [&str; 2] = [EXTENSION, "KHR_mesh_quantization"];
+/// The extensions that are known, and what is left out.
+pub(crate) const STATEMENTS: &[Statement] = &[
+    honoured(EXTENSION, "Gaussians: kernel `ellipse`, both colour spaces"),
+    honoured("KHR_mesh_quantization", "integers in attributes"),
+    ignored("KHR_materials_* KHR_lights_* KHR_texture_*", "Gaussians have none"),
+    noted("any other extension", "refused where the file requires it"),
+    noted("meshes, animations", "left out"),
+];
 
 /// Reads a `.glb`, or a `.gltf`, whose buffers are in `folder` or in itself.
 pub(crate) fn read(bytes: &[u8], folder: &Path, budget: &mut ImportBudget) -> Result<Imported, String> {
@@ -44,7 +51,8 @@ pub(crate) fn read(bytes: &[u8], folder: &Path, budget: &mut ImportBudget) -> Re
         false => (bytes, None),
     };
     let document = Document::parse(json, budget)?;
-    if let Some(name) = document.extensions_required.iter().find(|name| !KNOWN.contains(&name.as_str())) {
+    let is_known = |name: &str| treatment(STATEMENTS, name) == Treatment::Honoured;
+    if let Some(name) = document.extensions_required.iter().find(|name| !is_known(name)) {
         return Err(format!("glTF that requires {name}, which is not read; write it without"));
     }
     let placed = nodes::placed(&document, budget)?;
@@ -74,13 +82,16 @@ pub(crate) fn read(bytes: &[u8], folder: &Path, budget: &mut ImportBudget) -> Re
     for (mesh, place) in &placed {
         for part in &meshes[*mesh] {
             let mut one = budget.field(part.rows, part.sh_degree)?;
-            part.read(&buffers, form, &mut one, &mut repairs)?;
+            part.read(&buffers, form, &mut one)?;
             place.apply(&mut one);
+            repairs.repair_rows(SH_CUT, if part.is_cut { part.rows } else { 0 });
             append(&mut field, &one);
         }
     }
     let has_linear = parts().any(|part| part.is_linear);
-    let (assumed, lost) = (assumed(form, has_linear), left_out(others, document.animations.len()));
+    let (assumed, mut lost) = (assumed(form, has_linear), left_out(others, document.animations.len()));
+    let used = document.extensions_used.iter().map(String::as_str);
+    lost.extend(unread(STATEMENTS, used).map(|names| format!("extensions that are not read: {names}")));
     let account = Account { repairs, assumed, lost };
     let hints = Hints { up: Some(Y_UP), metres_per_unit: Some(1.0), ..Hints::default() };
     Ok(Imported { field, hints, format: "glTF (KHR_gaussian_splatting)", account })

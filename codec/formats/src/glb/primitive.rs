@@ -3,8 +3,7 @@
 use codec::{Field, SH_DEGREE_MAX, sh_coefficients};
 use serde_json::Value;
 
-use crate::account::Repairs;
-use crate::columns::{log_of_scales, rgb_of_sh, sh_of_rgb};
+use crate::columns::{rgb_of_sh, sh_of_rgb};
 
 use super::accessor::Column;
 use super::buffers::Buffers;
@@ -55,6 +54,8 @@ pub(super) struct Gaussians<'d> {
     pub(super) sh_degree: u8,
     /// Whether its colours are linear instead of display-referred.
     pub(super) is_linear: bool,
+    /// Whether it has SH of a degree that is not read.
+    pub(super) is_cut: bool,
     positions: Column<'d>,
     rotations: Column<'d>,
     scales: Column<'d>,
@@ -89,7 +90,7 @@ impl<'d> Gaussians<'d> {
         let is_linear = match color_space.as_str() {
             DISPLAY => false,
             LINEAR => true,
-            other => return Err(format!("glTF: the colour space `{other}` is not known")),
+            other => return Err(format!("glTF: the colour space `{other}` is not known; `{DISPLAY}` is")),
         };
         let number = |name: &str| primitive.attributes.get(name).copied();
         let needed = |name: String| {
@@ -106,6 +107,7 @@ impl<'d> Gaussians<'d> {
             rows: usize::try_from(positions.rows()).unwrap_or(usize::MAX),
             sh_degree,
             is_linear,
+            is_cut: has_degree(&(SH_DEGREE_MAX + 1)),
             rotations: Column::new::<4>(document, own(ROTATION)?)?,
             scales: Column::new::<3>(document, own(SCALE)?)?,
             opacities: Column::new::<1>(document, own(OPACITY)?)?,
@@ -132,17 +134,11 @@ impl<'d> Gaussians<'d> {
     ///
     /// # Errors
     /// One sentence, if an attribute extends beyond its buffer.
-    pub(super) fn read(
-        &self,
-        buffers: &Buffers,
-        form: ScaleForm,
-        field: &mut Field,
-        repairs: &mut Repairs,
-    ) -> Result<(), String> {
+    pub(super) fn read(&self, buffers: &Buffers, form: ScaleForm, field: &mut Field) -> Result<(), String> {
         field.centers.extend(self.positions.numbers(buffers)?.rows::<3>());
         field.rotations.extend(self.rotations.numbers(buffers)?.rows::<4>().map(|[x, y, z, w]| [w, x, y, z]));
         field.log_scales.extend(self.scales.numbers(buffers)?.rows::<3>().map(|scales| match form {
-            ScaleForm::Linear => log_of_scales(scales, repairs),
+            ScaleForm::Linear => scales.map(f32::ln),
             ScaleForm::Logarithm => scales,
         }));
         field.opacities.extend(self.opacities.numbers(buffers)?.rows::<1>().map(|[opacity]| opacity));

@@ -1,9 +1,11 @@
 //! The metadata of a clip in the comments of a PLY, as `xtask/FIELD.md` specifies them: a comment is [`MARK`], a key and
-//! a value.
+//! a value. Comments of other programs state the filter and the up axis.
 
 use codec::{ClipInfo, Field, NAME_BYTES_MAX, PixelFilter, Viewpoint};
 
 use crate::imported::Hints;
+use crate::overrides::normalized;
+use crate::spz::ASSUMED_VARIANCE;
 
 use super::container::Ply;
 
@@ -65,20 +67,67 @@ pub(super) fn hints(ply: &Ply) -> Result<Hints, String> {
             _ => hints.comments.push((key.into(), value.into())),
         }
     }
+    hints.up = hints.up.or_else(|| foreign(ply, UP).and_then(|value| normalized(numbers(value)?)));
     Ok(hints)
+}
+
+/// Brush's comment on the up axis: its letter, whose sign is open, or three numbers.
+const UP: &str = "Vertical axis";
+
+/// Brush's comment on the filter: `default` or `mip`.
+const RENDER_MODE: &str = "SplatRenderMode";
+
+/// Postshot's comment on the filter: 0 or 1.
+const ANTIALIASED: &str = "antialiased";
+
+/// The value of another program's comment.
+fn foreign<'p>(ply: &'p Ply, key: &str) -> Option<&'p str> {
+    ply.comments.iter().find_map(|comment| {
+        let value = comment.strip_prefix(key)?;
+        value.starts_with([' ', ':']).then(|| value.trim_start_matches([' ', ':']).trim_end())
+    })
+}
+
+/// The filter of a file.
+#[derive(Default)]
+pub(super) struct Filter {
+    pub(super) filter: PixelFilter,
+    /// The note on how another program says so.
+    pub(super) assumed: Option<String>,
 }
 
 /// The filter in the comments of any PLY; the filter of most fields if the comments name no filter.
 ///
 /// # Errors
 /// One sentence that names the comment, if it names no filter.
-pub(super) fn filter(ply: &Ply) -> Result<PixelFilter, String> {
-    match metadata(ply).find(|(key, _)| *key == "filter") {
-        None => Ok(PixelFilter::default()),
-        Some((key, value)) => {
-            PixelFilter::named(value).ok_or_else(|| format!("comment {MARK} {key}: cannot use `{value}`"))
-        }
+pub(super) fn filter(ply: &Ply) -> Result<Filter, String> {
+    if let Some((key, value)) = metadata(ply).find(|(key, _)| *key == "filter") {
+        let filter = PixelFilter::named(value);
+        let filter = filter.ok_or_else(|| format!("comment {MARK} {key}: cannot use `{value}`"))?;
+        return Ok(Filter { filter, assumed: None });
     }
+    let mip = |assumed: String| Filter { filter: PixelFilter::Mip, assumed: Some(assumed) };
+    Ok(match (foreign(ply, RENDER_MODE), foreign(ply, ANTIALIASED)) {
+        (Some("mip"), _) => mip(format!("drawn with the mip filter, as its comment {RENDER_MODE} says")),
+        (_, Some("1" | "true")) => mip(ASSUMED_VARIANCE.into()),
+        (Some("default") | None, Some("0" | "false") | None) => Filter::default(),
+        (Some(value), _) => {
+            let assumed =
+                format!("its comment {RENDER_MODE}: {value} is not known; drawn with the default filter");
+            Filter { assumed: Some(assumed), ..Filter::default() }
+        }
+        (None, Some(value)) => {
+            let assumed =
+                format!("its comment {ANTIALIASED} {value} is not known; drawn with the default filter");
+            Filter { assumed: Some(assumed), ..Filter::default() }
+        }
+    })
+}
+
+/// The comment of another program that would change what is drawn and cannot be used.
+pub(super) fn unread(ply: &Ply) -> Option<String> {
+    let value = foreign(ply, UP).filter(|value| numbers::<3>(value).and_then(normalized).is_none())?;
+    Some(format!("its comment {UP}: {value} does not say which way is up"))
 }
 
 /// The comments on a clip. Rust prints the shortest digits that read back as the same number.

@@ -8,13 +8,13 @@
 
 use std::f64::consts::SQRT_2;
 
-use crate::account::Repairs;
+use crate::account::{Repairs, SH_CUT};
 use crate::columns::{sh_of_rgb, with_largest};
 use crate::imported::Imported;
 use crate::limits::ImportBudget;
 
 use super::container::{Ply, Table};
-use super::gaussian_splatting::rest_columns;
+use super::gaussian_splatting::{Rest, rest_columns};
 
 /// Gaussians per chunk.
 const CHUNK: usize = 256;
@@ -32,7 +32,10 @@ pub(super) fn read(ply: &Ply, vertex: &Table, budget: &mut ImportBudget) -> Resu
         false => None,
     };
     let sh_bytes = ply.table("sh");
-    let (sh_degree, rest) = sh_bytes.map_or(Ok((0, Vec::new())), rest_columns)?;
+    let Rest { sh_degree, stored, columns: rest } = match sh_bytes {
+        Some(sh) => rest_columns(sh)?,
+        None => Rest { sh_degree: 0, stored: 0, columns: Vec::new() },
+    };
 
     let rows = vertex.rows.min(chunk.rows * CHUNK).min(sh_bytes.map_or(usize::MAX, |sh| sh.rows));
     let mut field = budget.field(rows, sh_degree)?;
@@ -52,7 +55,11 @@ pub(super) fn read(ply: &Ply, vertex: &Table, budget: &mut ImportBudget) -> Resu
     }
 
     let missing = (vertex.rows - rows).saturating_add(vertex.missing_rows());
-    Ok(Imported::new("compressed PLY", field, Repairs::truncated(missing)))
+    let mut repairs = Repairs::truncated(missing);
+    if rest.len() < stored {
+        repairs.repair_rows(SH_CUT, rows);
+    }
+    Ok(Imported::new("compressed PLY", field, repairs))
 }
 
 /// Columns of the lower and upper ends of three ranges.

@@ -3,13 +3,12 @@
 
 use codec::{ClipInfo, Field, MOTION_ORDER_MAX};
 
-use crate::account::Repairs;
 use crate::imported::Imported;
 use crate::limits::ImportBudget;
 
 use super::comments;
 use super::container::{self, Table};
-use super::gaussian_splatting::{push_static, static_columns, static_names};
+use super::gaussian_splatting::{self, push_static, static_names};
 
 /// Name of the opacity in `[0, 1]`: the logit beside it rounds.
 const OPACITY: &str = "aarc_opacity";
@@ -29,7 +28,8 @@ fn rate_names() -> [String; 4] {
 
 /// Reads the rows of a field.
 pub(super) fn read(vertex: &Table, budget: &mut ImportBudget) -> Result<Imported, String> {
-    let mut field = static_columns(vertex, budget)?;
+    let mut imported = gaussian_splatting::read(vertex, budget)?;
+    let field = &mut imported.field;
     let rows = 0..vertex.rows;
     if vertex.has(OPACITY) {
         let [exact] = vertex.find([OPACITY])?;
@@ -58,7 +58,7 @@ pub(super) fn read(vertex: &Table, budget: &mut ImportBudget) -> Result<Imported
         }
         field.temporal = Some(temporal);
     }
-    Ok(Imported::new("field file", field, Repairs::truncated(vertex.missing_rows())))
+    Ok(Imported { format: "field file", ..imported })
 }
 
 /// A field and the metadata of its clip, without loss.

@@ -5,12 +5,11 @@
 //! clip time. The authors publish no file format: programs that follow the paper write these names, and the logarithm
 //! of the duration where the network's parameters are written as they are.
 
-use crate::account::Repairs;
 use crate::imported::Imported;
 use crate::limits::ImportBudget;
 
 use super::container::Table;
-use super::gaussian_splatting::static_columns;
+use super::gaussian_splatting;
 
 /// What is assumed of any file.
 const ASSUMED: &str = "velocities are per clip, times and durations in clip time, and a duration is the standard \
@@ -36,7 +35,7 @@ pub(super) fn is_one(vertex: &Table) -> bool {
 /// Reads the rows of a dynamic field.
 pub(super) fn read(vertex: &Table, budget: &mut ImportBudget) -> Result<Imported, String> {
     let (velocity, time, duration) = names(vertex).ok_or("PLY without velocity, time and duration")?;
-    let mut field = static_columns(vertex, budget)?;
+    let mut imported = gaussian_splatting::read(vertex, budget)?;
     let velocity = vertex.find(velocity)?;
     let [time, duration] = vertex.find([time, duration])?;
     let are_logarithms = (0..vertex.rows).any(|row| vertex.get(row, duration) < 0.0);
@@ -47,10 +46,8 @@ pub(super) fn read(vertex: &Table, budget: &mut ImportBudget) -> Result<Imported
         temporal.s.push(if are_logarithms { stored.exp() } else { stored } as f32);
         temporal.motion.push(vertex.row(row, velocity));
     }
-    field.temporal = Some(temporal);
-    let repairs = Repairs::truncated(vertex.missing_rows());
-    let mut imported = Imported::new("FreeTimeGS PLY", field, repairs);
+    imported.field.temporal = Some(temporal);
     imported.account.assumed.push(ASSUMED.into());
     imported.account.assumed.extend(are_logarithms.then(|| ASSUMED_LOGARITHMS.into()));
-    Ok(imported)
+    Ok(Imported { format: "FreeTimeGS PLY", ..imported })
 }

@@ -2,11 +2,15 @@
 //!
 //! One `vertex` per Gaussian: centre `x y z`, SH `f_dc_0..2` and `f_rest_*` (all coefficients of
 //! red, then of green, then of blue), `opacity` as a logit, `scale_0..2` as natural logarithms,
-//! `rot_0..3` as a quaternion w, x, y, z of any length.
+//! `rot_0..3` as a quaternion w, x, y, z of any length. Variants that are read: colours `red green blue` in place of
+//! `f_dc_*`, discs without `scale_2` (Huang et al. 2024), and the column `filter_3D` of Mip-Splatting (Yu et al. 2024).
+//!
+//! Centres that are too far from the origin for `f32` are read about another origin.
 
 use codec::{ClipInfo, Field, SH_DEGREE_MAX, sh_coefficients};
 
-use crate::account::Repairs;
+use crate::account::{Repairs, SH_CUT};
+use crate::columns::{LOG_FLAT, sh_of_rgb};
 use crate::imported::Imported;
 use crate::limits::ImportBudget;
 
@@ -15,9 +19,22 @@ use super::container::{self, Table};
 
 /// Names of the static columns but [`REST`], in the order of a file.
 const STATIC: [&str; 14] = [
-    "x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2", "rot_0",
-    "rot_1", "rot_2", "rot_3",
+    "x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", SCALE_2, "rot_0", "rot_1",
+    "rot_2", "rot_3",
 ];
+
+/// The scale along the normal of a disc, which 2D Gaussians lack.
+const SCALE_2: &str = "scale_2";
+
+/// Names of colours that stand in place of the constant SH coefficients.
+const RGB: [&str; 3] = ["red", "green", "blue"];
+
+/// Mip-Splatting's standard deviation of the filter in space, in units.
+const FILTER_3D: &str = "filter_3D";
+
+/// Largest error of a centre in `f32`, in typical standard deviations, before it is read about another origin: a
+/// Gaussian moved by that much looks the same.
+const CENTER_ERROR_MAX: f64 = 0.01;
 
 /// Beginning of the numbered names of the SH of degree 1 and above, which stand before the opacity.
 const REST: &str = "f_rest_";
@@ -28,39 +45,125 @@ const NORMAL: [&str; 3] = ["nx", "ny", "nz"];
 /// Larger logits give the same opacity in `f32`; infinite ones would break other readers.
 const LOGIT_MAX: f64 = 16.0;
 
-/// Reads the rows of a static field.
+/// Reads the rows of a static field. Its derivatives share these columns.
 pub(super) fn read(vertex: &Table, budget: &mut ImportBudget) -> Result<Imported, String> {
-    let field = static_columns(vertex, budget)?;
-    Ok(Imported::new("3D Gaussian Splatting PLY", field, Repairs::truncated(vertex.missing_rows())))
-}
-
-/// Reads the columns that this format shares with its derivatives.
-pub(super) fn static_columns(vertex: &Table, budget: &mut ImportBudget) -> Result<Field, String> {
-    let [x, y, z, red, green, blue, opacity, s0, s1, s2, r0, r1, r2, r3] = vertex.find(STATIC)?;
-    let (sh_degree, rest) = rest_columns(vertex)?;
+    let (is_disc, is_rgb) = (!vertex.has(SCALE_2), !vertex.has(STATIC[3]) && vertex.has(RGB[0]));
+    let mut names = STATIC;
+    if is_disc {
+        names[9] = names[8];
+    }
+    if is_rgb {
+        names[3..6].copy_from_slice(&RGB);
+    }
+    let [x, y, z, red, green, blue, opacity, s0, s1, s2, r0, r1, r2, r3] = vertex.find(names)?;
+    let Rest { sh_degree, stored, columns: rest } = rest_columns(vertex)?;
+    let filter = vertex.has(FILTER_3D).then(|| vertex.find([FILTER_3D])).transpose()?;
     let mut field = budget.field(vertex.rows, sh_degree)?;
     for row in 0..vertex.rows {
-        field.centers.push(vertex.row(row, [x, y, z]));
         field.rotations.push(vertex.row(row, [r0, r1, r2, r3]));
-        field.log_scales.push(vertex.row(row, [s0, s1, s2]));
-        field.opacities.push(sigmoid(vertex.get(row, opacity)));
-        field.sh.push(vertex.row(row, [red, green, blue]));
+        let mut scales = vertex.row(row, [s0, s1, s2]);
+        if is_disc {
+            scales[2] = scales[0].midpoint(scales[1]) + LOG_FLAT;
+        }
+        let mut alpha = sigmoid(vertex.get(row, opacity));
+        if let Some([filter]) = filter {
+            (scales, alpha) = filtered(scales, alpha, vertex.get(row, filter));
+        }
+        field.log_scales.push(scales);
+        field.opacities.push(alpha);
+        field.sh.push(match is_rgb {
+            true => [red, green, blue].map(|c| sh_of_rgb(vertex.get(row, c) / vertex.white(c))),
+            false => vertex.row(row, [red, green, blue]),
+        });
         field.sh.extend(rest.iter().map(|&columns| vertex.row(row, columns)));
     }
-    Ok(field)
+    let origin = origin(vertex, [x, y, z], &field, budget)?;
+    let start = origin.unwrap_or_default();
+    field.centers.extend((0..vertex.rows).map(|row| {
+        let exact = [x, y, z].map(|column| vertex.exact(row, column));
+        [0, 1, 2].map(|axis| (exact[axis] - start[axis]) as f32)
+    }));
+    let mut repairs = Repairs::truncated(vertex.missing_rows());
+    if rest.len() < stored {
+        repairs.repair_rows(SH_CUT, vertex.rows);
+    }
+    let mut imported = Imported::new("3D Gaussian Splatting PLY", field, repairs);
+    imported.hints.origin = origin;
+    let [x, y, z] = start;
+    let assumed = [
+        (is_disc, "without scale_2 its Gaussians are discs, a millionth as thick as wide".into()),
+        (is_rgb, "colours are red, green and blue, without f_dc_0 the same from all sides".into()),
+        (filter.is_some(), "the filter in space of filter_3D is part of scales and opacities".into()),
+        (
+            origin.is_some(),
+            format!("centres are relative to {x} {y} {z}: 32-bit numbers are too coarse there"),
+        ),
+    ];
+    imported.account.assumed.extend(assumed.into_iter().filter_map(|(is_so, note)| is_so.then_some(note)));
+    Ok(imported)
 }
 
-/// The SH degree of a table, and the columns of each coefficient of degree 1 and above.
-pub(super) fn rest_columns(table: &Table) -> Result<(u8, Vec<[usize; 3]>), String> {
+/// Scales and opacity with Mip-Splatting's filter in space of this standard deviation.
+fn filtered(log_scales: [f32; 3], opacity: f32, filter: f64) -> ([f32; 3], f32) {
+    let wider = log_scales.map(|scale| f64::from(scale).exp().hypot(filter).ln());
+    let shrunk: f64 = (0..3).map(|axis| f64::from(log_scales[axis]) - wider[axis]).sum();
+    (wider.map(|scale| scale as f32), (f64::from(opacity) * shrunk.exp()) as f32)
+}
+
+/// The origin to which centres must be relative, the median of each coordinate; `None` if `f32` holds them as they are.
+fn origin(
+    vertex: &Table,
+    axes: [usize; 3],
+    field: &Field,
+    budget: &mut ImportBudget,
+) -> Result<Option<[f64; 3]>, String> {
+    let error = |x: f64| (x - f64::from(x as f32)).abs();
+    let rows = 0..vertex.rows;
+    let errors = rows.clone().flat_map(|row| axes.map(|axis| error(vertex.exact(row, axis))));
+    let error = errors.filter(|error| error.is_finite()).fold(0.0, f64::max);
+    if error == 0.0 {
+        return Ok(None);
+    }
+    let mut values = budget.vec(vertex.rows)?;
+    let mut median = |of_row: &dyn Fn(usize) -> f64| {
+        values.clear();
+        values.extend(rows.clone().map(of_row).filter(|x| x.is_finite()));
+        let middle = values.len() / 2;
+        (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
+    };
+    let scale =
+        |row: usize| field.log_scales[row].map(f64::from).into_iter().fold(f64::NEG_INFINITY, f64::max);
+    let typical = median(&scale).map_or(f64::INFINITY, f64::exp);
+    if error <= CENTER_ERROR_MAX * typical {
+        return Ok(None);
+    }
+    Ok(Some(axes.map(|axis| median(&|row| vertex.exact(row, axis)).unwrap_or(0.0))))
+}
+
+/// The SH of degree 1 and above.
+pub(super) struct Rest {
+    /// Degree that is read.
+    pub(super) sh_degree: u8,
+    /// Coefficients in the file.
+    pub(super) stored: usize,
+    /// Columns of each coefficient that is read.
+    pub(super) columns: Vec<[usize; 3]>,
+}
+
+/// The columns of SH of a table, up to the degree of fields. A file has whole degrees, or a multiple of degree 3 (4DGS,
+/// whose colours change over time).
+pub(super) fn rest_columns(table: &Table) -> Result<Rest, String> {
     let numbers = table.count_numbered(REST);
-    let sh_degree = (0..=SH_DEGREE_MAX)
-        .find(|&degree| 3 * (sh_coefficients(degree) - 1) == numbers)
-        .ok_or_else(|| format!("{numbers} properties {REST}*, where 0, 9, 24 or 45 were expected"))?;
-    let rest = numbers / 3;
-    let columns = (0..rest)
-        .map(|k| table.find([0, 1, 2].map(|channel| format!("{REST}{}", channel * rest + k))))
-        .collect::<Result<_, _>>()?;
-    Ok((sh_degree, columns))
+    let (stored, largest) = (numbers / 3, sh_coefficients(SH_DEGREE_MAX));
+    let is_whole = (stored + 1).isqrt().pow(2) == stored + 1 || (stored + 1).is_multiple_of(largest);
+    if !numbers.is_multiple_of(3) || !is_whole {
+        return Err(format!("{numbers} properties {REST}*, where 0, 9, 24 or 45 were expected"));
+    }
+    let count = stored.min(largest - 1);
+    let columns = (0..stored)
+        .map(|k| table.find([0, 1, 2].map(|channel| format!("{REST}{}", channel * stored + k))))
+        .collect::<Result<Vec<_>, _>>()?;
+    Ok(Rest { sh_degree: (count + 1).isqrt() as u8 - 1, stored, columns: columns[..count].to_vec() })
 }
 
 /// The static columns of a field, with the unused normals that some readers expect, and its filter, its near

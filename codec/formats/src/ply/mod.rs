@@ -7,12 +7,14 @@ mod comments;
 mod compressed;
 mod container;
 mod field_file;
+mod four_dimensional;
 mod freetime;
 mod gaussian_splatting;
 mod spacetime;
 
-use crate::imported::Imported;
+use crate::imported::{Hints, Imported};
 use crate::limits::ImportBudget;
+use crate::statements::{Statement, honoured, ignored, noted, unread};
 
 use container::Ply;
 
@@ -24,26 +26,63 @@ pub use gaussian_splatting::write_static_ply;
 /// The first bytes of a file.
 pub(crate) const STARTS: [&[u8]; 2] = [b"ply\n", b"ply\r"];
 
+/// The columns and comments that are known.
+pub(crate) const STATEMENTS: &[Statement] = &[
+    honoured("x y z", "centre; relative to another origin where `f32` is too coarse"),
+    honoured("f_dc_* f_rest_*", "colour as SH; SH above degree 3 is left out"),
+    honoured("red green blue", "colour, where there is no `f_dc_*`"),
+    honoured("opacity scale_* rot_*", "opacity, scales, rotation; without `scale_2` discs"),
+    honoured("filter_3D", "Mip-Splatting's filter in space"),
+    honoured("packed_* min_* max_*", "compressed PLY"),
+    honoured("trbf_center trbf_scale motion_* omega_*", "Spacetime Gaussians; field file"),
+    honoured("t time duration dt vx vy vz velocity_*", "FreeTimeGS"),
+    honoured("rot_r_*", "4DGS, with `t` and `scale_t`"),
+    honoured("aarc_opacity tau s rot_rate_*", "field file"),
+    ignored("nx ny nz", "normals, which 3D Gaussian Splatting fills with zeros"),
+    noted("any other column, any other element", "not read"),
+    honoured("comment aarc", "metadata of a [field file](FIELD.md)"),
+    honoured("comment SplatRenderMode", "Brush: the filter"),
+    honoured("comment antialiased", "Postshot: the filter, without its variance"),
+    honoured("comment Vertical axis", "Brush: the up axis, if it is a vector; a letter is noted"),
+    ignored("any other comment, obj_info", "free text"),
+];
+
 /// Reads the rows of a field.
 pub(crate) fn read(bytes: &[u8], budget: &mut ImportBudget) -> Result<Imported, String> {
     let ply = &Ply::parse(bytes, budget)?;
     let Some(vertex) = ply.table("vertex") else {
         return Err("PLY without a vertex element".into());
     };
-    let (mut hints, filter) = (comments::hints(ply)?, comments::filter(ply)?);
+    let (hints, filter) = (comments::hints(ply)?, comments::filter(ply)?);
     let mut imported = if comments::is_marked(ply) {
-        // A field file is complete: where it states no near distance, it has none.
-        hints.near.get_or_insert(0.0);
         field_file::read(vertex, budget)
     } else if ply.table("chunk").is_some() {
         compressed::read(ply, vertex, budget)
     } else if vertex.has("trbf_center") {
         spacetime::read(vertex, budget)
+    } else if four_dimensional::is_one(vertex) {
+        four_dimensional::read(vertex, budget)
     } else if freetime::is_one(vertex) {
         freetime::read(vertex, budget)
     } else {
         gaussian_splatting::read(vertex, budget)
     }?;
-    imported.field.filter = filter;
-    Ok(Imported { hints, ..imported })
+    let Imported { field, account, .. } = &mut imported;
+    field.filter = filter.filter;
+    account.assumed.extend(filter.assumed);
+    account.lost.extend(comments::unread(ply));
+    if let Some(names) = unread(STATEMENTS, vertex.unread_columns()) {
+        let instants = "; where they move or fade Gaussians, all instants are shown at once";
+        let instants = if field.temporal.is_none() { instants } else { "" };
+        account.lost.push(format!("columns that are not read: {names}{instants}"));
+    }
+    let elements = unread(&[], ply.unread_elements());
+    account.lost.extend(elements.map(|names| format!("elements that are not read: {names}")));
+    let read = imported.hints;
+    imported.hints = Hints { origin: read.origin, duration_s: hints.duration_s.or(read.duration_s), ..hints };
+    if comments::is_marked(ply) {
+        // A field file is complete: where it states no near distance, it has none.
+        imported.hints.near.get_or_insert(0.0);
+    }
+    Ok(imported)
 }

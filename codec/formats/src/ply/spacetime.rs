@@ -8,13 +8,12 @@
 
 use std::f64::consts::FRAC_1_SQRT_2;
 
-use crate::account::Repairs;
 use crate::columns::sh_of_rgb;
 use crate::imported::Imported;
 use crate::limits::ImportBudget;
 
 use super::container::Table;
-use super::gaussian_splatting::static_columns;
+use super::gaussian_splatting;
 
 /// Reads the rows of a dynamic field.
 pub(super) fn read(vertex: &Table, budget: &mut ImportBudget) -> Result<Imported, String> {
@@ -23,7 +22,8 @@ pub(super) fn read(vertex: &Table, budget: &mut ImportBudget) -> Result<Imported
                     cannot hold; export the lite model instead"
             .into());
     }
-    let mut field = static_columns(vertex, budget)?;
+    let mut imported = gaussian_splatting::read(vertex, budget)?;
+    let field = &mut imported.field;
     for color in field.sh.iter_mut().flatten() {
         *color = sh_of_rgb(f64::from(*color));
     }
@@ -41,5 +41,5 @@ pub(super) fn read(vertex: &Table, budget: &mut ImportBudget) -> Result<Imported
     }
     temporal.rotation_rates = Some(rates);
     field.temporal = Some(temporal);
-    Ok(Imported::new("Spacetime Gaussians PLY", field, Repairs::truncated(vertex.missing_rows())))
+    Ok(Imported { format: "Spacetime Gaussians PLY", ..imported })
 }

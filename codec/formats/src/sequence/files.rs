@@ -9,7 +9,7 @@ pub(super) const FRAMES_MIN: usize = 3;
 /// Most frames of a sequence, missing ones included.
 const STEPS_MAX: usize = 1_000_000;
 
-/// The frames of a sequence in a folder: PLY files whose names differ in their last number.
+/// The frames of a sequence in a folder: fields of one format whose names differ in their last number.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SequenceFiles {
     /// The files in the order of their numbers, each with its step in the clip: 0 for the first frame, and more than one
@@ -18,15 +18,14 @@ pub struct SequenceFiles {
 }
 
 impl SequenceFiles {
-    /// The sequence that the field files `names` in `folder` are; `None` if they are none: fewer than three, of other
-    /// formats, named otherwise than by their last number, or numbered beyond a million frames.
+    /// The sequence that the field files `names` in `folder` are; `None` if they are none: fewer than three, named
+    /// otherwise than by their last number, or numbered beyond a million frames.
     pub fn find(folder: &Path, names: &[&str]) -> Option<SequenceFiles> {
         let mut numbered = BTreeMap::new();
         let mut around = None;
         for name in names {
             let (before, number, after) = split_number(name)?;
-            let is_ply = after.to_ascii_lowercase().ends_with(".ply");
-            if !is_ply || *around.get_or_insert((before, after)) != (before, after) {
+            if *around.get_or_insert((before, after)) != (before, after) {
                 return None;
             }
             // Two ways to write one number, such as 1 and 01.
@@ -106,7 +105,7 @@ mod tests {
             &["a.ply", "b.ply", "c.ply"],
             &["a1.ply", "a2.ply", "b3.ply"],
             &["a1.ply", "a01.ply", "a2.ply"],
-            &["a1.spz", "a2.spz", "a3.spz"],
+            &["a1.spz", "a2.spz", "a3.ply"],
             &["99999999999999999999999.ply", "1.ply", "2.ply"],
             &["0.ply", "1.ply", "18446744073709551615.ply"],
         ] {

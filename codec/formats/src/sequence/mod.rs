@@ -47,10 +47,11 @@ pub fn import_sequence(files: &SequenceFiles, limits: ImportLimits) -> Result<Im
     let folder = files.frames.first().and_then(|(_, path)| path.parent()).unwrap_or(Path::new("."));
     let mut budget = ImportBudget::new(limits);
     let sequence = Sequence::read(files, limits, &mut budget)?;
-    let mut assumed = sequence.notes(files);
+    let notes = sequence.notes(files);
     let about = |what: String| ImportError::new(folder, what);
     let hints = hints(&sequence.hints, files.steps());
-    let mut repairs = sequence.repairs.clone();
+    let Account { mut repairs, mut assumed, lost } = sequence.account;
+    assumed.extend(notes);
     let (field, format, note) = match sequence.apart {
         None => {
             let (frames, rows) = (sequence.frames.frames.len(), sequence.frames.frames[0].len());
@@ -68,7 +69,7 @@ pub fn import_sequence(files: &SequenceFiles, limits: ImportLimits) -> Result<Im
     };
     assumed.push(note);
     let field = clean(field, &mut repairs);
-    let account = Account { assumed, ..repairs.into() };
+    let account = Account { repairs, assumed, lost };
     let imported = Imported { field, hints, format, account };
     match imported.field.is_empty() {
         false => Ok(imported.with_near()),
@@ -88,10 +89,10 @@ fn join_frames(files: &SequenceFiles, limits: ImportLimits) -> Result<(Field, Re
     let mut budget = ImportBudget::new(limits);
     let mut joined = FramesAlone::new(files.steps());
     let mut repairs = Repairs::default();
-    let mut waiting: Option<Frame> = None;
+    let (mut origin, mut waiting): (_, Option<Frame>) = (None, None);
     for (step, path) in &files.frames {
-        let frame = read_frame(path, *step, limits, Unusable::Dropped)?;
-        repairs.add(&frame.repairs);
+        let frame = read_frame(path, *step, limits, Unusable::Dropped, &mut origin)?;
+        repairs.add(&frame.account.repairs);
         if frame.is_empty() {
             continue;
         }

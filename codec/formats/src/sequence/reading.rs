@@ -4,10 +4,10 @@ use std::path::{Path, PathBuf};
 
 use codec::{Field, sh_coefficients};
 
-use crate::account::Repairs;
+use crate::account::Account;
 use crate::columns::padded_sh;
 use crate::error::ImportError;
-use crate::imported::Hints;
+use crate::imported::{Hints, Imported};
 use crate::limits::{ImportBudget, ImportLimits};
 use crate::source::FieldSource;
 
@@ -27,7 +27,7 @@ pub(super) struct Frame {
     pub(super) step: usize,
     pub(super) path: PathBuf,
     hints: Hints,
-    pub(super) repairs: Repairs,
+    pub(super) account: Account,
     /// Rows that cannot be used, ascending, if they were not left out.
     lost: Vec<usize>,
 }
@@ -64,11 +64,12 @@ pub(super) struct Sequence {
     pub(super) apart: Option<Apart>,
     /// The metadata in the first frame.
     pub(super) hints: Hints,
-    pub(super) repairs: Repairs,
+    /// The repairs of all frames, and what the first one leaves open or loses: the others are alike.
+    pub(super) account: Account,
     empty: usize,
 }
 
-/// Reads a frame.
+/// Reads a frame, about the `origin` of the frames before it, which the first one with Gaussians sets.
 ///
 /// # Errors
 /// [`ImportError`] that names the frame, which cannot be imported or moves.
@@ -77,10 +78,11 @@ pub(super) fn read_frame(
     step: usize,
     limits: ImportLimits,
     unusable: Unusable,
+    origin: &mut Option<[f64; 3]>,
 ) -> Result<Frame, ImportError> {
     let mut budget = ImportBudget::new(limits);
     let source = FieldSource::open(path, &mut budget)?;
-    let (imported, lost) = match unusable {
+    let (mut imported, lost) = match unusable {
         Unusable::Dropped => (source.read_clean(path, &mut budget)?, Vec::new()),
         Unusable::Listed => source.read_in_place(path, &mut budget)?,
     };
@@ -88,8 +90,11 @@ pub(super) fn read_frame(
         let what = "this frame moves or fades by itself; a sequence has static frames, `export --sequence` writes such";
         return Err(ImportError::new(path, what));
     }
-    let (hints, repairs) = (imported.hints, imported.account.repairs);
-    Ok(Frame { field: imported.field, step, path: path.to_owned(), hints, repairs, lost })
+    if !imported.field.is_empty() {
+        imported.move_origin(*origin.get_or_insert(imported.hints.origin.unwrap_or_default()));
+    }
+    let Imported { field, hints, account, .. } = imported;
+    Ok(Frame { field, step, path: path.to_owned(), hints, account, lost })
 }
 
 impl Sequence {
@@ -112,19 +117,25 @@ impl Sequence {
             return Err(ImportError::new(folder, what));
         }
         let frames = Frames { steps, ..Frames::default() };
-        let (hints, repairs) = (Hints::default(), Repairs::default());
-        let mut sequence = Sequence { frames, apart: None, hints, repairs, empty: 0 };
+        let (hints, account) = (Hints::default(), Account::default());
+        let mut sequence = Sequence { frames, apart: None, hints, account, empty: 0 };
+        let mut origin = None;
         let mut before: Option<Frame> = None;
         for (step, path) in &files.frames {
-            let frame = read_frame(path, *step, limits, Unusable::Listed)?;
-            sequence.repairs.add(&frame.repairs);
+            let frame = read_frame(path, *step, limits, Unusable::Listed, &mut origin)?;
+            sequence.account.repairs.add(&frame.account.repairs);
             if frame.is_empty() {
                 sequence.empty += 1;
                 continue;
             }
             match &before {
                 Some(before) => check_filter(before, &frame)?,
-                None => sequence.hints = frame.hints.clone(),
+                None => {
+                    let Account { assumed, lost, .. } = frame.account.clone();
+                    let repairs = std::mem::take(&mut sequence.account.repairs);
+                    (sequence.hints, sequence.account) =
+                        (frame.hints.clone(), Account { repairs, assumed, lost });
+                }
             }
             // The rest is read for its repairs and errors.
             if sequence.apart.is_none() {
@@ -143,7 +154,7 @@ impl Sequence {
         }
         let Frames { times, frames, lost, .. } = &mut sequence.frames;
         let filled = lost.fill(times, frames);
-        sequence.repairs.repair_rows("not usable in a frame, filled from those beside", filled);
+        sequence.account.repairs.repair_rows("not usable in a frame, filled from those beside", filled);
         Ok(sequence)
     }
 
