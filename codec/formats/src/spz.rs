@@ -287,8 +287,11 @@ fn read_v4(bytes: &[u8], budget: &mut ImportBudget) -> Result<Parts, String> {
         let size = usize::try_from(u64::from_le_bytes(*size)).unwrap_or(usize::MAX).min(packed.len());
         let (stream, rest) = packed.split_at(size);
         packed = rest;
-        let decoder = zstd::stream::read::Decoder::with_buffer(stream).map_err(|e| format!("SPZ: {e}"))?;
-        *array = read_up_to(decoder, header.gaussians * stride, budget)?;
+        let mut decoder =
+            zstd::stream::read::Decoder::with_buffer(stream).map_err(|e| format!("SPZ: {e}"))?;
+        *array = read_up_to(&mut decoder, header.gaussians * stride, budget)?;
+        // The end of the stream, where a checksum may be.
+        read_to(&mut Vec::new(), decoder.take(1))?;
     }
     let extensions = bytes.get(HEADER_V4..header.table).unwrap_or_default();
     budget.spend(extensions.len() as u64)?;

@@ -266,6 +266,13 @@ fn checksums_of_others_are_read() {
     }
     assert_eq!(accepted, 0, "changed bytes were read");
 
+    let good = spz(4, &[]);
+    assert!(import_bytes("a.spz", &good).is_ok());
+    assert!(
+        import_error("a.spz", &rotten(&good, good.len() - 1)).contains("damaged"),
+        "the checksum of zstd"
+    );
+
     let mut archive = zip::ZipWriter::new(Cursor::new(Vec::new()));
     let stored = zip::write::SimpleFileOptions::default().compression_method(zip::CompressionMethod::Stored);
     archive.start_file("meta.json", stored).unwrap();
@@ -304,7 +311,10 @@ fn spz(version: u32, extensions: &[(u32, &[u8])]) -> Vec<u8> {
     let (mut table, mut streams, mut rest) = (Vec::new(), Vec::new(), arrays);
     for size in [9, 1, 3, 3, 4] {
         let (array, after) = rest.split_at(size);
-        let packed = zstd::encode_all(array, 3).unwrap();
+        let mut encoder = zstd::stream::Encoder::new(Vec::new(), 3).unwrap();
+        encoder.include_checksum(true).unwrap();
+        encoder.write_all(array).unwrap();
+        let packed = encoder.finish().unwrap();
         table.extend([packed.len() as u64, size as u64].map(u64::to_le_bytes).concat());
         streams.extend(packed);
         rest = after;
