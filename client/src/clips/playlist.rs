@@ -1,6 +1,8 @@
 //! [`Playlist`]: clips that play one after the other: named by a small JSON file, which `xtask/PLAYLIST.md` describes, in
 //! a folder, or named together.
 
+#[cfg(feature = "formats")]
+use std::ffi::OsStr;
 use std::ops::ControlFlow;
 use std::path::Path;
 
@@ -72,12 +74,14 @@ fn is_folder(name: &str) -> bool {
     path.is_dir() && clips_in(path).iter().any(|clip| clip.to_str().is_some())
 }
 
-/// Whether a path or URL names a playlist rather than a clip: it ends in `.json`. A path of the name `meta.json` names
-/// a field (SOG), if this program reads fields.
+/// Whether a path or URL names a playlist rather than a clip: it ends in `.json`. A path of a file name of SOG names a
+/// field, if this program reads fields.
 pub fn is_playlist(name: &str) -> bool {
-    let is_field = cfg!(feature = "formats")
-        && !is_url(name)
-        && Path::new(name).file_name().is_some_and(|name| name == "meta.json");
+    #[cfg(feature = "formats")]
+    let is_field = !is_url(name)
+        && Path::new(name).file_name().and_then(OsStr::to_str).is_some_and(formats::is_field_file);
+    #[cfg(not(feature = "formats"))]
+    let is_field = false;
     let redacted = redacted(name);
     let extension = Path::new(&redacted).extension();
     !is_field && extension.is_some_and(|extension| extension.eq_ignore_ascii_case("json"))
@@ -247,7 +251,9 @@ mod tests {
         for name in ["a.aarc", "json", "https://h/a.aarc?list.json", ".json"] {
             assert!(!is_playlist(name), "{name}");
         }
-        assert_eq!(is_playlist("field/meta.json"), cfg!(not(feature = "formats")));
+        for name in ["field/meta.json", "field/lod-meta.json"] {
+            assert_eq!(is_playlist(name), cfg!(not(feature = "formats")));
+        }
     }
 
     #[test]

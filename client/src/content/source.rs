@@ -32,6 +32,13 @@ pub(crate) enum TakeSource {
     Remote(Arc<RemoteFile>),
 }
 
+/// The first bytes of the text that Git LFS leaves in place of a file.
+const LFS_POINTER: &[u8] = b"version https://";
+
+/// What such a text is, and what to do.
+const LFS: &str =
+    "a pointer of Git LFS and not the file itself: fetch it with `git lfs pull`, or download its raw file";
+
 /// A file of this machine. It stays open: after a file that takes its place by renaming, it can still be read.
 #[derive(Debug)]
 pub(crate) struct LocalFile {
@@ -277,9 +284,16 @@ impl TakeSource {
     /// What to say of a file that begins with `head`, and is no package.
     pub(crate) fn format_reason(&self, head: &[u8]) -> String {
         const FIELDS: [&str; 6] = ["ply", "splatv", "spz", "splat", "sog", "glb"];
+        if head.starts_with(LFS_POINTER) {
+            return LFS.into();
+        }
         let remedy = match self {
             #[cfg(feature = "net")]
             TakeSource::Remote(_) if is_web_page(head) => return WEB_PAGE.into(),
+            #[cfg(feature = "net")]
+            TakeSource::Remote(_) => {
+                "URLs name packages; download a field of another program, and play the file"
+            }
             TakeSource::File(file) => {
                 let extension = file.path.extension().and_then(|extension| extension.to_str());
                 let is_field =
@@ -289,7 +303,7 @@ impl TakeSource {
                     false => "name a file that aarc-studio package made",
                 }
             }
-            _ => self.remedy(),
+            TakeSource::Memory(..) => self.remedy(),
         };
         format!("{}: {remedy}", FormatError::Magic)
     }

@@ -46,7 +46,7 @@ impl FieldPath {
     pub fn in_folder(folder: &Path, names: &[String]) -> Result<FieldPath, NoField> {
         let fields: Vec<&str> = names.iter().map(String::as_str).filter(|name| is_field_name(name)).collect();
         match fields[..] {
-            [] => Err(NoField::None),
+            [] => last_iteration(folder, names).map(FieldPath::File).ok_or(NoField::None),
             [field] => Ok(FieldPath::File(folder.join(field))),
             _ => match SequenceFiles::find(folder, &fields) {
                 Some(files) => Ok(FieldPath::Sequence(files)),
@@ -65,6 +65,22 @@ impl FieldPath {
             FieldPath::Sequence(files) => import_sequence(files, limits),
         }
     }
+}
+
+/// Whether a folder with entries `names` has a field, or several.
+pub fn has_field(folder: &Path, names: &[String]) -> bool {
+    FieldPath::in_folder(folder, names) != Err(NoField::None)
+}
+
+/// The field of the last iteration in the output folder of 3D Gaussian Splatting:
+/// `point_cloud/iteration_30000/point_cloud.ply`.
+fn last_iteration(folder: &Path, names: &[String]) -> Option<PathBuf> {
+    let clouds = folder.join(names.iter().find(|name| *name == "point_cloud")?);
+    let iterations = list_folder(&clouds).ok()?;
+    let numbers = iterations.iter().filter_map(|name| name.strip_prefix("iteration_")?.parse().ok());
+    let fields =
+        numbers.map(|number: u64| (number, clouds.join(format!("iteration_{number}/point_cloud.ply"))));
+    fields.filter(|(_, field)| field.is_file()).max().map(|(_, field)| field)
 }
 
 /// Names of the entries of a folder, sorted, hidden ones left out.
@@ -121,6 +137,16 @@ mod tests {
         assert_eq!(find(&["input.ply", "plate.ply"]), Err(NoField::None));
         let two = || vec!["a.ply".to_owned(), "b.spz".to_owned()];
         assert_eq!(find(&["a.ply", "b.spz"]), Err(NoField::Several(two())));
+        let output = tempfile::tempdir().unwrap();
+        let names = ["cameras.json".to_owned(), "input.ply".to_owned(), "point_cloud".to_owned()];
+        assert!(!has_field(output.path(), &names));
+        let file =
+            |number: u32| output.path().join(format!("point_cloud/iteration_{number}/point_cloud.ply"));
+        for number in [7000, 30000, 9] {
+            fs::create_dir_all(file(number).parent().unwrap()).unwrap();
+            fs::write(file(number), "").unwrap();
+        }
+        assert_eq!(FieldPath::in_folder(output.path(), &names), Ok(FieldPath::File(file(30000))));
         let Ok(FieldPath::Sequence(files)) = find(&["f_0.ply", "f_1.ply", "f_2.ply", "plate.ply"]) else {
             panic!("a sequence")
         };

@@ -45,7 +45,9 @@ use source::FieldSource;
 
 pub use account::{Account, Repairs};
 pub use error::ImportError;
-pub use folder::{FieldPath, NoField, POINT_CLOUDS, is_field_file, is_field_name, is_package, list_folder};
+pub use folder::{
+    FieldPath, NoField, POINT_CLOUDS, has_field, is_field_file, is_field_name, is_package, list_folder,
+};
 pub use frozen::frozen;
 pub use glb::write as write_glb;
 pub use imported::{Hints, Imported};

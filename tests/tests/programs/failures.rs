@@ -85,7 +85,7 @@ const FAILURES: &[Failure] = &[
     ("empty IMAGE", DATA, "empty: not an .aarc package", "name a file that aarc-studio package made"),
     ("noise IMAGE", DATA, "noise: not an .aarc package", "name a file that aarc-studio package made"),
     ("noise", DATA, "noise: not an .aarc package", "name a file that aarc-studio package made"),
-    ("points.ply IMAGE", DATA, "points.ply: PLY element vertex lacks the properties", "export it again"),
+    ("points.ply IMAGE", DATA, "points.ply: PLY element vertex lacks the properties", "export Gaussians"),
     ("nothing.ply IMAGE", DATA, "nothing.ply: no Gaussians", "export it again"),
     ("short.aarc IMAGE", DATA, "short.aarc: package cut short", "copy it again"),
     ("flipped.aarc IMAGE", DATA, "flipped.aarc: damaged", "copy it again"),
@@ -140,7 +140,7 @@ const FAILURES: &[Failure] = &[
     ("SERVER/away.aarc IMAGE", NETWORK, "neither http nor https", "name the URL of the file itself"),
     ("SERVER/page.aarc IMAGE", DATA, "the server sends a web page", "open the URL in a browser"),
     ("SERVER/damaged.aarc IMAGE", DATA, "/damaged.aarc: damaged", "upload it again"),
-    ("SERVER/field.ply IMAGE", DATA, "/field.ply: not an .aarc package", "upload it again"),
+    ("SERVER/field.ply IMAGE", DATA, "/field.ply: not an .aarc package", "play the file"),
     ("SERVER/version.aarc IMAGE", DATA, "/version.aarc: package version 99", "update the player"),
     // Missing devices.
     ("clip.aarc IMAGE", DEVICE, "no graphics device was found", "install a Vulkan driver"),

@@ -8,7 +8,7 @@ use std::sync::{Arc, OnceLock};
 use codec::{ClipInfo, Field, Surroundings};
 use formats::{
     FieldPath, ImportLimits, Imported, ImportedScene, NoField, Overrides, POINT_CLOUDS, Repairs, SOG_INDEX,
-    SceneFiles, import_plate, is_field_file, is_field_name, list_folder, titles,
+    SceneFiles, has_field, import_plate, is_field_file, list_folder, titles,
 };
 use program::Fault;
 
@@ -91,7 +91,7 @@ impl Scene {
 
     /// Whether `path` is a folder with a field file.
     pub(crate) fn has_field(path: &Path) -> bool {
-        list_folder(path).is_ok_and(|names| names.iter().any(|name| is_field_name(name)))
+        list_folder(path).is_ok_and(|names| has_field(path, &names))
     }
 
     fn read(name: String, files: &SceneFiles) -> anyhow::Result<Scene> {
@@ -111,7 +111,8 @@ impl Scene {
     /// Whether `path` is a folder with a capture and no field.
     pub fn is_capture(path: &Path) -> bool {
         let names = if path.is_dir() { list_folder(path).unwrap_or_default() } else { Vec::new() };
-        !names.iter().any(|name| is_field_name(name) || name == FIELD_FOLDER)
+        !has_field(path, &names)
+            && !names.iter().any(|name| name == FIELD_FOLDER)
             && names.iter().any(|name| is_capture_name(name))
     }
 

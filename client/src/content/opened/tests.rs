@@ -180,6 +180,10 @@ fn a_file_of_another_format_has_a_next_step() {
         let text = OpenTake::open(&path, &Limits::default()).unwrap_err().to_string();
         assert!(text.contains("not an .aarc package: ") && text.contains(step), "{text}");
     }
+    let pointer = folder.path().join("b.aarc");
+    std::fs::write(&pointer, b"version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 9\n").unwrap();
+    let text = OpenTake::open(&pointer, &Limits::default()).unwrap_err().to_string();
+    assert!(text.contains("b.aarc: a pointer of Git LFS"), "{text}");
     for path in [folder.path().to_owned(), folder.path().join("none.aarc")] {
         let fault = OpenTake::open(&path, &Limits::default()).unwrap_err();
         assert!(matches!(&fault, Fault::Data(text) if text.starts_with(&path.display().to_string())));

@@ -149,7 +149,7 @@ const FAILURES: &[Failure] = &[
         "package points.ply",
         DATA,
         "points.ply: PLY element vertex lacks the properties f_dc_0",
-        "export it again",
+        "export Gaussians",
     ),
     ("package nothing.ply", DATA, "nothing.ply: no Gaussians", "export it again"),
     (
@@ -159,7 +159,7 @@ const FAILURES: &[Failure] = &[
         "get the file again",
     ),
     ("package many.splatv", DATA, "the header announces 3999999", "get the file again"),
-    ("package lod-meta.json", DATA, "lod-meta.json: it lists several fields", "name one of their folders"),
+    ("package lod-meta.json", DATA, "lod-meta.json: a streamed SOG of 5 levels", "export it as one"),
     ("package meta.json", DATA, "meta.json: it states no version of SOG", "export it again"),
     ("package keys", DATA, "keys/scene.json: unknown field `colour`", "`package --help` shows its keys"),
     ("package moving", DATA, "moving/plate.ply: a background plate must be static", "`export --at`"),
