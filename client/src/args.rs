@@ -62,7 +62,7 @@ Examples:
 pub struct Args {
     /// Clips (.aarc) and playlists of clips (.json), as paths or as http:// or https:// URLs, and folders of clips: several
     /// are one playlist [default: the built-in demo]. Built with the feature import, also the path of a field that aarc-studio package reads
-    /// (.ply, .spz, .sog, .splat and others), of a folder with one, or of a folder of numbered PLYs, one a frame.
+    /// (.ply, .spz, .sog, .splat and others), of a folder with one, or of a folder of numbered fields, one a frame.
     ///
     /// A clip from a URL plays as soon as its first layer has arrived. Downloads are cached in
     /// $XDG_CACHE_HOME/aarc/clips and play from there without the network. The cache holds 512 MiB; the
@@ -165,6 +165,11 @@ pub struct Args {
     #[arg(long, value_name = "FILE.json", requires = "headless")]
     pub camera: Option<PathBuf>,
 
+    /// Axis of a field of another program that points up: x, y, z, -x, -y or -z [default: what the file or its scene.json
+    /// says, else -y]. A package states its own.
+    #[arg(long, value_name = "AXIS", value_parser = axis, allow_hyphen_values = true)]
+    pub up: Option<[i8; 3]>,
+
     /// Draw only the first N layers, the most important ones [default: all].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub layer: Option<u32>,
@@ -210,7 +215,7 @@ pub struct Args {
 impl Args {
     /// Options of sources; downloads are cached in `cache_dir`.
     pub(crate) fn source(&self, cache_dir: Option<PathBuf>) -> SourceOptions {
-        SourceOptions { cache_dir, ..SourceOptions::default() }
+        SourceOptions { cache_dir, up: self.up, ..SourceOptions::default() }
     }
 
     /// Where the wearer of the headset stands; `None` for no choice.
@@ -241,6 +246,12 @@ fn inset(text: &str) -> Result<f32, String> {
         Ok(side) if side == 0.0 || (0.1..=0.9).contains(&side) => Ok(side),
         _ => Err("not 0, nor a number from 0.1 to 0.9".into()),
     }
+}
+
+fn axis(text: &str) -> Result<[i8; 3], String> {
+    let (sign, name) = text.strip_prefix('-').map_or((1, text), |name| (-1, name));
+    let unit = ["x", "y", "z"].map(|axis| if axis == name { sign } else { 0 });
+    if unit == [0; 3] { Err("not one of x, y, z, -x, -y, -z".into()) } else { Ok(unit) }
 }
 
 fn finite(text: &str) -> Result<f64, String> {
@@ -304,6 +315,8 @@ mod tests {
         assert_eq!(settings.layers, Some(2));
         let frames = parse("aarc a --headless --out o --frames 2..5 --fps 12.5").unwrap();
         assert_eq!((frames.frames, frames.fps), (Some(2..5), Some(12.5)));
+        let ups = ["y", "-z"].map(|axis| parse(&format!("aarc a --up {axis}")).unwrap().up);
+        assert_eq!(ups, [Some([0, 1, 0]), Some([0, 0, -1])]);
     }
 
     #[test]
@@ -322,6 +335,8 @@ mod tests {
             "--frames 0..2 --fps nan",
             "--fps 5",
             "--layer 0",
+            "--up w",
+            "--up --",
             "--cutoff 9",
             "--target 32",
             "--sort none",

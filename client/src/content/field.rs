@@ -2,17 +2,17 @@
 
 use std::path::Path;
 
-use codec::{Clip, Field, Limits};
-use formats::{
-    ImportLimits, ImportedScene, SceneFiles, is_field_file, is_field_name, is_package, list_folder,
-};
+use codec::{Clip, Field};
+use formats::{ImportLimits, ImportedScene, SceneFiles, has_field, is_field_file, is_package, list_folder};
 use program::{Fault, counted};
+
+use super::source_options::SourceOptions;
 
 /// Whether a field is at a path: a folder with a field or several, or a file with the extension of a field
 /// that is no package.
 pub(crate) fn is_field(path: &Path) -> bool {
     if path.is_dir() {
-        return list_folder(path).is_ok_and(|names| names.iter().any(|name| is_field_name(name)));
+        return list_folder(path).is_ok_and(|names| has_field(path, &names));
     }
     let has_name = path.file_name().and_then(|name| name.to_str()).is_some_and(is_field_file);
     has_name && !is_package(path)
@@ -22,19 +22,22 @@ pub(crate) fn is_field(path: &Path) -> bool {
 ///
 /// # Errors
 /// [`Fault::Data`] with the path and the reason.
-pub(super) fn load_field(path: &Path, limits: &Limits) -> Result<(Clip, Option<String>), Fault> {
+pub(super) fn load_field(path: &Path, options: &SourceOptions) -> Result<(Clip, Option<String>), Fault> {
     let fault = |error: formats::ImportError| Fault::Data(error.to_string());
-    let files = SceneFiles::at(path).map_err(fault)?;
+    let mut files = SceneFiles::at(path).map_err(fault)?;
+    files.up = options.up.map(|axis| axis.map(f32::from));
     let scene = files.read(ImportLimits::default()).map_err(fault)?;
     let ImportedScene { subject, plate, info, assumed: _ } = scene;
     let gaussians = subject.field.len() + plate.as_ref().map_or(0, |plate| plate.field.len());
-    if gaussians > limits.max_gaussians {
-        let (path, has, most) = (path.display(), counted(gaussians, "Gaussian"), limits.max_gaussians);
+    let most = options.limits.max_gaussians;
+    if gaussians > most {
+        let (path, has) = (path.display(), counted(gaussians, "Gaussian"));
         return Err(Fault::Data(format!(
             "{path}: {has}, and at most {most} are played: package it with aarc-studio package --budget"
         )));
     }
-    let sentences = subject.account.sentences();
+    let background = plate.iter().flat_map(|plate| plate.account.sentences());
+    let sentences: Vec<String> = subject.account.sentences().into_iter().chain(background).collect();
     let note = (!sentences.is_empty()).then(|| format!("{}: {}", path.display(), sentences.join("; ")));
     let bounds = subject.field.bounds();
     let [static_field, dynamic_field] = regions(subject.field);
@@ -57,6 +60,8 @@ fn regions(field: Field) -> [Field; 2] {
 #[cfg(test)]
 mod tests {
     use std::fs;
+
+    use codec::Limits;
 
     use super::*;
 
@@ -81,7 +86,10 @@ mod tests {
         fs::write(folder.path().join("scene.json"), r#"{"duration_s": 2.5}"#).unwrap();
         for (path, duration_s) in [(&path, 1.0), (&folder.path().to_owned(), 2.5)] {
             assert!(is_field(path));
-            let (clip, note) = load_field(path, &Limits::default()).unwrap();
+            let (clip, note) = load_field(path, &SourceOptions::default()).unwrap();
+            assert_eq!(clip.info.up, [0.0, -1.0, 0.0]);
+            let upright = SourceOptions { up: Some([0, 1, 0]), ..SourceOptions::default() };
+            assert_eq!(load_field(path, &upright).unwrap().0.info.up, [0.0, 1.0, 0.0]);
             assert_eq!((clip.static_field.len(), clip.dynamic_field.len(), note), (1, 1, None));
             assert_eq!((clip.layers.len(), clip.layers_announced.len()), (1, 1));
             assert_eq!(clip.plate.as_ref().map(Field::len), Some(1));
@@ -95,12 +103,13 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.ply");
         fs::write(&path, ply("", &["0 0 0 0 0 0 0 -1 -1 -1 1 0 0 0"; 3])).unwrap();
-        let few = Limits { max_gaussians: 2, ..Limits::default() };
+        let limits = Limits { max_gaussians: 2, ..Limits::default() };
+        let few = SourceOptions { limits, ..SourceOptions::default() };
         let fault = load_field(&path, &few).unwrap_err();
         assert!(fault.to_string().contains("3 Gaussians, and at most 2 are played"), "{fault}");
         fs::write(&path, "ply\nformat ascii 1.0\nend_header\n").unwrap();
         for path in [&path, &folder.path().join("none.ply")] {
-            let fault = load_field(path, &Limits::default()).unwrap_err();
+            let fault = load_field(path, &SourceOptions::default()).unwrap_err();
             let name = path.display().to_string();
             assert!(fault.to_string().starts_with(&name) && fault.exit_code() == 3, "{fault}");
         }

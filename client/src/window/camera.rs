@@ -24,6 +24,16 @@ const FLY_PER_SECOND: f64 = 0.4;
 /// Factor on the flying speed while shift is held.
 const FLY_FAST: f64 = 4.0;
 
+/// The axes that can point up, with their names: those that programs have, first.
+const UPS: [(DVec3, &str); 6] = [
+    (DVec3::NEG_Y, "-y"),
+    (DVec3::Y, "y"),
+    (DVec3::Z, "z"),
+    (DVec3::NEG_Z, "-z"),
+    (DVec3::X, "x"),
+    (DVec3::NEG_X, "-x"),
+];
+
 /// Direction of flight in camera axes, each -1, 0 or 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Fly {
@@ -74,6 +84,13 @@ impl CameraControl {
         };
         control.go_to(viewpoint);
         control
+    }
+
+    /// A camera at `viewpoint` with the next axis up, and the name of that axis.
+    pub(crate) fn with_next_up(&self, viewpoint: &Viewpoint) -> (CameraControl, &'static str) {
+        let nearest = (0..UPS.len()).max_by(|a, b| UPS[*a].0.dot(self.up).total_cmp(&UPS[*b].0.dot(self.up)));
+        let (up, name) = UPS[nearest.map_or(0, |at| (at + 1) % UPS.len())];
+        (CameraControl::new(viewpoint, up.as_vec3().to_array()), name)
     }
 
     /// Jumps to a viewpoint. Tilts one that looks along the up axis by less than 0.1 degrees.
@@ -205,6 +222,21 @@ mod tests {
             assert!(differences.fold(0.0, f64::max) < 1e-6, "{ours:?} {theirs:?}");
             assert_eq!(ours.k, theirs.k);
         }
+    }
+
+    #[test]
+    fn any_axis_can_be_turned_up() {
+        let viewpoint = Viewpoint { position: [1.0, 2.0, 3.0], target: [-2.0, 0.5, 0.0], ..viewpoint() };
+        let mut control = CameraControl::new(&viewpoint, [0.0, -1.0, 0.0]);
+        for expected in ["y", "z", "-z", "x", "-x", "-y"] {
+            let (next, name) = control.with_next_up(&viewpoint);
+            assert_eq!(name, expected);
+            assert!((next.position() - control.position()).length() < 1e-9, "the eye stays");
+            control = next;
+        }
+        // Between axes, the nearest is left.
+        let tilted = CameraControl::new(&viewpoint, [0.1, -0.9, 0.2]);
+        assert_eq!(tilted.with_next_up(&viewpoint).1, "y");
     }
 
     #[test]

@@ -20,6 +20,8 @@ pub(crate) enum Command {
     /// The viewpoint of this index.
     GoToViewpoint(usize),
     Recentre,
+    /// Another axis of the clip points up.
+    TurnUp,
     Screenshot,
     OpenFile,
     PreviousClip,
@@ -73,11 +75,12 @@ pub(crate) const PLAYING: [Binding; 10] = [
 ];
 
 /// Keys that control the window.
-pub(crate) const WINDOW: [Binding; 10] = [
+pub(crate) const WINDOW: [Binding; 11] = [
     once(&[Key::O], Command::OpenFile, "O", "Open a file"),
     once(&[Key::PageUp], Command::PreviousClip, "Page Up", "Previous clip"),
     once(&[Key::PageDown], Command::NextClip, "Page Down", "Next clip"),
     once(&[Key::R], Command::Recentre, "R", "Back to the viewpoint"),
+    once(&[Key::T], Command::TurnUp, "T", "Turn another axis up"),
     once(&[Key::P], Command::Screenshot, "P", "Save a picture"),
     once(&[Key::I], Command::ToggleStatistics, "I", "Statistics"),
     once(&[Key::U], Command::ToggleInterface, "U", "Hide or show the controls"),

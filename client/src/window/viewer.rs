@@ -331,6 +331,13 @@ impl Viewer {
             Command::ToggleLoop => clock.set_looping(!clock.is_looping()),
             Command::GoToViewpoint(number) => self.go_to_viewpoint(number),
             Command::Recentre => self.go_to_viewpoint(self.viewpoint),
+            Command::TurnUp => {
+                let (camera, axis) = self.camera.with_next_up(&self.clip.viewpoints[self.viewpoint]);
+                self.camera = camera;
+                self.note(format!(
+                    "{axis} is up. A field opens so with --up {axis}, or with \"up\" in its scene.json"
+                ));
+            }
             Command::Screenshot => requests.screenshot = true,
             Command::OpenFile => requests.open.push(Opening::Picker),
             Command::PreviousClip => requests.open.push(Opening::Beside(Direction::Back)),

@@ -44,10 +44,12 @@ pub const DEFAULT_METRES_PER_UNIT: f32 = 1.0;
 const OVERRIDES: &str = "scene.json";
 
 /// The files of a scene.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct SceneFiles {
     /// The field.
     pub field: FieldPath,
+    /// Unit vector that points up, whatever the files say; `None` for what they say.
+    pub up: Option<[f32; 3]>,
     plate: Option<PathBuf>,
     overrides: Option<PathBuf>,
 }
@@ -91,7 +93,7 @@ impl SceneFiles {
     /// The scene of a field file.
     pub fn of_file(path: &Path) -> SceneFiles {
         let plate = Some(plate_path(path)).filter(|plate| plate.is_file());
-        SceneFiles { field: FieldPath::File(path.to_owned()), plate, overrides: None }
+        SceneFiles { field: FieldPath::File(path.to_owned()), up: None, plate, overrides: None }
     }
 
     /// The scene of `field` in a folder with entries `names`.
@@ -101,7 +103,7 @@ impl SceneFiles {
             FieldPath::File(path) => Some(plate_path(path)).filter(|plate| plate.is_file()),
             FieldPath::Sequence(_) => None,
         });
-        SceneFiles { field, plate, overrides: file(OVERRIDES) }
+        SceneFiles { field, up: None, plate, overrides: file(OVERRIDES) }
     }
 
     /// Reads the scene.
@@ -111,7 +113,8 @@ impl SceneFiles {
     pub fn read(&self, limits: ImportLimits) -> Result<ImportedScene, ImportError> {
         let subject = self.field.import(limits)?;
         let plate = self.plate.as_deref().map(|plate| import_plate(plate, limits)).transpose()?;
-        let overrides = self.overrides.as_deref().map_or(Ok(Overrides::default()), Overrides::load)?;
+        let mut overrides = self.overrides.as_deref().map_or(Ok(Overrides::default()), Overrides::load)?;
+        overrides.up = self.up.or(overrides.up);
         let source = self.overrides.as_deref().unwrap_or(match &self.field {
             FieldPath::File(path) => path,
             FieldPath::Sequence(files) => &files.frames[0].1,

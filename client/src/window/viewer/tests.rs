@@ -335,6 +335,12 @@ fn keys_choose_viewpoints_and_recentre() {
     assert!(distance(bench.eye(), [3.0, 0.0, 5.0]) < 1e-6);
     bench.press(Key::Num9);
     assert_eq!(bench.viewer.viewpoint, 1, "there is no ninth viewpoint");
+    let down = |bench: &Bench| bench.viewer.camera.camera(64, 64).camera_from_world[1];
+    let before = down(&bench);
+    bench.press(Key::T);
+    assert!(distance(bench.eye(), [3.0, 0.0, 5.0]) < 1e-6, "the eye stays where another axis is up");
+    assert_ne!(down(&bench), before);
+    assert!(matches!(bench.viewer.message, Some(Message::Note { .. })));
 }
 
 #[test]
