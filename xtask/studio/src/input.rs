@@ -50,12 +50,9 @@ impl Input {
         }
         let scene = Scene::load(path)?;
         for (part, imported) in [("", Some(&scene.subject)), (" (plate)", scene.plate.as_ref())] {
-            if let Some(imported) = imported.filter(|imported| !imported.account.repairs.is_empty()) {
-                eprintln!("note: {}{part}: {}", path.display(), imported.account.repairs);
+            for sentence in imported.iter().flat_map(|imported| imported.account.sentences()) {
+                eprintln!("note: {}{part}: {sentence}", path.display());
             }
-        }
-        for note in scene.subject.account.notes() {
-            eprintln!("note: {}: {note}", path.display());
         }
         Ok(Input::Scene(Box::new(scene)))
     }

@@ -1,20 +1,24 @@
-//! `aarc-studio inspect`: the contents of a package, and the optional parts that it lacks.
+//! `aarc-studio inspect`: the contents of a package, and the optional parts that it lacks; of a field, what its file says.
 //!
 //! Decodes all segments, one after another, and so validates the file. A segment that is damaged or cut short is named, and
 //! the others are listed.
 
+mod field;
 mod print;
 mod rows;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::bail;
 use codec::{Clip, Contents, VERSION_MAJOR};
+use formats::{is_field_file, is_package};
 use program::{Fault, counted};
 use serde::Serialize;
 
 use crate::left_out::{LeftOut, TakeLeftOut};
-use crate::segments::{Course, Span, TakeFile, course, gaps};
+use crate::scene::Scene;
+use crate::segments::{Course, FieldFolder, Span, TakeFile, course, gaps};
+use field::FieldInspection;
 use rows::{Alive, Attribute, Audio, Damage, Layer, Plate, PosterRow, SectionSum, SegmentRow, ViewpointRow};
 
 use super::options::JsonOption;
@@ -22,16 +26,25 @@ use super::options::JsonOption;
 /// Fractions of the duration at which alive Gaussians are counted.
 const TIMES: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
 
-/// Show the contents of a package and the parts that it lacks, and validate it.
+/// Show the contents of a package and the parts that it lacks, and validate it; of a field, what was read and assumed.
 #[derive(clap::Args)]
 pub struct Args {
-    /// Package: a clip or a take
+    /// Package, a clip or a take, or a field of any format that package reads
     clip: PathBuf,
     #[command(flatten)]
     json: JsonOption,
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
+    if is_field(&args.clip) {
+        let inspection = FieldInspection::read(&args.clip)?;
+        if args.json.is_given {
+            println!("{}", serde_json::to_string_pretty(&inspection)?);
+        } else {
+            inspection.print(&args.clip);
+        }
+        return Ok(());
+    }
     let file = TakeFile::open(&args.clip)?;
     let inspection = Inspection::new(&file)?;
     if args.json.is_given {
@@ -43,6 +56,15 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         bail!(Fault::Data(format!("{}: {what}", args.clip.display())));
     }
     Ok(())
+}
+
+/// Whether there is a field, or a folder with one, and no field folder.
+fn is_field(path: &Path) -> bool {
+    let has_name = path.file_name().and_then(|name| name.to_str()).is_some_and(is_field_file);
+    match path.is_dir() {
+        true => Scene::has_field(path) && !FieldFolder::is_one(path),
+        false => path.is_file() && has_name && !is_package(path),
+    }
 }
 
 /// Description of a package; the fields are the keys of the JSON.

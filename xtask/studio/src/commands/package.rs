@@ -392,8 +392,10 @@ fn write_package(args: &Args) -> anyhow::Result<WrittenPackage> {
         }
         None => output::write(&out, &package.bytes)?,
     }
-    for note in scene.subject.account.notes() {
-        eprintln!("note: {}: {note}", scene.name);
+    for (part, imported) in [("", Some(&scene.subject)), (" (plate)", scene.plate.as_ref())] {
+        for note in imported.iter().flat_map(|imported| imported.account.notes()) {
+            eprintln!("note: {}{part}: {note}", scene.name);
+        }
     }
     print_blind_viewpoints(&scene);
     let prefix_steps = match args.prefix_quality {

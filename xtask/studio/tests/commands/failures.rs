@@ -268,7 +268,7 @@ const FAILURES: &[Failure] = &[
     // Packages.
     ("inspect nope.aarc", DATA, "nope.aarc: there is no such file", "check the path"),
     ("inspect bare", DATA, "bare: not a file", "name a package (.aarc)"),
-    ("inspect field.ply", DATA, "field.ply: not an .aarc package, at byte 0", "get the file again"),
+    ("inspect points.ply", DATA, "points.ply: PLY element vertex lacks", "export Gaussians"),
     ("inspect short.aarc", DATA, "short.aarc: package cut short", "get the file again"),
     ("inspect flipped.aarc", DATA, "flipped.aarc: damaged", "get the file again, or package its field again"),
     ("inspect version.aarc", DATA, "version.aarc: package version 99", "update this program"),

@@ -23,6 +23,22 @@ fn inspect(folder: &Path) -> Value {
     aarc_studio(folder, &["inspect", "clip.aarc", "--json"]).json()
 }
 
+#[test]
+fn a_field_says_what_it_states_and_what_was_assumed() {
+    let folder = tempdir().unwrap();
+    let field = field(3, 0, None, false);
+    fs::write(folder.path().join("a.ply"), formats::write_static_ply(&field, None)).unwrap();
+    fs::write(folder.path().join("b.ply"), formats::write_static_ply(&field, Some(&info()))).unwrap();
+    let read = |name: &str| aarc_studio(folder.path(), &["inspect", name, "--json"]).json();
+    let [plain, stated] = ["a.ply", "b.ply"].map(read);
+    assert_eq!(plain["gaussians"], 3);
+    assert_eq!(plain["filter"], "blur");
+    assert_eq!(plain["up"], serde_json::json!([0.0, -1.0, 0.0]));
+    assert_eq!(plain["assumed"][0], "up");
+    assert_eq!(stated["assumed"], serde_json::json!([]));
+    assert_eq!(stated["duration_s"], info().duration_s);
+}
+
 /// A field in which every row has every optional part: window, cubic motion, rotation over time, SH degree 3.
 fn everything(len: usize) -> Field {
     let mut field = field(len, 3, Some(3), true);
