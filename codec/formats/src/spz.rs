@@ -140,6 +140,19 @@ impl Header {
         Ok(header)
     }
 
+    /// The field with what the header and the extensions say of it.
+    fn stated(&self, extensions: &[u8], mut imported: Imported) -> Imported {
+        imported.hints.up = Some(Y_UP);
+        if self.is_antialiased {
+            imported.field.filter = PixelFilter::Mip;
+            imported.account.assumed.push(ASSUMED_VARIANCE.into());
+        }
+        if self.has_extensions {
+            read_extensions(extensions, &mut imported);
+        }
+        imported
+    }
+
     /// Bytes per Gaussian of each array.
     fn strides(&self) -> [usize; 6] {
         let rotation = if self.version == 2 { 3 } else { 4 };
@@ -186,9 +199,6 @@ pub(crate) fn read(bytes: &[u8], budget: &mut ImportBudget) -> Result<Imported, 
         coefficients.iter().map(|c| c.map(|byte| (f32::from(byte) - 128.0) / 128.0))
     };
     let mut field = budget.field(rows, sh_degree)?;
-    if header.is_antialiased {
-        field.filter = PixelFilter::Mip;
-    }
     field.centers.extend(first(centers, rows).map(center));
     match header.version {
         2 => field.rotations.extend(first(rotations, rows).map(|&xyz| unpack_first_three(xyz))),
@@ -203,13 +213,7 @@ pub(crate) fn read(bytes: &[u8], budget: &mut ImportBudget) -> Result<Imported, 
         field.sh.push(base(color));
         field.sh.extend(rest(row));
     }
-    let mut imported = Imported::new("SPZ", field, repairs);
-    imported.hints.up = Some(Y_UP);
-    imported.account.assumed.extend(header.is_antialiased.then(|| ASSUMED_VARIANCE.into()));
-    if header.has_extensions {
-        read_extensions(&extensions, &mut imported);
-    }
-    Ok(imported)
+    Ok(header.stated(&extensions, Imported::new("SPZ", field, repairs)))
 }
 
 /// Takes the axes of extensions, and notes the unknown ones.

@@ -378,7 +378,7 @@ impl<'a> Table<'a> {
         let found = names.each_ref().map(|name| self.positions.get(&Name(name.as_ref())).copied());
         for column in found.iter().flatten().map(|&column| &self.columns[column]) {
             debug_assert_eq!(
-                treatment(super::STATEMENTS, column.name.0),
+                treatment(super::statements::STATEMENTS, column.name.0),
                 Treatment::Honoured,
                 "{} is read and not declared",
                 column.name.0

@@ -11,10 +11,11 @@ mod four_dimensional;
 mod freetime;
 mod gaussian_splatting;
 mod spacetime;
+mod statements;
 
 use crate::imported::{Hints, Imported};
 use crate::limits::ImportBudget;
-use crate::statements::{Statement, honoured, ignored, noted, unread};
+use crate::statements::unread;
 
 use container::Ply;
 
@@ -22,30 +23,10 @@ pub use comments::{MARK, VERSION as FIELD_FILE_VERSION};
 pub use field_file::{write_commented_field_file, write_field_file};
 pub(crate) use gaussian_splatting::lost;
 pub use gaussian_splatting::write_static_ply;
+pub(crate) use statements::STATEMENTS;
 
 /// The first bytes of a file.
 pub(crate) const STARTS: [&[u8]; 2] = [b"ply\n", b"ply\r"];
-
-/// The columns and comments that are known.
-pub(crate) const STATEMENTS: &[Statement] = &[
-    honoured("x y z", "centre; relative to another origin where `f32` is too coarse"),
-    honoured("f_dc_* f_rest_*", "colour as SH; SH above degree 3 is left out"),
-    honoured("red green blue", "colour, where there is no `f_dc_*`"),
-    honoured("opacity scale_* rot_*", "opacity, scales, rotation; without `scale_2` discs"),
-    honoured("filter_3D", "Mip-Splatting's filter in space"),
-    honoured("packed_* min_* max_*", "compressed PLY"),
-    honoured("trbf_center trbf_scale motion_* omega_*", "Spacetime Gaussians; field file"),
-    honoured("t time duration dt vx vy vz velocity_*", "FreeTimeGS"),
-    honoured("rot_r_*", "4DGS, with `t` and `scale_t`"),
-    honoured("aarc_opacity tau s rot_rate_*", "field file"),
-    ignored("nx ny nz", "normals, which 3D Gaussian Splatting fills with zeros"),
-    noted("any other column, any other element", "not read"),
-    honoured("comment aarc", "metadata of a [field file](FIELD.md)"),
-    honoured("comment SplatRenderMode", "Brush: the filter"),
-    honoured("comment antialiased", "Postshot: the filter, without its variance"),
-    honoured("comment Vertical axis", "Brush: the up axis, if it is a vector; a letter is noted"),
-    ignored("any other comment, obj_info", "free text"),
-];
 
 /// Reads the rows of a field.
 pub(crate) fn read(bytes: &[u8], budget: &mut ImportBudget) -> Result<Imported, String> {
