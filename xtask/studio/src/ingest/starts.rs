@@ -10,7 +10,7 @@ use serde_json::json;
 use super::options::Offsets;
 use super::sound::{self, SoundSync, Track};
 use super::store::{Store, identity};
-use super::videos::RigVideo;
+use super::videos::{RigVideo, nominal_fps};
 use crate::capture::{bad, read_text};
 use crate::messages::decimal;
 
@@ -96,8 +96,7 @@ pub(super) fn find(
 /// Starts by timecode where all videos have one, else by sound. Both are compared where there are both.
 fn found(store: &Store, videos: &[RigVideo], warn: &mut Vec<String>) -> Result<Starts, Fault> {
     let has_sound = videos.iter().all(|video| video.probe.has_sound);
-    let timecodes: Option<Vec<f64>> = videos.iter().map(timecode_s).collect();
-    let Some(timecodes) = timecodes else {
+    let Some(timecodes) = timecodes_s(videos) else {
         if !has_sound {
             let silent = videos.iter().filter(|video| !video.probe.has_sound);
             let names: Vec<&str> = silent.map(|video| video.name.as_str()).collect();
@@ -155,20 +154,35 @@ fn by_sound(store: &Store, videos: &[RigVideo]) -> Result<Starts, Fault> {
     Ok(Starts { source: StartSource::Sound, starts_s: first_frame_s.collect(), sound: Some(sound), is_kept })
 }
 
-/// The second of the day at which a video starts by its timecode.
-fn timecode_s(video: &RigVideo) -> Option<f64> {
+/// Seconds at which videos start by their timecodes; `None` if one has none. Starts are within half a day of the first
+/// one: timecodes begin again at midnight.
+fn timecodes_s(videos: &[RigVideo]) -> Option<Vec<f64>> {
+    let seconds = videos.iter().map(timecode_s).collect::<Option<Vec<[f64; 2]>>>()?;
+    let first_s = seconds.first()?[0];
+    let near = |[start_s, day_s]: &[f64; 2]| start_s - day_s * ((start_s - first_s) / day_s).round();
+    Some(seconds.iter().map(near).collect())
+}
+
+/// The second of the day at which a video starts by its timecode, and the seconds after which timecodes begin again.
+fn timecode_s(video: &RigVideo) -> Option<[f64; 2]> {
     let text = video.probe.timecode.as_deref()?;
-    let is_drop = text.contains(';');
-    let parts: Vec<u64> =
+    let parts: Vec<u32> =
         text.split([':', ';', '.']).map(|part| part.parse().ok()).collect::<Option<Vec<_>>>()?;
-    let [hours, minutes, seconds, frames] = parts[..] else { return None };
-    let nominal = video.probe.fps.round() as u64;
-    let total_minutes = 60 * hours + minutes;
-    // SMPTE 12M: two numbers of 30 are left out each minute, except each tenth.
-    let dropped = if is_drop { (nominal / 15) * (total_minutes - total_minutes / 10) } else { 0 };
-    let count = (60 * total_minutes + seconds) * nominal + frames
-        - dropped.min(frames + 60 * total_minutes * nominal);
-    Some(count as f64 / video.probe.fps)
+    let parts = <[u32; 4]>::try_from(parts).ok()?;
+    // A measured rate differs a little from camera to camera, which an hour makes seconds.
+    let fps = video.probe.timecode_fps.unwrap_or_else(|| nominal_fps(video.probe.fps));
+    let seconds = |[hours, minutes, seconds, frames]: [u32; 4]| {
+        let nominal = fps.round();
+        let total_minutes = 60.0 * f64::from(hours) + f64::from(minutes);
+        let count = (60.0 * total_minutes + f64::from(seconds)) * nominal + f64::from(frames);
+        // SMPTE 12M: two numbers of 30 are left out each minute, except each tenth.
+        let dropped = match text.contains(';') {
+            true => (nominal / 15.0).floor() * (total_minutes - (total_minutes / 10.0).floor()),
+            false => 0.0,
+        };
+        (count - dropped).max(0.0) / fps
+    };
+    Some([seconds(parts), seconds([24, 0, 0, 0])])
 }
 
 /// Reads lines of a name and seconds.
@@ -208,17 +222,39 @@ mod tests {
 
     #[test]
     fn timecodes_count_real_seconds() {
-        let seconds = |fps: f64, text: &str| {
-            let mut video = video("a", fps);
-            video.probe.timecode = Some(text.into());
-            timecode_s(&video)
+        // Seconds of the second video after the first; the rate as measured, and the rate of the track.
+        let later_s = |rates: [(f64, Option<f64>); 2], texts: [&str; 2]| {
+            let videos = [0, 1].map(|i| {
+                let mut video = video("a", rates[i].0);
+                video.probe.timecode_fps = rates[i].1;
+                video.probe.timecode = Some(texts[i].into());
+                video
+            });
+            timecodes_s(&videos).map(|starts_s| starts_s[1] - starts_s[0])
         };
-        assert_eq!(seconds(25.0, "01:00:01:05"), Some(3601.2));
-        let drop = seconds(30000.0 / 1001.0, "01:00:00;00").unwrap();
-        assert!((drop - 3600.0).abs() < 0.01, "{drop}");
-        let full = seconds(30000.0 / 1001.0, "01:00:00:00").unwrap();
-        assert!((full - 3603.6).abs() < 1e-6, "{full}");
-        assert_eq!(seconds(25.0, "garbage"), None);
+        let (ntsc, double) = (30000.0 / 1001.0, 60000.0 / 1001.0);
+        let exact = [25.0, 25.0].map(|fps| (fps, None));
+        // A frame is missing, a clock drifts.
+        let measured = [ntsc, ntsc * (1.0 - 2e-4)].map(|fps| (fps, None));
+        for (rates, texts, expected_s) in [
+            (exact, ["00:00:00:00", "01:00:01:05"], 3601.2),
+            (exact, ["10:00:00:00", "10:00:00:05"], 0.2),
+            (measured, ["10:00:00;00", "10:00:00;13"], 13.0 / ntsc),
+            (measured, ["00:00:00;00", "01:00:00;00"], 107_892.0 / ntsc),
+            (measured, ["00:00:00:00", "01:00:00:00"], 3603.6),
+            ([(double, Some(ntsc)), (double, Some(ntsc))], ["01:00:00:00", "01:00:00:15"], 15.0 / ntsc),
+            ([(double, Some(ntsc)), (ntsc, None)], ["10:00:00:03", "10:00:00:00"], -3.0 / ntsc),
+            (exact, ["23:59:59:20", "00:00:00:10"], 0.6),
+            (exact, ["00:00:00:10", "23:59:59:20"], -0.6),
+            (measured, ["23:59:59:29", "00:00:00:01"], 2.0 / ntsc),
+            (measured, ["23:59:59;29", "00:00:00;01"], 2.0 / ntsc),
+        ] {
+            let found_s = later_s(rates, texts).unwrap();
+            assert!((found_s - expected_s).abs() < 1e-6, "{texts:?} {rates:?}: {found_s}, not {expected_s}");
+        }
+        for malformed in ["garbage", "01:00:00", "01:00:00:00:00", "01:00:-1:00", "4294967296:00:00:00"] {
+            assert_eq!(later_s(exact, ["00:00:00:00", malformed]), None, "{malformed}");
+        }
     }
 
     #[test]

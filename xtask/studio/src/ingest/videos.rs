@@ -1,8 +1,12 @@
 //! Finds the videos of a rig's folder and probes them: size, rate, rotation, duration, sound, timecode.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 
 use program::Fault;
+use refine::metrics::median;
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
@@ -14,8 +18,14 @@ use crate::messages::unreadable;
 /// File extensions of videos.
 pub(super) const EXTENSIONS: [&str; 3] = ["mp4", "mov", "mkv"];
 
-/// Deviation of an interval between frames from the median that counts as rounding, in intervals.
+/// Deviation of an interval between frames from the usual one that counts as rounding, in intervals.
 const UNEVEN: f64 = 0.02;
+
+/// Intervals from the median on that count as a gap, in which frames are missing.
+const GAP: f64 = 1.5;
+
+/// Deviation of a gap from a whole number of intervals up to which that number of frames is missing.
+const OFF_GRID: f64 = 0.15;
 
 /// Seconds by which sound may go on for longer than pictures where nothing states the number of these.
 const SOUND_ALONE_S: f64 = 1.0;
@@ -41,7 +51,7 @@ pub struct Probe {
     pub rotation: i32,
     /// Name of the codec.
     pub codec: String,
-    /// Frames per second, 1 over the median interval.
+    /// Frames per second where none are missing.
     pub fps: f64,
     /// Whether the intervals between frames differ.
     pub is_variable: bool,
@@ -55,6 +65,8 @@ pub struct Probe {
     pub has_sound: bool,
     /// Timecode of the first frame, as the file states it.
     pub timecode: Option<String>,
+    /// Frames per second of the track of timecodes, which may be half of the pictures'.
+    pub timecode_fps: Option<f64>,
     /// Presentation times in seconds since the first frame.
     #[serde(skip_serializing_if = "Vec::is_empty", default)]
     pub times_s: Vec<f64>,
@@ -97,21 +109,18 @@ pub(super) fn probe(store: &Store, path: &Path) -> Result<(RigVideo, bool), Faul
 
 fn probed(path: &Path) -> Result<Probe, Fault> {
     let video = Video::open(path)?;
-    let entries = "stream=codec_type,codec_name,nb_frames:stream_tags=timecode:stream_side_data=rotation:\
-                   format=duration,start_time:format_tags=timecode";
-    let output = ffmpeg::output("ffprobe", |command| {
-        command.args(["-v", "error", "-show_entries", entries, "-of", "json"]).arg(path);
-    })?;
-    let said: Said = serde_json::from_slice(&output.stdout)
-        .map_err(|error| bad(path, format!("ffprobe says nothing of it: {error}; convert it to MP4")))?;
+    let entries = "stream=codec_type,codec_name,codec_tag_string,avg_frame_rate,nb_frames:stream_tags:\
+                   stream_side_data=rotation:format=duration,start_time:format_tags";
+    let said: Said = asked(path, &["-show_entries", entries])?;
     let is = |kind: &'static str| move |stream: &&Stream| stream.codec_type.as_deref() == Some(kind);
     let Some(pictures) = said.streams.iter().find(is("video")) else {
         return Err(bad(path, "it has no video; name a video file"));
     };
     let frames = video.times_s.len();
     // MP4 counts its frames before their data, and a copy that was cut off lacks the last of them.
-    if let Some(stated) = pictures.nb_frames.as_ref().and_then(|text| text.parse::<usize>().ok())
+    if let Some(stated) = number::<usize>(&pictures.nb_frames)
         && frames < stated
+        && packets(path)? < stated
     {
         return Err(bad(
             path,
@@ -121,11 +130,11 @@ fn probed(path: &Path) -> Result<Probe, Fault> {
     let (fps, is_variable) = rate(&video.times_s)
         .ok_or_else(|| bad(path, "it has a single frame; record it again, or convert it to MP4"))?;
     // Matroska states when it ends, and no number of frames.
-    let start_s = said.format.start_time.as_ref().and_then(|text| text.parse::<f64>().ok()).unwrap_or(0.0);
+    let start_s = number(&said.format.start_time).unwrap_or(0.0);
     let last_s = video.first_s + video.times_s[frames - 1];
     let has_sound = said.streams.iter().any(|stream| is("audio")(&stream));
     let slack_s = if has_sound { SOUND_ALONE_S } else { LAST_FRAME / fps };
-    if let Some(stated_s) = said.format.duration.as_ref().and_then(|text| text.parse::<f64>().ok())
+    if let Some(stated_s) = number::<f64>(&said.format.duration)
         && pictures.nb_frames.is_none()
         && stated_s > start_s + last_s + slack_s
     {
@@ -139,7 +148,8 @@ fn probed(path: &Path) -> Result<Probe, Fault> {
         ));
     }
     let rotation = pictures.side_data_list.iter().find_map(|data| data.rotation).unwrap_or(0.0);
-    let timecodes = said.streams.iter().map(|stream| &stream.tags).chain([&said.format.tags]);
+    let tags = said.streams.iter().map(|stream| &stream.tags).chain([&said.format.tags]);
+    let track = said.streams.iter().find(|stream| stream.codec_tag_string.as_deref() == Some("tmcd"));
     Ok(Probe {
         size: video.size,
         // ffprobe counts anticlockwise.
@@ -151,22 +161,80 @@ fn probed(path: &Path) -> Result<Probe, Fault> {
         duration_s: video.times_s[frames - 1],
         first_s: video.first_s,
         has_sound,
-        timecode: timecodes.filter_map(|tags| tags.timecode.clone()).next(),
+        timecode: tags.filter_map(timecode).next(),
+        timecode_fps: track.and_then(|track| ratio(track.avg_frame_rate.as_deref()?)),
         times_s: video.times_s,
     })
 }
 
-/// Frames per second by the median interval, and whether intervals differ from it; `None` of a single frame.
+/// What ffprobe says of a file if it is asked so.
+fn asked<T: DeserializeOwned>(path: &Path, arguments: &[&str]) -> Result<T, Fault> {
+    let output = ffmpeg::output("ffprobe", |command| {
+        command.args(["-v", "error"]).args(arguments).args(["-of", "json"]).arg(path);
+    })?;
+    serde_json::from_slice(&output.stdout)
+        .map_err(|error| bad(path, format!("ffprobe says nothing of it: {error}; convert it to MP4")))
+}
+
+/// Number of pictures in an MP4, with those that its edit list hides: a part that was cut without recoding has frames
+/// before its first and after its last one.
+fn packets(path: &Path) -> Result<usize, Fault> {
+    let entries = "stream=nb_read_packets";
+    let said: Said = asked(
+        path,
+        &["-ignore_editlist", "1", "-select_streams", "V:0", "-count_packets", "-show_entries", entries],
+    )?;
+    Ok(said.streams.first().and_then(|stream| number(&stream.nb_read_packets)).unwrap_or(0))
+}
+
+fn number<T: FromStr>(text: &Option<String>) -> Option<T> {
+    text.as_ref()?.parse().ok()
+}
+
+/// The value of a fraction such as `30000/1001`.
+fn ratio(text: &str) -> Option<f64> {
+    let (above, below) = text.split_once('/')?;
+    let value = above.parse::<f64>().ok()? / below.parse::<f64>().ok()?;
+    (value.is_finite() && value > 0.0).then_some(value)
+}
+
+/// The timecode in the tags of a file or a stream; Matroska writes their names in capitals.
+fn timecode(tags: &BTreeMap<String, String>) -> Option<String> {
+    tags.iter().find(|(name, _)| name.eq_ignore_ascii_case("timecode")).map(|(_, value)| value.clone())
+}
+
+/// Frames per second, and whether intervals differ; `None` of a single frame.
+///
+/// Times of some formats are whole milliseconds, so that a median of intervals would be up to 3 % off. It only tells which
+/// frames are one interval apart; the interval is fitted to all times by least squares, first without gaps and then with
+/// those that are whole numbers of intervals.
 fn rate(times_s: &[f64]) -> Option<(f64, bool)> {
-    let mut intervals: Vec<f64> = times_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    intervals.sort_by(f64::total_cmp);
-    let median = *intervals.get(intervals.len() / 2)?;
-    // Times of some formats are whole milliseconds.
-    let slack = (UNEVEN * median).max(0.001_1);
-    let is_variable = intervals.iter().any(|interval| (interval - median).abs() > slack);
-    // The mean knows the rate more exactly than rounded times do.
-    let mean = times_s.last()? / (times_s.len() - 1) as f64;
-    Some((1.0 / if is_variable { median } else { mean }, is_variable))
+    let intervals = || times_s.windows(2).map(|pair| pair[1] - pair[0]);
+    let median_s = median(intervals().collect())?;
+    let without_gaps = fitted_interval_s(times_s, |interval_s| (interval_s < GAP * median_s).then_some(1.0));
+    let interval_s = fitted_interval_s(times_s, |time_s| {
+        let steps = (time_s / without_gaps).round().max(1.0);
+        ((time_s / without_gaps - steps).abs() < OFF_GRID || time_s < GAP * median_s).then_some(steps)
+    });
+    let slack_s = (UNEVEN * interval_s).max(0.001_1);
+    Some((1.0 / interval_s, intervals().any(|interval| (interval - interval_s).abs() > slack_s)))
+}
+
+/// The interval that fits runs of times best; `steps` tells how many intervals lie between two times of a run.
+fn fitted_interval_s(times_s: &[f64], steps: impl Fn(f64) -> Option<f64>) -> f64 {
+    let (mut above, mut below) = (0.0, 0.0);
+    for run in times_s.chunk_by(|a, b| steps(b - a).is_some()) {
+        let mut numbers = vec![0.0];
+        for pair in run.windows(2) {
+            numbers.push(numbers[numbers.len() - 1] + steps(pair[1] - pair[0]).unwrap_or_default());
+        }
+        let middle = numbers.iter().sum::<f64>() / numbers.len() as f64;
+        for (number, time_s) in numbers.iter().zip(run) {
+            above += (number - middle) * (time_s - run[0]);
+            below += (number - middle).powi(2);
+        }
+    }
+    above / below
 }
 
 #[derive(Deserialize)]
@@ -181,9 +249,12 @@ struct Said {
 struct Stream {
     codec_type: Option<String>,
     codec_name: Option<String>,
+    codec_tag_string: Option<String>,
+    avg_frame_rate: Option<String>,
     nb_frames: Option<String>,
+    nb_read_packets: Option<String>,
     #[serde(default)]
-    tags: Tags,
+    tags: BTreeMap<String, String>,
     #[serde(default)]
     side_data_list: Vec<SideData>,
 }
@@ -193,12 +264,7 @@ struct Format {
     duration: Option<String>,
     start_time: Option<String>,
     #[serde(default)]
-    tags: Tags,
-}
-
-#[derive(Default, Deserialize)]
-struct Tags {
-    timecode: Option<String>,
+    tags: BTreeMap<String, String>,
 }
 
 #[derive(Deserialize)]
@@ -215,7 +281,7 @@ pub(super) fn commonest_fps(videos: &[RigVideo]) -> f64 {
 }
 
 /// A measured rate, or the usual one that is next to it.
-fn nominal_fps(fps: f64) -> f64 {
+pub(super) fn nominal_fps(fps: f64) -> f64 {
     let usual = [1.0, 1000.0 / 1001.0].into_iter().map(|factor| (fps / factor).round() * factor);
     let nearest = usual.min_by(|a, b| (a - fps).abs().total_cmp(&(b - fps).abs())).unwrap_or(fps);
     if nearest > 0.0 && (nearest / fps - 1.0).abs() < 5e-4 { nearest } else { fps }
@@ -240,6 +306,7 @@ pub(super) mod tests {
             first_s: 0.0,
             has_sound: false,
             timecode: None,
+            timecode_fps: None,
             times_s,
         };
         RigVideo { name: name.into(), path: PathBuf::from(format!("{name}.mp4")), probe }
@@ -247,12 +314,21 @@ pub(super) mod tests {
 
     #[test]
     fn rates_are_constant_up_to_rounding() {
-        let even: Vec<f64> = (0..50).map(|i| (f64::from(i) / 30.0 * 1e3).round() / 1e3).collect();
-        let (fps, is_variable) = rate(&even).unwrap();
-        assert!((fps - 30.0).abs() < 0.02 && !is_variable, "{fps}");
-        let gap: Vec<f64> = (0..50).map(|i| f64::from(i + i / 20) / 30.0).collect();
-        let (fps, is_variable) = rate(&gap).unwrap();
-        assert!((fps - 30.0).abs() < 1e-6 && is_variable, "{fps}");
+        // The numbers of the frames that are there, and the times that Matroska gives them.
+        let rate_of = |fps: f64, is_there: fn(u32) -> bool| {
+            let there = (0..240).filter(|i| is_there(*i));
+            let times_s: Vec<f64> = there.map(|i| (f64::from(i) / fps * 1e3).round() / 1e3).collect();
+            rate(&times_s).unwrap()
+        };
+        for fps in [24000.0 / 1001.0, 25.0, 30000.0 / 1001.0, 30.0, 60000.0 / 1001.0, 60.0, 120.0] {
+            let are_there: [fn(u32) -> bool; 4] =
+                [|_| true, |i| i != 77, |i| i % 20 != 19, |i| !(50..150).contains(&i)];
+            for (number, is_there) in are_there.into_iter().enumerate() {
+                let (found, is_variable) = rate_of(fps, is_there);
+                let has_gap = number > 0;
+                assert!((found / fps - 1.0).abs() < 2e-4 && is_variable == has_gap, "{found} for {fps}");
+            }
+        }
         assert_eq!(rate(&[0.0]), None);
     }
 

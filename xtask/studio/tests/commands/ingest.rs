@@ -272,10 +272,41 @@ fn timecodes_say_when_videos_start() {
     for (name, timecode) in [("a", "10:00:00:00"), ("b", "10:00:00:05")] {
         ffmpeg(&rig, &format!("{} {ENCODED} -timecode {timecode} {name}.mp4", pictures(1.0)));
     }
-    let json = ingest(folder.path(), "--json").json();
-    assert_eq!(json["starts"]["source"], "timecode");
-    let starts_s = starts_s(&json);
-    assert!((starts_s[0] + 0.2).abs() < 1e-9 && starts_s[1] == 0.0, "{starts_s:?}");
+    let starts = || {
+        let json = ingest(folder.path(), "--json").json();
+        assert_eq!(json["starts"]["source"], "timecode");
+        (starts_s(&json)[0], json["fps"].as_f64().unwrap())
+    };
+    let is_near = |found: (f64, f64), start_s: f64, fps: f64| {
+        assert!(
+            (found.0 - start_s).abs() < 1e-6 && (found.1 - fps).abs() < 1e-6,
+            "{found:?}, not {start_s} {fps}"
+        );
+    };
+    is_near(starts(), -0.2, 25.0);
+
+    // Matroska rounds times to milliseconds, and a frame is missing.
+    let ntsc = 30000.0 / 1001.0;
+    ["a.mp4", "b.mp4"].iter().for_each(|name| fs::remove_file(rig.join(name)).unwrap());
+    let frames = "-f lavfi -i testsrc=size=64x48:rate=30000/1001:duration=2";
+    let missing = "-vf select=not(eq(n\\,20)) -fps_mode passthrough";
+    ffmpeg(&rig, &format!("{frames} {missing} {ENCODED} -timecode 10:00:00:00 a.mkv"));
+    ffmpeg(&rig, &format!("{frames} {ENCODED} -timecode 10:00:00:13 b.mkv"));
+    is_near(starts(), -13.0 / ntsc, ntsc);
+
+    // 60 frames a second; timecodes count every other frame.
+    ["a.mkv", "b.mkv"].iter().for_each(|name| fs::remove_file(rig.join(name)).unwrap());
+    for (name, timecode) in [("a", "23:59:59:20"), ("b", "00:00:00:05")] {
+        ffmpeg(
+            &rig,
+            &format!(
+                "-f lavfi -i testsrc=size=64x48:rate=30:duration=2 {ENCODED} -timecode {timecode} ../track.mov"
+            ),
+        );
+        ffmpeg(&rig, &format!("-f lavfi -i testsrc=size=64x48:rate=60:duration=2 {ENCODED} ../pictures.mov"));
+        ffmpeg(&rig, &format!("-i ../pictures.mov -i ../track.mov -map 0:v -map 1:d -c copy {name}.mov"));
+    }
+    is_near(starts(), -0.5, 60.0);
 }
 
 #[test]
@@ -363,6 +394,12 @@ fn damaged_videos_are_named() {
     refused("the file is cut off after frame ");
     fs::write(rig.join("b.mp4"), b"no video").unwrap();
     refused("no video that ffmpeg can read: ");
+    // A part that was cut without recoding hides frames at both ends.
+    ffmpeg(&rig, &format!("{} {ENCODED} -g 50 -bf 2 ../long.mp4", pictures(4.0)));
+    ffmpeg(&rig, "-ss 2.6 -t 1 -i ../long.mp4 -c copy -movflags +faststart b.mp4");
+    let part = fs::read(rig.join("b.mp4")).unwrap();
+    fs::write(rig.join("b.mp4"), &part[..part.len() * 2 / 3]).unwrap();
+    refused("the file is cut off after frame ");
     // Matroska states its length alone.
     fs::remove_file(rig.join("b.mp4")).unwrap();
     ffmpeg(&rig, "-i a.mp4 -c copy b.mkv");
@@ -373,6 +410,9 @@ fn damaged_videos_are_named() {
     ffmpeg(&rig, "-i a.mp4 -c copy -output_ts_offset 5 b.mkv");
     ingest(folder, "--offsets none").success();
     fs::remove_file(rig.join("b.mkv")).unwrap();
+    fs::write(rig.join("b.mp4"), part).unwrap();
+    let probe = ingest(folder, "--offsets none --json").json()["cameras"][1]["probe"].clone();
+    assert!((25..30).contains(&probe["frames"].as_u64().unwrap()), "{probe}");
     fs::remove_dir_all(folder.join("studio")).unwrap();
     fs::write(rig.join("b.mp4"), whole).unwrap();
     let ingest = ["ingest", "rig", "-o", "studio", "--offsets", "none"];
