@@ -495,6 +495,20 @@ pub(super) fn calibrated(name: String, camera: Camera, lens: Lens) -> Calibrated
     CalibratedCamera { name, camera, lens, time_offset_s: 0.0, response: Response::NEUTRAL, held: false }
 }
 
+/// Skew in pixels up to which it counts as rounding.
+const SKEW_MAX: f64 = 1e-6;
+
+/// Focal lengths and principal point, fx, fy, cx, cy, of a matrix of intrinsics, row by row.
+///
+/// # Errors
+/// A sentence if it has a skew.
+pub(crate) fn intrinsics(k: &[f64]) -> Result<[f64; 4], String> {
+    match k[1].abs() <= SKEW_MAX {
+        true => Ok([k[0], k[4], k[2], k[5]]),
+        false => Err(format!("K has a skew of {}, which is not supported; calibrate without skew", k[1])),
+    }
+}
+
 /// A camera with these intrinsics and this rigid transform.
 pub(super) fn pinhole(
     size: (u32, u32),

@@ -12,7 +12,9 @@ use glam::{DMat3, DVec3};
 use program::Fault;
 use refine::capture::{CalibratedCamera, Lens, even_times_s};
 
-use super::capture_files::{CaptureBuilder, CaptureFiles, calibrated, pinhole, rigid};
+use super::capture_files::{
+    CaptureBuilder, CaptureFiles, calibrated, intrinsics as intrinsics_of, pinhole, rigid,
+};
 use super::image_file::{bad, bad_layout, find_image, find_image_in, joined, read_text, size_of};
 use super::photo_paths::PhotoPath;
 use crate::messages::unreadable;
@@ -56,35 +58,45 @@ impl CalibrationFiles {
     }
 
     /// Size of a camera's pictures, if it is stated.
-    fn size(&self, name: &str) -> Option<(u32, u32)> {
-        let number = |key: &str| numbers(self.intrinsics.get(&format!("{key}_{name}"))?).first().copied();
-        Some((number("W")? as u32, number("H")? as u32))
+    fn size(&self, name: &str) -> Result<Option<(u32, u32)>, Fault> {
+        let side = |key: &str| {
+            let value = self.intrinsics.get(&format!("{key}_{name}"));
+            let malformed =
+                || bad_layout(&self.intrinsics_path, format!("{key}_{name} is no number of pixels"));
+            value.map(|value| pixels(value).ok_or_else(malformed)).transpose()
+        };
+        Ok(side("W")?.zip(side("H")?))
     }
 
     /// A camera with pictures of this size, and its lens.
     fn camera(&self, name: &str, size: (u32, u32)) -> Result<(Camera, Lens), Fault> {
         let matrix = |map: &Storage, path: &Path, keys: &[&str], least: usize| {
             let at = keys.iter().find_map(|key| map.get(&format!("{key}_{name}")));
-            let data = at.map(|value| numbers(value)).filter(|data| data.len() >= least);
+            let data = at.and_then(|value| numbers(value)).filter(|data| data.len() >= least);
             data.ok_or_else(|| {
                 bad_layout(path, format!("{}_{name} is missing, malformed or too short", keys[0]))
             })
         };
         let CalibrationFiles { intrinsics, intrinsics_path, extrinsics, extrinsics_path } = self;
         let k = matrix(intrinsics, intrinsics_path, &["K"], 9)?;
-        let has_lens = ["D", "dist"].iter().any(|key| intrinsics.contains_key(&format!("{key}_{name}")));
-        let d = match has_lens {
+        let k =
+            intrinsics_of(&k).map_err(|problem| bad_layout(intrinsics_path, format!("{name}: {problem}")))?;
+        let has = |storage: &Storage, key: &str| storage.contains_key(&format!("{key}_{name}"));
+        let d = match has(intrinsics, "D") || has(intrinsics, "dist") {
             true => matrix(intrinsics, intrinsics_path, &["D", "dist"], 1)?,
             false => Vec::new(),
         };
         let lens = Lens::rational(&d)
             .map_err(|problem| bad_layout(intrinsics_path, format!("{name}: {problem}")))?;
         let t = matrix(extrinsics, extrinsics_path, &["T"], 3)?;
-        let rotation = match matrix(extrinsics, extrinsics_path, &["Rot"], 9) {
-            Ok(r) => [[r[0], r[1], r[2]], [r[3], r[4], r[5]], [r[6], r[7], r[8]]],
-            Err(_) => rodrigues(&matrix(extrinsics, extrinsics_path, &["R"], 3)?),
+        let rotation = match has(extrinsics, "Rot") {
+            true => {
+                let r = matrix(extrinsics, extrinsics_path, &["Rot"], 9)?;
+                [[r[0], r[1], r[2]], [r[3], r[4], r[5]], [r[6], r[7], r[8]]]
+            }
+            false => rodrigues(&matrix(extrinsics, extrinsics_path, &["R"], 3)?),
         };
-        Ok((pinhole(size, [k[0], k[4], k[2], k[5]], rigid(rotation, [t[0], t[1], t[2]])), lens))
+        Ok((pinhole(size, k, rigid(rotation, [t[0], t[1], t[2]])), lens))
     }
 }
 
@@ -95,7 +107,7 @@ impl CalibrationFiles {
 pub(super) fn cameras(folder: &Path) -> Result<Vec<CalibratedCamera>, Fault> {
     let files = CalibrationFiles::read(folder)?;
     let camera_named = |name: String| {
-        let (camera, lens) = files.camera(&name, files.size(&name).unwrap_or_default())?;
+        let (camera, lens) = files.camera(&name, files.size(&name)?.unwrap_or_default())?;
         Ok(calibrated(name, camera, lens))
     };
     files.names()?.into_iter().map(camera_named).collect()
@@ -114,7 +126,7 @@ pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
         let frames = frames(&images)?;
         let Some(first) = frames.first() else { continue };
         let first = find_image(&images.join(first)).expect("just listed");
-        let size = match files.size(name) {
+        let size = match files.size(name)? {
             Some(size) => size,
             None => size_of(&first)?,
         };
@@ -204,19 +216,30 @@ fn names(storage: &Storage) -> Option<Vec<String>> {
     Some(names.filter(|name| !name.is_empty()).collect())
 }
 
-/// Parses a matrix or a number, row by row; empty if it is malformed.
-pub(crate) fn numbers(value: &str) -> Vec<f64> {
-    let list = match value.split_once("data:") {
-        Some((_, data)) => data.trim().trim_start_matches('[').split(']').next().unwrap_or_default(),
-        None => value,
-    };
-    let parsed: Option<Vec<f64>> = list
-        .split([',', '\n'])
-        .map(str::trim)
-        .filter(|item| !item.is_empty())
-        .map(|item| item.parse().ok())
-        .collect();
-    parsed.unwrap_or_default()
+/// Parses a number of pixels, of at least 1.
+pub(crate) fn pixels(value: &str) -> Option<u32> {
+    match numbers(value)?[..] {
+        [side] if (1.0..=f64::from(u32::MAX)).contains(&side) => Some(side as u32),
+        _ => None,
+    }
+}
+
+/// Parses a matrix, a list or a number, row by row; `None` if it is malformed.
+pub(crate) fn numbers(value: &str) -> Option<Vec<f64>> {
+    let text = value.split_once("data:").map_or(value, |(_, data)| data);
+    let mut depth = 0;
+    let mut list = String::new();
+    for c in text.lines().flat_map(|line| line.split('#').next().unwrap_or_default().chars().chain([' '])) {
+        depth += i32::from(c == '[') - i32::from(c == ']');
+        list.push(if "[],".contains(c) { ' ' } else { c });
+        if c == ']' && depth <= 0 {
+            break;
+        }
+    }
+    // Items of a block begin with a dash.
+    let items = list.split_whitespace().filter(|item| *item != "-");
+    let parsed: Option<Vec<f64>> = items.map(|item| item.parse().ok()).collect();
+    parsed.filter(|parsed| depth == 0 && !parsed.is_empty() && parsed.iter().all(|x| x.is_finite()))
 }
 
 /// The rotation matrix of a Rodrigues vector: direction of the axis, length of the angle.
@@ -236,9 +259,15 @@ mod tests {
     fn lists_numbers_and_matrices_are_read() {
         let storage = parse(TEXT);
         assert_eq!(names(&storage).unwrap(), ["00", "b"]);
-        assert_eq!(numbers(&storage["K_00"]), [390.0, 0.0, 256.0, 0.0, 390.0, 187.5, 0.0, 0.0, 1.0]);
-        assert_eq!(numbers(&storage["H_00"]), [375.0]);
-        assert!(numbers("data: [ 1, x ]").is_empty());
+        let matrix = vec![390.0, 0.0, 256.0, 0.0, 390.0, 187.5, 0.0, 0.0, 1.0];
+        assert_eq!(numbers(&storage["K_00"]), Some(matrix));
+        assert_eq!(pixels(&storage["H_00"]), Some(375));
+        for list in ["[1, -2.5]", " [[1], [-2.5]] # both", "\n  - 1\n  - -2.5", "[1,\n -2.5]", "[1 -2.5]"] {
+            assert_eq!(numbers(list), Some(vec![1.0, -2.5]), "{list}");
+        }
+        for malformed in ["data: [ 1, x ]", "[1, 2", "1]", "[]", "", "[.Nan]", "\n rows: 1"] {
+            assert_eq!(numbers(malformed), None, "{malformed}");
+        }
         assert_eq!(names(&parse("names: [ \"a\", c ]")).unwrap(), ["a", "c"]);
     }
 

@@ -10,7 +10,7 @@ use serde::Deserialize;
 
 use super::camera_part::CameraPart;
 use super::camera_plate::CameraPlate;
-use super::capture_files::{CaptureBuilder, CaptureFiles, CaptureSound, pinhole};
+use super::capture_files::{CaptureBuilder, CaptureFiles, CaptureSound, intrinsics, pinhole};
 use super::image_file::{bad, bad_layout, read_text};
 use super::photo_paths::PhotoPath;
 use super::video::Video;
@@ -30,9 +30,6 @@ const METRES_PER_UNIT: RangeInclusive<f64> = 1e-9..=1e9;
 
 /// Most bytes of a path, as on Linux: a pattern may name a camera many times.
 const PATH_MAX: usize = 4096;
-
-/// Skew in pixels up to which it counts as rounding.
-const SKEW_MAX: f64 = 1e-6;
 
 /// See `xtask/CAPTURE.md`.
 #[derive(Deserialize)]
@@ -262,9 +259,7 @@ impl Manifest {
             if !names.insert(id) {
                 return Err(format!("camera {id} is listed twice"));
             }
-            if k[0][1].abs() > SKEW_MAX {
-                return Err(format!("camera {id}: K has a skew of {}, which is not supported", k[0][1]));
-            }
+            intrinsics(k.as_flattened()).map_err(|problem| format!("camera {id}: {problem}"))?;
         }
         Ok(())
     }

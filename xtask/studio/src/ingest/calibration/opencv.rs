@@ -1,5 +1,5 @@
-//! OpenCV YAML with one camera in each file: `K` (or `camera_matrix`), `D` (or `distortion_coefficients`), `R` or `rvec`, and
-//! `T` or `tvec`, from the world to the camera.
+//! OpenCV YAML with one camera in each file: `K` (or `camera_matrix`), `D` (or `distortion_coefficients`) and
+//! `distortion_model`, `R` or `rvec`, and `T` or `tvec`, from the world to the camera.
 
 use std::path::{Path, PathBuf};
 
@@ -8,13 +8,15 @@ use program::Fault;
 use refine::capture::Lens;
 
 use super::camera::{Calibration, RigCamera, opencv_camera};
-use crate::capture::{Storage, bad, numbers, parse_storage, read_text, rodrigues};
+use crate::capture::{Storage, bad, intrinsics, numbers, parse_storage, pixels, read_text, rodrigues};
 
 /// Accepted names of each matrix.
 const K: [&str; 3] = ["K", "camera_matrix", "cameraMatrix"];
 const D: [&str; 4] = ["D", "distortion_coefficients", "distCoeffs", "dist"];
 const R: [&str; 3] = ["R", "rotation", "rvec"];
 const T: [&str; 3] = ["T", "translation", "tvec"];
+const MODEL: [&str; 2] = ["distortion_model", "lens_model"];
+const FISHEYE: [&str; 2] = ["fisheye", "fisheye_model"];
 const SIZE: [[&str; 2]; 2] = [["image_width", "image_height"], ["width", "height"]];
 
 /// Whether a file is of this layout.
@@ -41,30 +43,70 @@ fn camera(path: &Path) -> Result<RigCamera, Fault> {
     let storage = parse_storage(&read_text(path)?);
     let wrong = |problem: String| bad(path, format!("{problem}; export the calibration again"));
     let matrix = |names: &[&str], counts: &[usize]| {
-        let data = value(&storage, names).map(|value| numbers(value)).unwrap_or_default();
-        match counts.contains(&data.len()) {
-            true => Ok(data),
-            false => Err(wrong(format!("{} is missing or malformed", names[0]))),
-        }
+        let data = value(&storage, names).and_then(|value| numbers(value));
+        let data = data.filter(|data| counts.contains(&data.len()));
+        data.ok_or_else(|| wrong(format!("{} is missing or malformed", names[0])))
     };
-    let k = matrix(&K, &[9])?;
+    let k = intrinsics(&matrix(&K, &[9])?).map_err(wrong)?;
     let rotation = matrix(&R, &[3, 9])?;
     let rotation = match rotation.len() {
         9 => [0, 3, 6].map(|row| [rotation[row], rotation[row + 1], rotation[row + 2]]),
         _ => rodrigues(&rotation),
     };
     let t = matrix(&T, &[3])?;
-    let d = value(&storage, &D).map(|value| numbers(value)).unwrap_or_default();
-    let side = |name: &str| storage.get(name).and_then(|value| numbers(value).first().copied());
-    let size = SIZE.iter().find_map(|[width, height]| Some((side(width)? as u32, side(height)? as u32)));
+    let d = match value(&storage, &D) {
+        Some(value) => numbers(value).ok_or_else(|| wrong(format!("{} is malformed", D[0])))?,
+        None => Vec::new(),
+    };
+    let side = |name: &str| {
+        let malformed = || wrong(format!("{name} is no number of pixels"));
+        storage.get(name).map(|value| pixels(value).ok_or_else(malformed)).transpose()
+    };
+    let mut size = None;
+    for [width, height] in SIZE {
+        size = size.or(side(width)?.zip(side(height)?));
+    }
+    let lens = match is_fisheye(&storage).map_err(wrong)? {
+        true => Lens::fisheye(&d),
+        false => Lens::rational(&d),
+    };
     let camera = opencv_camera(
         size.unwrap_or_default(),
-        [k[0], k[4], k[2], k[5]],
+        k,
         DMat3::from_cols_array_2d(&rotation).transpose(),
         [t[0], t[1], t[2]],
     );
     let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    Ok(RigCamera { name, camera, lens: Lens::rational(&d).map_err(wrong)? })
+    Ok(RigCamera { name, camera, lens: lens.map_err(wrong)? })
+}
+
+/// Whether a file says that its coefficients are of a fisheye lens.
+///
+/// # Errors
+/// A sentence if it names a model that is neither of OpenCV's two.
+fn is_fisheye(storage: &Storage) -> Result<bool, String> {
+    if storage.contains_key("xi") {
+        return Err(
+            "xi: an omnidirectional lens is not supported; calibrate with OpenCV's fisheye model".into()
+        );
+    }
+    let word = |value: &String| value.trim().trim_matches(['"', '\'']).to_lowercase();
+    let flag = value(storage, &FISHEYE).map(word).is_some_and(|flag| ["1", "true", "yes"].contains(&&*flag));
+    let Some(model) = value(storage, &MODEL).map(word) else { return Ok(flag) };
+    match &*model {
+        "fisheye" | "equidistant" | "kannala_brandt" | "opencv_fisheye" => Ok(true),
+        ""
+        | "none"
+        | "pinhole"
+        | "plumb_bob"
+        | "radtan"
+        | "brown_conrady"
+        | "rational"
+        | "rational_polynomial"
+        | "opencv"
+        | "standard" => Ok(flag),
+        _ => Err(format!("the lens model {model} is not supported; OpenCV's rational and fisheye are")),
+    }
 }
 
 #[cfg(test)]
@@ -84,7 +126,30 @@ mod tests {
         assert_eq!((name.as_str(), camera.width, camera.k[0][2], camera.k[1][2]), ("left", 64, 32.0, 24.0));
         assert_eq!(camera.camera_from_world[0], [1.0, 0.0, 0.0, 1.0]);
         assert!(lens.is_none());
-        std::fs::write(&path, text.replace("tvec", "other")).unwrap();
-        assert!(super::camera(&path).unwrap_err().to_string().contains("T is missing"));
+        let read = |more: &str| {
+            std::fs::write(&path, format!("{text}{more}\n")).unwrap();
+            super::camera(&path).map(|camera| camera.lens).map_err(|fault| fault.to_string())
+        };
+        let [d, bracketed] = ["D: !!opencv-matrix\n   data: [ -0.1, 0.02 ]", "dist: [-0.1, 0.02]"];
+        let (rational, fisheye) = (Lens::rational(&[-0.1, 0.02]), Lens::fisheye(&[-0.1, 0.02]));
+        for d in [d, bracketed] {
+            assert_eq!(read(d), rational);
+            assert_eq!(read(&format!("{d}\ndistortion_model: plumb_bob")), rational);
+            assert_eq!(read(&format!("{d}\ndistortion_model: \"equidistant\"")), fisheye);
+            assert_eq!(read(&format!("{d}\nfisheye_model: 1")), fisheye);
+        }
+        for (more, problem) in [
+            ("D: !!opencv-matrix\n   data: [ -0.1, 0.o2 ]", "D is malformed"),
+            ("D: [ -0.1", "D is malformed"),
+            ("D: none", "D is malformed"),
+            ("distortion_model: fov", "the lens model fov is not supported"),
+            ("xi: 1.2", "an omnidirectional lens"),
+            ("image_height: x", "image_height is no number of pixels"),
+            ("tvec: [1, 2]", "T is missing or malformed"),
+            ("K: [50, 0.5, 31.5, 0, 51, 23.5, 0, 0, 1]", "K has a skew of 0.5"),
+        ] {
+            let error = read(more).unwrap_err();
+            assert!(error.contains(problem) && !error.contains('\n'), "{more}: {error}");
+        }
     }
 }

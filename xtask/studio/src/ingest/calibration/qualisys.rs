@@ -10,7 +10,7 @@ use program::Fault;
 use refine::capture::Lens;
 
 use super::camera::{Calibration, RigCamera, opencv_camera};
-use crate::capture::{bad, read_text};
+use crate::capture::{bad, intrinsics, read_text};
 
 /// Units of a pixel.
 const PER_PIXEL: f64 = 64.0;
@@ -58,12 +58,12 @@ fn camera(element: &str) -> Result<RigCamera, String> {
     }
     let lens = |key: &str| number("intrinsic", key);
     let pixels = |key: &str| number("intrinsic", key).map(|x| x / PER_PIXEL);
-    let k = [
-        pixels("focalLengthU")?,
-        pixels("focalLengthV")?,
-        pixels("centerPointU")? - left,
-        pixels("centerPointV")? - top,
-    ];
+    let (fx, fy) = (pixels("focalLengthU")?, pixels("focalLengthV")?);
+    let (cx, cy) = (pixels("centerPointU")? - left, pixels("centerPointV")? - top);
+    let has_skew = element.split_once("<intrinsic ").is_some_and(|(_, tag)| attribute(tag, "skew").is_some());
+    let skew = if has_skew { pixels("skew")? } else { 0.0 };
+    let k =
+        intrinsics(&[fx, skew, cx, 0.0, fy, cy]).map_err(|problem| format!("camera {name}: {problem}"))?;
     let d = [
         lens("radialDistortion1")?,
         lens("radialDistortion2")?,
@@ -135,6 +135,8 @@ mod tests {
             ("<intrinsic", "<other", "camera c1 has no intrinsic"),
             ("viewrotation=\"0\"", "viewrotation=\"90\"", "viewrotation"),
             ("right=\"63\"", "right=\"-5\"", "empty"),
+            ("<intrinsic", "<intrinsic skew=\"64\"", "camera c1: K has a skew of 1"),
+            ("<intrinsic", "<intrinsic skew=\"none\"", "camera c1: intrinsic has no number skew"),
         ] {
             let error = read_text(&TEXT.replacen(from, to, 1)).unwrap_err().to_string();
             assert!(error.contains(problem), "{error}");

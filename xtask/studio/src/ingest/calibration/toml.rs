@@ -11,7 +11,7 @@ use refine::capture::Lens;
 use serde::Deserialize;
 
 use super::camera::{Calibration, RigCamera, opencv_camera};
-use crate::capture::{bad, read_text};
+use crate::capture::{bad, intrinsics, read_text};
 
 #[derive(Deserialize)]
 struct Table {
@@ -84,7 +84,7 @@ fn camera(key: &str, table: Table) -> Result<RigCamera, String> {
         true => Lens::fisheye(&table.distortions),
         false => Lens::rational(&table.distortions),
     };
-    let k = [rows[0][0], rows[1][1], rows[0][2], rows[1][2]];
+    let k = intrinsics(rows.as_flattened())?;
     let name = table.name.unwrap_or_else(|| key.to_owned());
     Ok(RigCamera { name, camera: opencv_camera(size, k, rotation, translation), lens: lens? })
 }
@@ -133,6 +133,7 @@ mod tests {
             ("[cam_01]", "[cam_01", "export the calibration again"),
             ("matrix", "matrices", "it has no camera"),
             ("-0.1", "\"x\"", "[cam_01]"),
+            ("[ 50.0, 0.0,", "[ 50.0, 0.5,", "[cam_01]: K has a skew of 0.5"),
         ] {
             let error = read_text(&CAMERA.replace(from, to)).unwrap_err().to_string();
             assert!(error.contains(problem) && !error.contains('\n'), "{error}");
