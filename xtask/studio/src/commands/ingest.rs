@@ -17,7 +17,7 @@ pub struct Args {
     rig: PathBuf,
     #[command(flatten)]
     out: OutOption,
-    /// The calibration; by default the only one in the folder of videos
+    /// The calibration; by default the calibration in the folder of videos that fits them
     #[arg(long, value_name = "FILE")]
     calibration: Option<PathBuf>,
     /// When the videos start: a file with lines of a name and seconds, or none if they start together; by default their

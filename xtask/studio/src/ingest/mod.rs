@@ -94,13 +94,8 @@ pub fn ingest(
     let videos: Vec<RigVideo> = probed.into_iter().map(|(video, _)| video).collect();
     say(&line("videos", is_kept, &describe_videos(&videos)));
 
-    let calibration = calibration::read(rig, options.calibration.as_deref())?;
-    let mut cameras = matching::cameras_of(&videos, &calibration)?;
-    for (camera, video) in cameras.iter_mut().zip(&videos) {
-        camera.camera = matching::sized(video, &camera.camera, options.resize)?;
-        let check = camera.camera.check();
-        check.map_err(|problem| bad(&calibration.path, format!("camera {}: {problem}", camera.name)))?;
-    }
+    let calibrations = calibration::read(rig, options.calibration.as_deref())?;
+    let (calibration, mut cameras) = matching::choose(&videos, calibrations, options.resize, say)?;
     let layout = calibration.layout;
     say(&line("cameras", false, &format!("{} by {layout}, {}", cameras.len(), calibration.path.display())));
 

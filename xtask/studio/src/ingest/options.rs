@@ -5,7 +5,7 @@ use std::path::PathBuf;
 /// Options of [`ingest`](super::ingest).
 #[derive(Clone, Debug, Default)]
 pub struct IngestOptions {
-    /// The calibration; by default the only one in the rig's folder.
+    /// The calibration; by default the calibration in the rig's folder that fits the videos.
     pub calibration: Option<PathBuf>,
     /// When the videos start.
     pub offsets: Offsets,

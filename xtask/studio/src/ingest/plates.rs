@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use refine::matte::Plate;
 use serde::{Deserialize, Serialize};
 
-use super::matching::named;
+use super::matching::matches;
 use super::videos::{self, RigVideo};
 use crate::capture::{Video, bad, median_frames, read_file_image};
 use crate::messages::unreadable;
@@ -54,10 +54,14 @@ pub(super) fn find(videos: &[RigVideo], folder: Option<&Path>) -> Result<Vec<Pla
     let files = files(folder)?;
     let names: Vec<&str> = videos.iter().map(|video| video.name.as_str()).collect();
     let mut plates: Vec<Option<PlateFile>> = vec![None; videos.len()];
-    for file in files {
-        let name = file.path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let stems: Vec<String> = files
+        .iter()
+        .map(|file| file.path.file_stem().unwrap_or_default().to_string_lossy().into_owned())
+        .collect();
+    let stems: Vec<&str> = stems.iter().map(String::as_str).collect();
+    for (file, found) in files.into_iter().zip(matches(&stems, &names)) {
         // Other files do no harm: a camera that lacks its own is named below.
-        let [camera] = named(&name, &names)[..] else { continue };
+        let [camera] = found[..] else { continue };
         if let Some(other) = &plates[camera] {
             let (other, video) = (other.path.display(), names[camera]);
             return Err(bad(

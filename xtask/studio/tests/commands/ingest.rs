@@ -360,9 +360,28 @@ fn each_video_has_one_camera_of_its_size() {
     refused("other proportions", "--resize crop");
     ingest(folder, "--offsets none --resize crop").success();
     assert_eq!(manifest(folder)["cameras"][0]["K"][0], serde_json::json!([60.0, 0.0, 31.0]));
-    fs::copy(&toml, rig.join("other.toml")).unwrap();
+    // Of several calibrations the fitting one counts.
+    let other = |text: &str| fs::write(rig.join("other.toml"), text).unwrap();
+    other(&calibration(&["a", "b"]));
+    let said = ingest(folder, "--offsets none").success().stdout;
+    assert!(
+        said.contains("note: of the calibrations calibration.toml, other.toml other.toml alone fits"),
+        "{said}"
+    );
+    sized("64.0, 48.0");
+    assert!(ingest(folder, "--offsets none").success().stdout.contains("calibration.toml is read"));
+    other(&calibration(&["a", "b"]).replace("60.0", "61.0"));
     let error = self::refused(ingest(folder, "--offsets none"), 2);
-    assert!(error.contains("2 calibrations, calibration.toml, other.toml; name one of them"), "{error}");
+    assert!(
+        error.contains("calibration.toml, other.toml differ") && error.contains("--calibration"),
+        "{error}"
+    );
+    other("[cam_0]\nmatrix = 1\nrotation = 2\n");
+    ingest(folder, "--offsets none").success();
+    sized("66.0, 48.0");
+    other(&calibration(&["c", "d"]));
+    let error = self::refused(ingest(folder, "--offsets none"), 2);
+    assert!(error.contains("none of the calibrations calibration.toml, other.toml fits"), "{error}");
     for name in ["calibration.toml", "other.toml"] {
         fs::remove_file(rig.join(name)).unwrap();
     }

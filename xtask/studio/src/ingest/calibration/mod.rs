@@ -15,17 +15,15 @@ use crate::capture::{bad, calibrated_cameras};
 use crate::messages::unreadable;
 pub(super) use camera::{Calibration, RigCamera};
 
-/// Reads the calibration at `stated`, or else the only one in `folder`.
+/// Reads the calibration at `stated`, or else those in `folder`: at least one. Of several those that are malformed are left
+/// out.
 ///
 /// # Errors
-/// [`Fault::Data`] if there is none or it is malformed; [`Fault::Usage`] if there are several.
-pub(super) fn read(folder: &Path, stated: Option<&Path>) -> Result<Calibration, Fault> {
+/// [`Fault::Data`] if there is none or it is malformed.
+pub(super) fn read(folder: &Path, stated: Option<&Path>) -> Result<Vec<Calibration>, Fault> {
     if let Some(path) = stated {
         std::fs::metadata(path).map_err(|error| unreadable(path, &error))?;
-        let known =
-            "Pose2Sim, Caliscope and aniposelib TOML, Qualisys .qca.txt, OpenCV YAML, COLMAP and nerfstudio";
-        return read_one(path)?
-            .ok_or_else(|| bad(path, format!("no calibration in a known layout: {known} are known")));
+        return Ok(vec![read_one(path)?]);
     }
     let mut entries = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(|error| unreadable(folder, &error))? {
@@ -33,30 +31,25 @@ pub(super) fn read(folder: &Path, stated: Option<&Path>) -> Result<Calibration, 
     }
     entries.sort();
     let is_model = |path: &PathBuf| path.is_dir() && path.ends_with("sparse");
-    let mut found: Vec<PathBuf> = entries
-        .iter()
-        .filter(|path| is_calibration(path) || is_model(path))
-        .map(|path| if is_model(path) { folder.to_owned() } else { path.clone() })
-        .collect();
+    let found = entries.iter().filter(|path| is_calibration(path) || is_model(path));
     // One YAML file for each camera is one calibration.
-    if found.len() > 1 && found.iter().all(|path| opencv::is_camera(path)) {
-        return opencv::read_each(folder, &found);
+    let (mut each, others): (Vec<PathBuf>, Vec<PathBuf>) =
+        found.cloned().partition(|path| opencv::is_camera(path));
+    let one = if each.len() == 1 { each.pop() } else { None };
+    let model = |path: PathBuf| if is_model(&path) { folder.to_owned() } else { path };
+    let mut read: Vec<Result<Calibration, Fault>> =
+        others.into_iter().chain(one).map(|path| read_one(&model(path))).collect();
+    if !each.is_empty() {
+        read.push(opencv::read_each(folder, &each));
     }
-    let names = |found: &[PathBuf]| {
-        let name = |path: &PathBuf| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        found.iter().map(name).collect::<Vec<_>>().join(", ")
-    };
-    match found.len() {
-        0 => Err(bad(folder, "there is no calibration in it; put one there, or name it with --calibration")),
-        1 => {
-            let path = found.remove(0);
-            read_one(&path)?.ok_or_else(|| bad(&path, "no calibration in a known layout"))
+    let (calibrations, faults): (Vec<_>, Vec<_>) = read.into_iter().partition(Result::is_ok);
+    let calibrations: Vec<Calibration> = calibrations.into_iter().flatten().collect();
+    match (calibrations.is_empty(), faults.into_iter().find_map(Result::err)) {
+        (false, _) => Ok(calibrations),
+        (true, Some(fault)) => Err(fault),
+        (true, None) => {
+            Err(bad(folder, "there is no calibration in it; put one there, or name it with --calibration"))
         }
-        count => Err(Fault::Usage(format!(
-            "{}: {count} calibrations, {}; name one of them with --calibration",
-            folder.display(),
-            names(&found)
-        ))),
     }
 }
 
@@ -77,23 +70,26 @@ fn is_calibration(path: &Path) -> bool {
     }
 }
 
-fn read_one(path: &Path) -> Result<Option<Calibration>, Fault> {
+fn read_one(path: &Path) -> Result<Calibration, Fault> {
     let extension = path.extension().and_then(|x| x.to_str()).unwrap_or_default().to_lowercase();
     if path.is_file() && extension == "toml" {
-        return toml::read(path).map(Some);
+        return toml::read(path);
     }
     if path.is_file() && extension == "txt" && !path.ends_with("cameras.txt") {
-        return qualisys::read(path).map(Some);
+        return qualisys::read(path);
     }
     if opencv::is_camera(path) {
-        return opencv::read_each(path, &[path.to_owned()]).map(Some);
+        return opencv::read_each(path, &[path.to_owned()]);
     }
-    let Some((layout, cameras)) = calibrated_cameras(path)? else { return Ok(None) };
+    let known =
+        "Pose2Sim, Caliscope and aniposelib TOML, Qualisys .qca.txt, OpenCV YAML, COLMAP and nerfstudio";
+    let (layout, cameras) = calibrated_cameras(path)?
+        .ok_or_else(|| bad(path, format!("no calibration in a known layout: {known} are known")))?;
     let rig_camera = |camera: refine::capture::CalibratedCamera| RigCamera {
         name: camera.name,
         camera: camera.camera,
         lens: camera.lens,
     };
     let cameras = cameras.into_iter().map(rig_camera).collect();
-    Ok(Some(Calibration { path: path.to_owned(), layout, cameras, up: None, metres_per_unit: None }))
+    Ok(Calibration { path: path.to_owned(), layout, cameras, up: None, metres_per_unit: None })
 }

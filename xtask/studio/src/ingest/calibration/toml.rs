@@ -1,4 +1,5 @@
-//! TOML as Pose2Sim, Caliscope and aniposelib write it: a table for each camera, in OpenCV's convention.
+//! TOML as Pose2Sim, Caliscope and aniposelib write it: a table for each camera, in OpenCV's convention. Caliscope's tables
+//! are in a table of their own, `cameras`.
 //!
 //! `rotation` is a Rodrigues vector, or a matrix, and with `translation` leads from the world to the camera. The unit is
 //! not stated: Pose2Sim and Caliscope use metres, aniposelib the unit of its board.
@@ -39,8 +40,15 @@ pub(super) fn read(path: &Path) -> Result<Calibration, Fault> {
     let file: toml::Table = read_text(path)?.parse().map_err(|error: toml::de::Error| {
         wrong(error.message().lines().next().unwrap_or("not TOML").to_owned())
     })?;
-    let mut cameras = Vec::new();
+    let mut tables: Vec<(String, toml::Value)> = Vec::new();
     for (key, value) in file {
+        match value {
+            toml::Value::Table(inner) if key == "cameras" => tables.extend(inner),
+            value => tables.push((key, value)),
+        }
+    }
+    let mut cameras = Vec::new();
+    for (key, value) in tables {
         // Others hold settings and metadata.
         if value.get("matrix").is_none() || value.get("rotation").is_none() {
             continue;
@@ -123,6 +131,15 @@ mod tests {
         }
         let fisheye = read_text(&CAMERA.replace("= false", "= true")).unwrap();
         assert_eq!(fisheye.cameras[0].lens, Lens::fisheye(&[-0.1, 0.02]).unwrap());
+    }
+
+    #[test]
+    fn tables_may_be_in_a_table_of_cameras() {
+        let caliscope = "[cameras]\n\n".to_owned()
+            + &CAMERA.replace("[cam_01]\nname = \"a\"", "[cameras.3]\ncam_id = 3\nrotation_count = 0");
+        let (found, expected) = (read_text(&caliscope).unwrap(), read_text(CAMERA).unwrap());
+        assert_eq!((found.cameras.len(), found.cameras[0].name.as_str()), (1, "3"));
+        assert_eq!(found.cameras[0].camera, expected.cameras[0].camera);
     }
 
     #[test]
