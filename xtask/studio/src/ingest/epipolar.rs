@@ -12,7 +12,7 @@
 use std::collections::BTreeSet;
 
 use codec::Camera;
-use glam::{DMat3, DVec3};
+use glam::{DMat2, DMat3, DVec2, DVec3};
 use rayon::prelude::*;
 use refine::capture::Lens;
 use serde::{Deserialize, Serialize};
@@ -163,42 +163,74 @@ impl EpipolarLines<'_> {
         EpipolarLines { cameras: [a, b], fundamental: kb.transpose() * cross * turn * ka }
     }
 
-    /// Distance in pixels of two points from each other's lines, the larger.
-    fn distance(&self, [p, q]: [DVec3; 2]) -> f64 {
-        let distance_to_line =
-            |line: DVec3, point: DVec3| line.dot(point).abs() / line.x.hypot(line.y).max(1e-300);
-        distance_to_line(self.fundamental * p, q).max(distance_to_line(self.fundamental.transpose() * q, p))
+    /// Distance in pixels of two points from each other's lines, the larger: how far each would have to move in its picture,
+    /// with the lens, to be on its line.
+    fn distance(&self, [p, q]: [&Straight; 2]) -> f64 {
+        let distance_to_line = |line: DVec3, point: &Straight| {
+            let normal = DVec2::new(line.x, line.y);
+            line.dot(point.at.extend(1.0)).abs() / (point.by_bent.transpose() * normal).length().max(1e-300)
+        };
+        let (of_p, of_q) =
+            (self.fundamental * p.at.extend(1.0), self.fundamental.transpose() * q.at.extend(1.0));
+        distance_to_line(of_p, q).max(distance_to_line(of_q, p))
     }
 
     /// Distances of the matches within the band.
     fn distances(&self, a: &Features, b: &Features, band_px: f64) -> Vec<f64> {
-        let place = |camera: usize, features: &Features| -> Vec<Option<DVec3>> {
-            features.points.iter().map(|point| undistorted(self.cameras[camera], *point)).collect()
+        let place = |camera: usize, features: &Features| -> Vec<Option<Straight>> {
+            features.points.iter().map(|point| Straight::new(self.cameras[camera], *point)).collect()
         };
         let (of_a, of_b) = (place(0, a), place(1, b));
-        let distance = |i: usize, j: usize| Some(self.distance([of_a[i]?, of_b[j]?]));
+        let distance = |i: usize, j: usize| Some(self.distance([of_a[i].as_ref()?, of_b[j].as_ref()?]));
         let matches = a.matches(b, |i, j| distance(i, j).is_some_and(|px| px <= band_px));
         matches.into_iter().filter_map(|[i, j]| distance(i, j)).collect()
     }
 }
 
-/// The point of a picture without its lens, in pixels.
-fn undistorted(RigCamera { camera, lens, .. }: &RigCamera, [x, y]: [f32; 2]) -> Option<DVec3> {
-    let [fx, fy, cx, cy] = [camera.k[0][0], camera.k[1][1], camera.k[0][2], camera.k[1][2]];
-    let [u, v] = straight(lens, [(f64::from(x) - cx) / fx, (f64::from(y) - cy) / fy])?;
-    Some(DVec3::new(u * fx + cx, v * fy + cy, 1.0))
+/// A point of a picture without its lens, in pixels.
+struct Straight {
+    at: DVec2,
+    /// How it moves as the point in the picture does. Far off the axis of a fisheye lens it moves many times as far.
+    by_bent: DMat2,
 }
 
-/// Inverts the distortion of a lens: a step of the error leads closer as long as it distorts less than it shows.
-fn straight(lens: &Lens, bent: [f64; 2]) -> Option<[f64; 2]> {
-    let mut point = bent;
+impl Straight {
+    /// The point `place` of a picture; `None` beyond the end of the lens.
+    fn new(RigCamera { camera, lens, .. }: &RigCamera, place: [f32; 2]) -> Option<Straight> {
+        let focal = DVec2::new(camera.k[0][0], camera.k[1][1]);
+        let center = DVec2::new(camera.k[0][2], camera.k[1][2]);
+        let bent = (DVec2::from(place.map(f64::from)) - center) / focal;
+        let (straight, by_bent) = straight(lens, bent)?;
+        let scale = DMat2::from_diagonal(focal);
+        Some(Straight { at: straight * focal + center, by_bent: scale * by_bent * scale.inverse() })
+    }
+}
+
+/// Inverts the distortion of a lens by Newton's method: the point, and its derivative by the distorted point.
+fn straight(lens: &Lens, bent: DVec2) -> Option<(DVec2, DMat2)> {
+    let distort = |point: DVec2| lens.distort(point.to_array()).map(DVec2::from);
+    // The axis is in every lens.
+    let mut point = DVec2::ZERO;
+    let mut error = bent - distort(point)?;
     for _ in 0..50 {
-        let [x, y] = lens.distort(point)?;
-        let error = [bent[0] - x, bent[1] - y];
-        point = [point[0] + error[0], point[1] + error[1]];
-        if error[0].abs().max(error[1].abs()) < 1e-9 {
-            return Some(point);
+        let step = 1e-6 * (1.0 + point.length());
+        let slope = |axis: DVec2| {
+            Some((distort(point + step * axis)? - distort(point - step * axis)?) / (2.0 * step))
+        };
+        let by_bent = DMat2::from_cols(slope(DVec2::X)?, slope(DVec2::Y)?).inverse();
+        if !by_bent.is_finite() {
+            return None;
         }
+        if error.length() < 1e-9 {
+            return Some((point, by_bent));
+        }
+        // A step that leads away, or out of the lens, is too long.
+        let shorter = |halvings: i32| {
+            let next = point + 0.5f64.powi(halvings) * (by_bent * error);
+            let next_error = bent - distort(next)?;
+            (next_error.length() < error.length()).then_some((next, next_error))
+        };
+        (point, error) = (0..30).find_map(shorter)?;
     }
     None
 }
@@ -221,9 +253,9 @@ fn movement(camera: &Camera, first: &Features, later: &Features) -> Option<f64> 
 mod tests {
     use super::*;
 
-    fn camera(position: [f64; 3], lens: &[f64]) -> RigCamera {
+    fn camera(position: [f64; 3], lens: Lens) -> RigCamera {
         let camera = Camera::look_at(position, [0.0; 3], [0.0, 1.0, 0.0], 0.8, 640, 480);
-        RigCamera { name: String::new(), camera, lens: Lens::rational(lens).unwrap() }
+        RigCamera { name: String::new(), camera, lens }
     }
 
     /// A point of the world in a picture, through the lens.
@@ -236,16 +268,58 @@ mod tests {
 
     #[test]
     fn a_point_lies_on_its_line_through_a_lens() {
-        let cameras = [camera([0.5, 1.0, 3.0], &[-0.1, 0.02]), camera([-2.0, 0.3, 2.0], &[0.05, 0.0, 1e-3])];
-        let lines = EpipolarLines::between(&cameras[0], &cameras[1]);
-        let mut moved = cameras[1].clone();
-        moved.camera.camera_from_world[1][3] += 0.05;
-        let wrong = EpipolarLines::between(&cameras[0], &moved);
-        for point in [[0.0; 3], [0.3, 0.2, -0.4], [-0.5, 0.6, 0.1]] {
-            let places = [0, 1].map(|i| undistorted(&cameras[i], seen(&cameras[i], point)).unwrap());
-            assert!(lines.distance(places) < 1e-3, "{}", lines.distance(places));
-            assert!(wrong.distance(places) > 3.0, "{}", wrong.distance(places));
+        let lenses = |a: &[f64], b: &[f64], make: fn(&[f64]) -> Result<Lens, String>| {
+            [([0.5, 1.0, 3.0], a), ([-2.0, 0.3, 2.0], b)].map(|(at, k)| camera(at, make(k).unwrap()))
+        };
+        for cameras in [
+            lenses(&[-0.1, 0.02], &[0.05, 0.0, 1e-3], Lens::rational),
+            lenses(
+                &[-0.35, 0.2, 2e-3, -1e-3, -0.05],
+                &[8.0, 3.0, 0.0, 0.0, 0.1, 8.5, 6.0, 0.8],
+                Lens::rational,
+            ),
+            lenses(&[], &[-0.02, 5e-3, -2e-3, 1e-4], Lens::fisheye),
+        ] {
+            let lines = EpipolarLines::between(&cameras[0], &cameras[1]);
+            let place = |i: usize, place: [f32; 2]| Straight::new(&cameras[i], place).unwrap();
+            for point in [[0.0; 3], [0.3, 0.2, -0.4], [-0.5, 0.6, 0.1]] {
+                let places = [0, 1].map(|i| seen(&cameras[i], point));
+                let distance = |[p, q]: [[f32; 2]; 2]| lines.distance([&place(0, p), &place(1, q)]);
+                assert!(distance(places) < 1e-3, "{}", distance(places));
+                // The base runs mostly along x, so the lines do.
+                let [p, [x, y]] = places;
+                let off = distance([p, [x, y + 4.0]]);
+                assert!((2.0..6.0).contains(&off), "{off}");
+            }
         }
+    }
+
+    #[test]
+    fn a_lens_is_inverted_up_to_its_edge() {
+        let rational = |k: &[f64]| Lens::rational(k).unwrap();
+        let fisheye = |k: &[f64]| Lens::fisheye(k).unwrap();
+        for (lens, degrees) in [
+            (fisheye(&[]), 88.0),
+            (fisheye(&[-0.02, 5e-3, -2e-3, 1e-4]), 85.0),
+            (fisheye(&[0.08, -0.02, 4e-3, -3e-4]), 85.0),
+            (rational(&[-0.35, 0.2, 2e-3, -1e-3, -0.05]), 40.0),
+            (rational(&[8.0, 3.0, 0.0, 0.0, 0.1, 8.5, 6.0, 0.8]), 75.0),
+            (rational(&[0.4]), 45.0),
+        ] {
+            for step in 0..=20 {
+                let (sin, cos) = libm::sincos(f64::from(step));
+                let point = libm::tan(0.05 * f64::from(step) * degrees * std::f64::consts::PI / 180.0)
+                    * DVec2::new(cos, sin);
+                let bent = lens.distort(point.to_array()).unwrap();
+                let (found, _) = straight(&lens, bent.into()).unwrap_or_else(|| panic!("{lens:?} {point}"));
+                assert!(
+                    found.distance(point) < 1e-6 * (1.0 + point.length_squared()),
+                    "{lens:?}: {found}, not {point}"
+                );
+            }
+        }
+        // r - 0.1 r^3 shows nothing beyond 1.2171.
+        assert!(straight(&rational(&[-0.1]), DVec2::new(1.23, 0.0)).is_none());
     }
 
     #[test]
@@ -265,10 +339,10 @@ mod tests {
     fn neighbours_look_in_similar_directions() {
         let ring = (0..6).map(|i| {
             let (sin, cos) = libm::sincos(f64::from(i) * std::f64::consts::TAU / 6.0);
-            camera([3.0 * sin, 1.0, 3.0 * cos], &[])
+            camera([3.0 * sin, 1.0, 3.0 * cos], Lens::default())
         });
         let pairs = neighbours(&ring.collect::<Vec<_>>());
         assert_eq!(pairs, [[0, 1], [0, 5], [1, 2], [2, 3], [3, 4], [4, 5]]);
-        assert!(neighbours(&[camera([0.0, 0.0, 3.0], &[])]).is_empty());
+        assert!(neighbours(&[camera([0.0, 0.0, 3.0], Lens::default())]).is_empty());
     }
 }
