@@ -15,7 +15,8 @@ const BLOCK_S: [f64; 2] = [0.5, 1.0];
 /// Most blocks, evenly spread.
 const BLOCKS_MAX: usize = 24;
 
-/// Seconds around the expected delay that are searched, and what is added for each second from the start: 1000 ppm.
+/// Seconds around the expected delay that are searched, and what is added for each second of the time in which all run,
+/// as the expected one may hold at any instant: 1000 ppm.
 const SEARCH_S: f64 = 0.03;
 const SEARCH_PER_S: f64 = 1e-3;
 
@@ -61,7 +62,7 @@ pub(super) fn refined(
             .zip(&first)
             .map(|(track, first)| Ok(correlator.spectrum(track.samples(*first, count)?)))
             .collect::<Result<Vec<_>, Fault>>()?;
-        let range = ((SEARCH_S + SEARCH_PER_S * (from_s - begin_s)) * RATE) as i64;
+        let range = ((SEARCH_S + SEARCH_PER_S * common_s) * RATE) as i64;
         let compare = |pair: &SoundPair| {
             let [a, b] = pair.cameras;
             let peak = correlator.peak([&spectra[a], &spectra[b]], (0, range), count / 2);

@@ -12,13 +12,22 @@ use realfft::num_complex::Complex;
 use realfft::{ComplexToReal, RealFftPlanner, RealToComplex};
 
 use super::extract::Track;
-use super::pair::{RATE, SoundPair};
+use super::pair::{CONFIDENCE_MIN, RATE, SoundPair};
 
 /// Band in Hz: below are hums, above little of a voice.
 const BAND_HZ: [f64; 2] = [150.0, 7000.0];
 
 /// Seconds from the start of each recording that are compared as a whole.
 const WHOLE_S: f64 = 120.0;
+
+/// Samples of a block that is sought in another recording: 4 s, in which clocks that differ by 400 ppm part by 1.6 ms. The
+/// recording is searched in parts, each for as many lags as the second number says.
+const BLOCK: usize = 1 << 16;
+const LAGS: usize = 1 << 17;
+
+/// Most blocks that are sought, evenly spread; and a peak over the median after which no other block is.
+const SOUGHT_MAX: usize = 64;
+const SURE: f64 = 2.0 * CONFIDENCE_MIN;
 
 /// Cameras up to which all pairs are compared. Of more, those whose numbers differ by a power of two, around the circle.
 const ALL_PAIRS_MAX: usize = 24;
@@ -147,23 +156,64 @@ pub(super) fn whole(tracks: &[Track]) -> Result<Vec<SoundPair>, Fault> {
         .map(|track| Ok(correlator.spectrum(track.samples(0, longest)?)))
         .collect::<Result<Vec<_>, Fault>>()?;
     let compare = |[a, b]: [usize; 2]| {
-        let peak = correlator.peak([&spectra[a], &spectra[b]], (0, longest as i64), longest);
-        SoundPair {
-            cameras: [a, b],
-            // What comes earlier within a track began to be recorded later.
-            later_s: -peak.lag / RATE,
-            drift_ppm: 0.0,
-            confidence: peak.confidence,
-            residual_s: None,
-            curve: peak.curve,
-        }
+        pair([a, b], correlator.peak([&spectra[a], &spectra[b]], (0, longest as i64), longest))
     };
     Ok(pairs(tracks.len()).into_par_iter().map(compare).collect())
 }
 
+/// The pair of two cameras with this peak.
+fn pair(cameras: [usize; 2], peak: Peak) -> SoundPair {
+    // What comes earlier within a track began to be recorded later.
+    let later_s = -peak.lag / RATE;
+    SoundPair {
+        cameras,
+        later_s,
+        drift_ppm: 0.0,
+        confidence: peak.confidence,
+        residual_s: None,
+        curve: peak.curve,
+    }
+}
+
+/// Seeks blocks of the shorter track of a pair, which may start at any time in the other: clocks that drift blur the peak
+/// of whole recordings, and recordings may share little of their beginnings.
+pub(super) fn sought([a, b]: [usize; 2], tracks: &[Track]) -> Result<SoundPair, Fault> {
+    let is_turned = tracks[a].len > tracks[b].len;
+    let (short, long) = if is_turned { (&tracks[b], &tracks[a]) } else { (&tracks[a], &tracks[b]) };
+    let correlator = Correlator::new(LAGS);
+    let mut parts = Vec::new();
+    for first in (-(BLOCK as i64)..long.len as i64).step_by(LAGS) {
+        parts.push((first, correlator.spectrum(long.samples(first, 2 * LAGS)?)));
+    }
+    let count = short.len.div_ceil(BLOCK).clamp(1, SOUGHT_MAX);
+    let spare = short.len.saturating_sub(BLOCK);
+    let mut best = Peak { lag: 0.0, confidence: 0.0, curve: Vec::new() };
+    // From the middle on, where both run most likely.
+    let mut blocks: Vec<usize> = (0..count).collect();
+    blocks.sort_by_key(|block| block.abs_diff(count / 2));
+    for block in blocks {
+        let from = if count > 1 { spare * block / (count - 1) } else { spare / 2 };
+        let spectrum = correlator.spectrum(short.samples(from as i64, BLOCK.min(short.len))?);
+        for (first, part) in &parts {
+            let half = LAGS as i64 / 2;
+            let peak = correlator.peak([&spectrum, part], (half, half), LAGS);
+            if peak.confidence > best.confidence {
+                best = Peak { lag: peak.lag + (first - from as i64) as f64, ..peak };
+            }
+        }
+        if best.confidence >= SURE {
+            break;
+        }
+    }
+    if is_turned {
+        best.lag = -best.lag;
+        best.curve.reverse();
+    }
+    Ok(pair([a, b], best))
+}
+
 #[cfg(test)]
 mod tests {
-    use super::super::pair::CONFIDENCE_MIN;
     use super::*;
 
     #[test]
@@ -214,6 +264,8 @@ mod tests {
             let highest = whole(&tracks).unwrap().iter().map(|pair| pair.confidence).fold(0.0, f64::max);
             println!("{seconds} s: {highest:.1}");
             assert!((5.0..0.9 * CONFIDENCE_MIN).contains(&highest), "{highest}");
+            let highest = sought([0, 1], &tracks).unwrap().confidence;
+            assert!((5.0..0.9 * CONFIDENCE_MIN).contains(&highest), "{highest} of blocks");
         }
     }
 }

@@ -2,8 +2,8 @@
 //!
 //! ```text
 //! extract:   ffmpeg -> 16 kHz, one channel, kept in a file
-//! correlate: whitened cross-correlation (GCC-PHAT) of all pairs, first whole recordings, then blocks along the time in which
-//!            all run -> delay and drift of each pair
+//! correlate: whitened cross-correlation (GCC-PHAT) of all pairs: the beginnings of recordings, or where these do not join all
+//!            cameras, blocks anywhere in them; then blocks along the time in which all run -> delay and drift of each pair
 //! solve:     least squares over the pairs, without those that contradict the others -> start and drift of each camera
 //! ```
 //!
@@ -27,7 +27,8 @@ pub(super) use pair::{SoundPair, SoundSync};
 /// # Errors
 /// [`Fault::Data`] if a track matches none of the others.
 pub(super) fn synchronise(tracks: &[Track], name: &dyn Fn(usize) -> String) -> Result<SoundSync, Fault> {
-    let coarse = correlate::whole(tracks)?;
+    let mut coarse = correlate::whole(tracks)?;
+    join(tracks, &mut coarse)?;
     check_connected(tracks.len(), &coarse, name)?;
     let starts_s = solve::starts(tracks.len(), &coarse).values;
     let mut pairs = blocks::refined(tracks, &starts_s, coarse)?;
@@ -39,9 +40,29 @@ pub(super) fn synchronise(tracks: &[Track], name: &dyn Fn(usize) -> String) -> R
     Ok(SoundSync { starts_s: solution.values, drifts_ppm: solve::drifts(tracks.len(), &pairs), pairs })
 }
 
+/// Seeks blocks of the pairs of cameras that are not joined, until they are.
+fn join(tracks: &[Track], pairs: &mut [SoundPair]) -> Result<(), Fault> {
+    for i in 0..pairs.len() {
+        let groups = groups_of(tracks.len(), pairs);
+        let [a, b] = pairs[i].cameras;
+        if groups[a] != groups[b] {
+            let found = correlate::sought([a, b], tracks)?;
+            if found.confidence > pairs[i].confidence {
+                pairs[i] = found;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The number of the group of each camera that pairs that match join it with.
+fn groups_of(cameras: usize, pairs: &[SoundPair]) -> Vec<usize> {
+    solve::groups(cameras, pairs.iter().filter(|pair| pair.confidence >= CONFIDENCE_MIN))
+}
+
 /// Checks that pairs that match join all cameras.
 fn check_connected(cameras: usize, pairs: &[SoundPair], name: &dyn Fn(usize) -> String) -> Result<(), Fault> {
-    let groups = solve::groups(cameras, pairs.iter().filter(|pair| pair.confidence >= CONFIDENCE_MIN));
+    let groups = groups_of(cameras, pairs);
     let size = |group: usize| groups.iter().filter(|other| **other == group).count();
     let largest = (0..cameras).max_by_key(|group| (size(*group), usize::MAX - group)).unwrap_or(0);
     let Some(outside) = (0..cameras).find(|camera| groups[*camera] != largest) else { return Ok(()) };
@@ -55,4 +76,61 @@ fn check_connected(cameras: usize, pairs: &[SoundPair], name: &dyn Fn(usize) -> 
          are needed; state when the videos start with --offsets FILE",
         name(outside)
     )))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A source of noise, and recordings of it: from second `from_s` on, by a clock that runs `drift_ppm` slow.
+    fn recorded(folder: &std::path::Path, recordings: &[(f64, f64, f64)]) -> Vec<Track> {
+        let mut random = fastrand::Rng::with_seed(3);
+        let mut smooth = 0.0;
+        let source: Vec<f32> = (0..300 * RATE as usize)
+            .map(|_| {
+                // Band-limited, so that values between samples can be interpolated.
+                smooth += 0.3 * (random.f32() - 0.5 - smooth);
+                smooth
+            })
+            .collect();
+        let mut record = |(i, &(from_s, seconds, drift_ppm)): (usize, &(f64, f64, f64))| {
+            let sample = |k: usize| {
+                let at = from_s * RATE + k as f64 * (1.0 + 1e-6 * drift_ppm);
+                let part = at.fract() as f32;
+                source[at as usize] * (1.0 - part) + source[at as usize + 1] * part
+            };
+            let samples: Vec<f32> = (0..(seconds * RATE) as usize)
+                .map(|k| 1e5 * (sample(k) + 0.05 * (random.f32() - 0.5)))
+                .collect();
+            Track::from_samples(folder.join(i.to_string()), &samples)
+        };
+        recordings.iter().enumerate().map(&mut record).collect()
+    }
+
+    fn starts_s(recordings: &[(f64, f64, f64)]) -> Result<SoundSync, Fault> {
+        let folder = tempfile::tempdir().unwrap();
+        synchronise(&recorded(folder.path(), recordings), &|camera| format!("camera {camera}"))
+    }
+
+    #[test]
+    fn a_camera_may_start_minutes_early() {
+        let found = starts_s(&[(140.0, 30.0, 0.0), (5.0, 170.0, 0.0), (139.0, 20.0, 0.0)]).unwrap().starts_s;
+        for (found_s, expected_s) in found.iter().zip([0.0, -135.0, -1.0]) {
+            assert!((found_s - expected_s).abs() < 2e-4, "{found:?}");
+        }
+    }
+
+    #[test]
+    fn clocks_may_drift_over_minutes() {
+        let (seconds, drifts) = (200.0, [0.0, 104.0, -200.0]);
+        let recordings: Vec<_> =
+            [3.0, 4.0, 7.0].into_iter().zip(drifts).map(|(at, ppm)| (at, seconds, ppm)).collect();
+        let found = starts_s(&recordings).unwrap();
+        for (camera, (found_ppm, ppm)) in found.drifts_ppm.iter().zip(drifts).enumerate() {
+            assert!((found_ppm - ppm).abs() < 2.0, "{found_ppm} for {ppm}");
+            // In the middle of the time in which all run, that is 98 s after the last one starts.
+            let expected_s = recordings[camera].0 - 3.0 + 1e-6 * ppm * (105.0 - recordings[camera].0);
+            assert!((found.starts_s[camera] - expected_s).abs() < 2e-4, "{:?} {expected_s}", found.starts_s);
+        }
+    }
 }
