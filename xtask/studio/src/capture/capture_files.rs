@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use codec::Camera;
 use program::Fault;
@@ -14,7 +14,11 @@ use refine::image::Image;
 use refine::matte::Plate;
 
 use super::camera_plate::{Background, CameraPlate, colors_of, matte, take_out};
-use super::image_file::{Mask, apply_mask, bad, check_size, multiply_alpha, read, read_image};
+#[cfg(feature = "onnx")]
+use super::image_file::read;
+use super::image_file::{
+    Mask, apply_mask, bad, brightness_outside, check_size, multiply_alpha, read_image, read_mask,
+};
 use super::photo_paths::{PhotoPath, PhotoPaths};
 use super::video::Video;
 use crate::scene::DEFAULT_FPS;
@@ -25,6 +29,10 @@ const BYTES_MAX: u64 = 8 << 30;
 /// Bytes in memory of a photograph beside its paths, and of a byte of its paths, while they are collected and sorted.
 const PHOTO_BYTES: u64 = 128;
 const PATH_BYTES: u64 = 3;
+
+/// Photographs by which a background is judged, and the mean brightness up to which it counts as black.
+const JUDGED: usize = 16;
+const BLACK_MAX: f64 = 3.0 / 255.0;
 
 /// A capture and the paths of its photographs.
 #[derive(Clone, Debug)]
@@ -62,6 +70,8 @@ pub struct CaptureFiles {
     pub(super) background: Background,
     /// Whether the cameras are other ones than the capture states.
     pub(super) is_corrected: bool,
+    /// Whether photographs are multiplied with their masks already; known from its first use on.
+    pub(super) is_premultiplied: Arc<OnceLock<bool>>,
 }
 
 /// The sound of a capture.
@@ -271,8 +281,25 @@ impl CaptureFiles {
                 multiply_alpha(image, mask);
                 take_out(image, plate);
             }
-            (false, None) => apply_mask(image, mask),
+            (false, None) => apply_mask(image, mask, self.is_premultiplied()),
         }
+    }
+
+    /// Whether photographs are multiplied with their masks already, so that what is outside of the subject is black: on
+    /// average over some of them, as lossy files and noise leave no exact black.
+    fn is_premultiplied(&self) -> bool {
+        *self.is_premultiplied.get_or_init(|| {
+            let photos = &self.capture.photos;
+            let masked: Vec<usize> = (0..photos.len()).filter(|i| self.mask_path(*i).is_some()).collect();
+            let step = masked.len().div_ceil(JUDGED).max(1);
+            let outside = masked.into_iter().step_by(step).filter_map(|i| {
+                // One that cannot be read is named when it is needed.
+                let image = self.taken(photos[i]).ok()?;
+                Some(brightness_outside(&image, &self.mask(&self.mask_path(i)?, photos[i].camera).ok()?))
+            });
+            let (sum, count) = outside.fold((0.0, 0), |(sum, count), (s, c)| (sum + s, count + c));
+            count > 0 && sum <= BLACK_MAX * count as f64
+        })
     }
 
     /// Whether the photographs of a camera have at most half of the pixels of their files.
@@ -313,7 +340,7 @@ impl CaptureFiles {
 
     /// Reads the mask of a photograph.
     fn mask(&self, path: &Path, camera: usize) -> Result<Mask, Fault> {
-        let mask = read(path)?.into_luma16();
+        let mask = read_mask(path)?;
         let Camera { width: w, height: h, .. } = self.file_cameras[camera];
         let (width, height) = mask.dimensions();
         if (width, height) != (w, h) {
@@ -477,6 +504,7 @@ impl CaptureBuilder {
             plates,
             background: Background::default(),
             is_corrected: false,
+            is_premultiplied: Arc::default(),
         }
     }
 }

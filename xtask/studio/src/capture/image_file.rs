@@ -13,6 +13,9 @@ use crate::messages::unreadable;
 /// File extensions of photographs.
 const EXTENSIONS: [&str; 4] = ["png", "jpg", "jpeg", "webp"];
 
+/// Mask of a pixel up to which it is outside of the subject: lossy files have no exact 0.
+const OUTSIDE_MAX: f64 = 0.02;
+
 /// A mask: 0 outside of the subject.
 pub(super) type Mask = ImageBuffer<Luma<u16>, Vec<u16>>;
 
@@ -21,16 +24,22 @@ pub(super) fn multiply_alpha(image: &mut Image, mask: &Mask) {
     image.pixels.iter_mut().zip(mask.pixels()).for_each(|(pixel, mask)| pixel[3] *= unit_value(mask.0[0]));
 }
 
-/// Multiplies a photograph with its mask. A photograph with a black background is premultiplied already, and its
-/// colours stay: a second product would darken the rim of the subject.
-pub(super) fn apply_mask(image: &mut Image, mask: &Mask) {
-    let mut outside = image.pixels.iter().zip(mask.pixels()).filter(|(_, mask)| mask.0[0] == 0).peekable();
-    let is_premultiplied = outside.peek().is_some() && outside.all(|(pixel, _)| pixel[..3] == [0.0; 3]);
+/// Multiplies a photograph with its mask. The colours of one that is premultiplied stay, as far as such colours can go: a
+/// second product would darken the rim of the subject.
+pub(super) fn apply_mask(image: &mut Image, mask: &Mask, is_premultiplied: bool) {
     for (pixel, mask) in image.pixels.iter_mut().zip(mask.pixels()) {
         let [r, g, b, a] = *pixel;
         let m = unit_value(mask.0[0]);
-        *pixel = if is_premultiplied { [r, g, b, a * m] } else { [r * m, g * m, b * m, a * m] };
+        let color = [r, g, b].map(|c| if is_premultiplied { c.min(m) } else { c * m });
+        *pixel = [color[0], color[1], color[2], a * m];
     }
+}
+
+/// The sum of the brightest channels of the pixels that are outside of the subject, and their number.
+pub(super) fn brightness_outside(image: &Image, mask: &Mask) -> (f64, usize) {
+    let pixels = image.pixels.iter().zip(mask.pixels());
+    let outside = pixels.filter(|(_, mask)| unit_value(mask.0[0]) <= OUTSIDE_MAX);
+    outside.fold((0.0, 0), |(sum, count), (&[r, g, b, _], _)| (sum + r.max(g).max(b), count + 1))
 }
 
 /// Reads a picture of the view of `camera`.
@@ -100,6 +109,23 @@ pub(crate) fn read(path: &Path) -> Result<DynamicImage, Fault> {
     reader.decode().map_err(|error| unusable(path, &error))
 }
 
+/// Reads a mask: the alpha channel of a picture that is transparent anywhere, else its brightness.
+///
+/// # Errors
+/// [`Fault::Data`] that names the file.
+pub(super) fn read_mask(path: &Path) -> Result<Mask, Fault> {
+    let picture = read(path)?;
+    if picture.color().has_alpha() {
+        let pixels = picture.to_rgba16();
+        let alpha =
+            Mask::from_fn(pixels.width(), pixels.height(), |x, y| Luma([pixels.get_pixel(x, y).0[3]]));
+        if alpha.pixels().any(|alpha| alpha.0[0] < u16::MAX) {
+            return Ok(alpha);
+        }
+    }
+    Ok(picture.into_luma16())
+}
+
 /// Width and height of the image at `path`.
 pub(super) fn size_of(path: &Path) -> Result<(u32, u32), Fault> {
     image::image_dimensions(path).map_err(|error| unusable(path, &error))
@@ -132,4 +158,22 @@ pub(crate) fn bad_layout(path: &Path, problem: impl std::fmt::Display) -> Fault 
 
 pub(crate) fn read_text(path: &Path) -> Result<String, Fault> {
     std::fs::read_to_string(path).map_err(|error| unreadable(path, &error))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_mask_is_alpha_or_brightness() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("mask.png");
+        let mask_of = |pixels: [[u8; 4]; 2]| {
+            image::RgbaImage::from_raw(2, 1, pixels.concat()).unwrap().save(&path).unwrap();
+            read_mask(&path).unwrap().into_raw()
+        };
+        assert_eq!(mask_of([[255, 255, 255, 0], [255, 255, 255, 255]]), [0, u16::MAX], "white, cut out");
+        assert_eq!(mask_of([[0, 0, 0, 0], [40, 0, 0, 255]]), [0, u16::MAX], "the subject itself, cut out");
+        assert_eq!(mask_of([[0, 0, 0, 255], [255, 255, 255, 255]]), [0, u16::MAX], "opaque");
+    }
 }

@@ -281,6 +281,25 @@ fn premultiplied_photographs_are_masked_once() {
         let [r, g, b] = saved.get_pixel(x, y).0.map(unit_value);
         assert_eq!(*pixel, [r, g, b, unit_value(mask.get_pixel(x, y).0[0])]);
     }
+    // Lossy files and noise leave no exact black.
+    let taken = photo(&studio);
+    studio.manifest(|m| m["images"] = "images/{camera}/{frame:06}.jpg".into());
+    for path in studio.files("images") {
+        let mut image = image::open(&path).unwrap().to_rgb8();
+        image.put_pixel(0, 0, image::Rgb([1; 3]));
+        let file = fs::File::create(path.with_extension("jpg")).unwrap();
+        image::codecs::jpeg::JpegEncoder::new_with_quality(file, 95).encode_image(&image).unwrap();
+    }
+    let lossy = photo(&studio);
+    let mean = |which: fn(&[f64; 4]) -> bool| {
+        let pairs = lossy.pixels.iter().zip(&taken.pixels).filter(|(pixel, _)| which(pixel));
+        let errors: Vec<f64> =
+            pairs.map(|(a, b)| (0..3).map(|c| (a[c] - b[c]).abs()).sum::<f64>() / 3.0).collect();
+        errors.iter().sum::<f64>() / errors.len() as f64
+    };
+    assert!(mean(|pixel| pixel[3] > 0.0) < 0.02, "{}", mean(|pixel| pixel[3] > 0.0));
+    assert_eq!(mean(|pixel| pixel[3] == 0.0), 0.0, "nothing shines outside");
+    studio.manifest(|_| ());
     // Before another background, the mask applies.
     let mut white = saved.clone();
     white.pixels_mut().for_each(|pixel| pixel.0 = [255; 3]);
