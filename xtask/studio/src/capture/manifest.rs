@@ -220,13 +220,33 @@ fn open_video(path: &Path, entry: &ManifestCamera) -> Result<Video, Fault> {
     ))
 }
 
+/// Checks a number of frames per second.
+///
+/// # Errors
+/// A sentence that names the range.
+pub(crate) fn check_fps(fps: f64) -> Result<(), String> {
+    match FPS.contains(&fps) {
+        true => Ok(()),
+        false => Err(format!("fps {fps}: the range is {} to {}", FPS.start(), FPS.end())),
+    }
+}
+
+/// Checks a number of frames.
+///
+/// # Errors
+/// A sentence that names the range.
+pub(crate) fn check_length(frames: usize) -> Result<(), String> {
+    match (1..=FRAMES_MAX).contains(&frames) {
+        true => Ok(()),
+        false => Err(format!("{frames} frames: the range is 1 to {FRAMES_MAX}")),
+    }
+}
+
 impl Manifest {
     /// Checks the values that no photograph depends on alone.
     fn check(&self) -> Result<(), String> {
         let Manifest { fps, images, plates, up, metres_per_unit, cameras, .. } = self;
-        if let Some(fps) = fps.filter(|fps| !FPS.contains(fps)) {
-            return Err(format!("fps {fps}: the range is {} to {}", FPS.start(), FPS.end()));
-        }
+        fps.map_or(Ok(()), check_fps)?;
         if let Some(metres) = metres_per_unit.filter(|metres| !METRES_PER_UNIT.contains(metres)) {
             let (low, high) = (METRES_PER_UNIT.start(), METRES_PER_UNIT.end());
             return Err(format!("metres_per_unit {metres}: the range is {low:e} to {high:e}"));
@@ -288,9 +308,7 @@ impl Manifest {
     /// Checks the number of frames, and what depends on it.
     fn check_frames(&self, frames: usize) -> Result<(), String> {
         let Manifest { fps, first_frame, images, cameras, .. } = self;
-        if !(1..=FRAMES_MAX).contains(&frames) {
-            return Err(format!("{frames} frames: the range is 1 to {FRAMES_MAX}"));
-        }
+        check_length(frames)?;
         if first_frame.checked_add(frames).is_none() {
             return Err(format!("first_frame {first_frame} is too large"));
         }

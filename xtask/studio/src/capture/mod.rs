@@ -32,6 +32,7 @@ pub use depth::pfm_file;
 pub(crate) use easyvolcap::{Storage, numbers, parse as parse_storage, pixels, rodrigues};
 pub(crate) use image_file::{bad, bad_layout, read as read_file_image, read_text};
 pub use image_file::{find_image, read_picture};
+pub(crate) use manifest::{check_fps, check_length};
 pub(crate) use plates::{PICTURES_MAX, median_frames};
 pub(crate) use video::Video;
 

@@ -41,7 +41,7 @@ use rayon::prelude::*;
 use refine::capture::Lens;
 use serde_json::json;
 
-use crate::capture::{CaptureFiles, bad};
+use crate::capture::{CaptureFiles, bad, check_fps, check_length};
 use crate::messages::{count, decimal};
 use calibration::RigCamera;
 use findings::CameraFindings;
@@ -102,6 +102,9 @@ pub fn ingest(
     let starts = starts::find(&store, &videos, &options.offsets, &mut warnings)?;
     let fps = options.fps.unwrap_or_else(|| videos::commonest_fps(&videos));
     let frames = write::frames(&videos, &starts, fps);
+    check_fps(fps).and_then(|()| check_length(frames)).map_err(|problem| {
+        bad(rig, format!("{problem}; cut the videos into parts, or state fewer frames a second with --fps"))
+    })?;
     say(&line("starts", starts.is_kept, &findings::describe_starts(&starts, &videos)));
     warnings.extend(findings::drift_warnings(&starts, &videos, fps, frames));
 
@@ -140,14 +143,15 @@ pub fn ingest(
     };
     let before = std::fs::read_to_string(&manifest).ok();
     write::write(&store, out, &parts, &placement, options.extract)?;
+    // A capture that cannot be read, or of another size than was asked for, must not be taken for it.
+    let undo = || match before.as_ref().filter(|before| write::is_same_but_for_size(before, &manifest)) {
+        Some(before) => output::write(&manifest, before.as_bytes()),
+        None => output::remove(&manifest).map(drop),
+    };
     // What was written is what the other commands read.
-    let capture_files = CaptureFiles::open(out)?;
+    let capture_files =
+        CaptureFiles::open(out).or_else(|error| undo().map_err(Into::into).and(Err(error)))?;
     if let Some(height_m) = options.height_m {
-        // A capture of another size than was asked for must not be taken for it.
-        let undo = || match before.as_ref().filter(|before| write::is_same_but_for_size(before, &manifest)) {
-            Some(before) => output::write(&manifest, before.as_bytes()),
-            None => output::remove(&manifest).map(drop),
-        };
         let metres = life_size::metres_per_unit(&capture_files, placement.up, height_m);
         let metres = metres.or_else(|error| undo().and(Err(error)))?;
         say(&line(

@@ -310,6 +310,23 @@ fn timecodes_say_when_videos_start() {
 }
 
 #[test]
+fn a_capture_that_is_too_long_is_refused_before_its_mattes() {
+    if !has_ffmpeg() {
+        return;
+    }
+    let folder = silent(&["a", "b"]);
+    for (fps, problem) in
+        [("200000", "192001 frames: the range is 1 to 100000"), ("0.0001", "fps 0.0001: the range")]
+    {
+        let error = refused(ingest(folder.path(), &format!("--offsets none --fps {fps}")), 3);
+        assert!(error.contains(problem), "{error}");
+        for name in ["capture.json", "masks", "plates"] {
+            assert!(!folder.path().join("studio").join(name).exists(), "{name}");
+        }
+    }
+}
+
+#[test]
 fn the_field_stands_as_the_options_say() {
     if !has_ffmpeg() {
         return;
