@@ -20,7 +20,7 @@ use super::image_file::{
     Mask, apply_mask, bad, brightness_outside, check_size, multiply_alpha, read_image, read_mask,
 };
 use super::photo_paths::{PhotoPath, PhotoPaths};
-use super::video::Video;
+use super::video::{Video, high_range_note};
 use crate::scene::DEFAULT_FPS;
 
 /// Largest number of bytes in memory of the numbers, times and paths of a capture's photographs: 25 million photographs.
@@ -133,6 +133,13 @@ impl CaptureFiles {
         self.start_s *= factor;
         self.stated_fps = Some(fps);
         Ok(())
+    }
+
+    /// A sentence about videos whose colours are not as they are to be seen; `None` of none.
+    pub fn high_range_note(&self) -> Option<String> {
+        let names = self.capture.cameras.iter().map(|camera| camera.name.as_str());
+        let ranges = self.videos.iter().map(|video| video.as_ref()?.video.high_range);
+        high_range_note(names.zip(ranges))
     }
 
     /// Paths of all photographs and masks.

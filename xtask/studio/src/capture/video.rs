@@ -44,6 +44,8 @@ pub(crate) struct Video {
     pub(crate) first_s: f64,
     /// Name in ffmpeg of the matrix by which its colours were made.
     matrix: &'static str,
+    /// Name of its transfer function, if that is of high dynamic range.
+    pub(crate) high_range: Option<&'static str>,
     decoding: Mutex<Option<Decoding>>,
 }
 
@@ -54,7 +56,7 @@ impl Video {
     /// [`Fault::Usage`] if there is no `ffprobe`, [`Fault::Data`] if the file has no video that it can read.
     pub(crate) fn open(path: &Path) -> Result<Video, Fault> {
         std::fs::metadata(path).map_err(|error| unreadable(path, &error))?;
-        let entries = "stream=width,height,color_space:stream_side_data=rotation:packet=pts_time,flags:format=start_time";
+        let entries = "stream=width,height,color_space,color_transfer:stream_side_data=rotation:packet=pts_time,flags:format=start_time";
         let arguments = ["-v", "error", "-select_streams", "V:0", "-show_entries", entries, "-of", "json"];
         let output = ffmpeg::output("ffprobe", |command| {
             command.args(arguments).arg(path);
@@ -94,6 +96,7 @@ impl Video {
             times_s,
             first_s: first_s - seconds(probed.format.start_time.as_deref()).unwrap_or(0.0),
             matrix: matrix(stream.color_space.as_deref(), height.min(width)),
+            high_range: high_range(stream.color_transfer.as_deref()),
             decoding: Mutex::new(None),
         })
     }
@@ -216,6 +219,7 @@ struct Stream {
     width: u32,
     height: u32,
     color_space: Option<String>,
+    color_transfer: Option<String>,
     #[serde(default)]
     side_data_list: Vec<SideData>,
 }
@@ -247,6 +251,30 @@ fn matrix(stated: Option<&str>, rows: u32) -> &'static str {
     }
 }
 
+/// Name of a transfer function of high dynamic range that ffprobe names.
+fn high_range(stated: Option<&str>) -> Option<&'static str> {
+    match stated? {
+        "arib-std-b67" => Some("HLG"),
+        "smpte2084" => Some("PQ"),
+        _ => None,
+    }
+}
+
+/// A sentence about videos, by name, with transfer functions of high dynamic range; `None` of none.
+pub(crate) fn high_range_note<'v>(
+    videos: impl Iterator<Item = (&'v str, Option<&'v str>)>,
+) -> Option<String> {
+    let named: Vec<String> =
+        videos.filter_map(|(name, range)| Some(format!("{name} ({})", range?))).collect();
+    (!named.is_empty()).then(|| {
+        format!(
+            "{}: high dynamic range is shown as it is, up to 80 of 255 levels off; convert these videos to BT.709, as \
+             ffmpeg does with zscale and tonemap",
+            named.join(", ")
+        )
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -259,6 +287,7 @@ mod tests {
             times_s: times_s.collect(),
             first_s: 0.0,
             matrix: "bt709",
+            high_range: None,
             decoding: Mutex::new(None),
         }
     }

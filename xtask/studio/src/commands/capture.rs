@@ -210,6 +210,10 @@ impl PartSelection {
         if !self.cameras.is_empty() {
             capture_files.keep_cameras(&self.cameras)?;
         }
+        if let Some(note) = capture_files.high_range_note() {
+            static REPORT: Once = Once::new();
+            REPORT.call_once(|| eprintln!("note: {note}"));
+        }
         keep_frames(&mut capture_files)?;
         if let Some((width, height)) = size {
             capture_files.shrink(width, height)?;

@@ -41,7 +41,7 @@ use rayon::prelude::*;
 use refine::capture::Lens;
 use serde_json::json;
 
-use crate::capture::{CaptureFiles, bad, check_fps, check_length};
+use crate::capture::{CaptureFiles, bad, check_fps, check_length, high_range_note};
 use crate::messages::{count, decimal};
 use calibration::RigCamera;
 use findings::CameraFindings;
@@ -86,13 +86,14 @@ pub fn ingest(
     }
     output::make_folder(out)?;
     let store = Store::open(out.join(STORE))?;
-    let mut warnings = Vec::new();
 
     let probed =
         paths.par_iter().map(|path| videos::probe(&store, path)).collect::<Result<Vec<_>, Fault>>()?;
     let is_kept = probed.iter().all(|(_, is_kept)| *is_kept);
     let videos: Vec<RigVideo> = probed.into_iter().map(|(video, _)| video).collect();
     say(&line("videos", is_kept, &describe_videos(&videos)));
+    let ranges = videos.iter().map(|video| (video.name.as_str(), video.probe.high_range.as_deref()));
+    let mut warnings: Vec<String> = high_range_note(ranges).into_iter().collect();
 
     let calibrations = calibration::read(rig, options.calibration.as_deref())?;
     let (calibration, mut cameras) = matching::choose(&videos, calibrations, options.resize, say)?;

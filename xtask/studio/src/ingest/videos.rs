@@ -61,6 +61,8 @@ pub struct Probe {
     pub duration_s: f64,
     /// Seconds from the start of the file to its first frame.
     pub first_s: f64,
+    /// Name of the transfer function, if it is of high dynamic range.
+    pub high_range: Option<String>,
     /// Whether there is a sound track.
     pub has_sound: bool,
     /// Timecode of the first frame, as the file states it.
@@ -160,6 +162,7 @@ fn probed(path: &Path) -> Result<Probe, Fault> {
         frames,
         duration_s: video.times_s[frames - 1],
         first_s: video.first_s,
+        high_range: video.high_range.map(str::to_owned),
         has_sound,
         timecode: tags.filter_map(timecode).next(),
         timecode_fps: track.and_then(|track| ratio(track.avg_frame_rate.as_deref()?)),
@@ -304,6 +307,7 @@ pub(super) mod tests {
             frames,
             duration_s: times_s[frames - 1],
             first_s: 0.0,
+            high_range: None,
             has_sound: false,
             timecode: None,
             timecode_fps: None,

@@ -310,6 +310,24 @@ fn timecodes_say_when_videos_start() {
 }
 
 #[test]
+fn high_dynamic_range_is_said() {
+    if !has_ffmpeg() {
+        return;
+    }
+    let folder = silent(&["a", "b", "c"]);
+    let rig = folder.path().join("rig");
+    for (name, transfer) in [("a", "arib-std-b67"), ("c", "smpte2084")] {
+        let colors = format!("-color_trc {transfer} -color_primaries bt2020 -colorspace bt2020nc");
+        ffmpeg(&rig, &format!("{} {ENCODED} {colors} {name}.mp4", pictures(1.0)));
+    }
+    let warnings = ingest(folder.path(), "--offsets none --json").json()["warnings"].to_string();
+    assert!(warnings.contains("a (HLG), c (PQ): high dynamic range is shown as it is"), "{warnings}");
+    let fit = ["fit", "studio", "-o", "f.ply", "--steps", "1", "--size", "32x24", "--gaussians", "100"];
+    let said = aarc_studio(folder.path(), &fit).stderr;
+    assert!(said.contains("note: a (HLG), c (PQ): high dynamic range"), "{said}");
+}
+
+#[test]
 fn a_capture_that_is_too_long_is_refused_before_its_mattes() {
     if !has_ffmpeg() {
         return;
