@@ -142,9 +142,11 @@ impl CaptureFiles {
         high_range_note(names.zip(ranges))
     }
 
-    /// Paths of all photographs and masks.
+    /// Paths of all photographs and masks, of stated plates, and of the sound.
     pub fn files(&self) -> impl Iterator<Item = PathBuf> {
-        self.capture.photos.iter().flat_map(|photo_id| self.files_of(*photo_id))
+        let photos = self.capture.photos.iter().flat_map(|photo_id| self.files_of(*photo_id));
+        let plates = self.stated_plates().map(Path::to_owned);
+        photos.chain(plates).chain(self.sound.iter().map(|sound| sound.path.clone()))
     }
 
     /// Paths of a photograph or its video and, if it has one, of its mask.

@@ -18,8 +18,8 @@ const BUFFER_BYTES: usize = 1 << 20;
 const DEPTH_MAX: usize = 32;
 
 /// SHA-256 over the version of this program, the command, its options as text, and the inputs: names and
-/// contents of all files of a folder except hidden ones, and of the photographs and masks that a capture
-/// in it lists, in any folder; of a field file also the plate and the cameras beside it. The location of the inputs is not hashed.
+/// contents of all files of a folder except hidden ones, and of the files that a capture in it lists, in
+/// any folder; of a field file also the plate and the cameras beside it. The location of the inputs is not hashed.
 ///
 /// # Errors
 /// [`Fault::Data`] that names the file that cannot be read.
@@ -136,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn photographs_that_a_capture_lists_count_wherever_they_are() {
+    fn files_that_a_capture_lists_count_wherever_they_are() {
         let folder = tempfile::tempdir().unwrap();
         let take = folder.path().join("take");
         fs::create_dir(&take).unwrap();
@@ -157,6 +157,20 @@ mod tests {
             assert_eq!(fit_key(), first);
             paint(20);
             assert_ne!(fit_key(), first, "{path}");
+        }
+        let manifest = serde_json::json!({
+            "frames": 1, "images": "../photo.png", "masks": "../mask.png", "plates": "../plate.png",
+            "sound": {"file": "../sound.wav"},
+            "cameras": [{"id": "a", "w": 8, "h": 6, "K": [[8, 0, 4], [0, 8, 3], [0, 0, 1]],
+                "w2c": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 4], [0, 0, 0, 1]]}],
+        });
+        fs::write(take.join("capture.json"), manifest.to_string()).unwrap();
+        let others = ["mask.png", "plate.png", "sound.wav"].map(|name| folder.path().join(name));
+        others.iter().for_each(|path| fs::write(path, "one").unwrap());
+        for path in &others {
+            let first = key("fit", "", &[&take]).unwrap();
+            fs::write(path, "two").unwrap();
+            assert_ne!(key("fit", "", &[&take]).unwrap(), first, "{}", path.display());
         }
     }
 
