@@ -56,7 +56,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
     if trimmed.is_poster_lost {
         let out = args.out.path.display();
         println!(
-            "the poster was left behind with its segment; aarc-studio poster {out} --time S sets another"
+            "the poster was left behind, as it is of another time; aarc-studio poster {out} --time S sets another"
         );
     }
     Ok(())

@@ -1,12 +1,12 @@
 //! [`trim`]: a part of a take as a take of its own, without coding anything anew.
 //!
-//! Segments that overlap the part are copied byte for byte, and their starts move; the others are left out. So a
-//! segment at either end keeps what it shows outside the part. Checksums are compared before a segment is copied, so
+//! Segments that overlap the part are copied byte for byte but for the poster, and their starts move; the others are left
+//! out. So a segment at either end keeps what it shows outside the part. Checksums are compared before a segment is copied, so
 //! that damage is named by the command that meets it first.
 
 use std::path::Path;
 
-use codec::{Contents, Take};
+use codec::{Contents, Limits, Poster, Take};
 use program::{Fault, output};
 
 use super::file::TakeFile;
@@ -33,7 +33,7 @@ pub struct TrimmedTake {
     pub before_s: f64,
     /// Longest time after its end.
     pub after_s: f64,
-    /// Whether the take had a poster that the part has not: its segment was left out, or is no longer the first.
+    /// Whether the take had a poster that the part has not, because it is of another time.
     pub is_poster_lost: bool,
 }
 
@@ -61,11 +61,22 @@ pub fn trim(file: &TakeFile, from_s: f64, to_s: f64, out: &Path) -> anyhow::Resu
             Ok((*span, file.contents(*index)?))
         })
         .collect::<Result<Vec<(Span, Contents)>, Fault>>()?;
-    let head = head(out, &take.info, duration_s, &segments)?;
-    let mut bytes = head.len() as u64;
+    let mut start = head(out, &take.info, duration_s, &segments)?;
+    start.extend(file.read_checked(order[0].0, &segments[0].1)?);
+    // A poster that is damaged stays so with its segment.
+    let before = file.poster().unwrap_or_default();
+    let poster = before.map(|poster| Poster { time_s: poster.time_s - from_s, ..poster });
+    let poster = poster.filter(|poster| (0.0..=duration_s).contains(&poster.time_s));
+    // Segments that become the first may have had one, which was not used.
+    let is_other = |of_start: &Option<Poster>| *of_start != poster;
+    if codec::poster(&start, &Limits::default()).is_ok_and(|of_start| is_other(&of_start)) {
+        start = codec::with_poster(&start, poster.as_ref(), &Limits::default())
+            .map_err(|error| Fault::Defect(format!("{}: the poster: {error}", out.display())))?;
+    }
+    let mut bytes = start.len() as u64;
     output::write_parts(out, |output| {
-        output.write(&head)?;
-        for ((index, _), (_, contents)) in order.iter().zip(&segments) {
+        output.write(&start)?;
+        for ((index, _), (_, contents)) in order.iter().zip(&segments).skip(1) {
             let segment = file.read_checked(*index, contents)?;
             bytes += segment.len() as u64;
             output.write(&segment)?;
@@ -75,8 +86,6 @@ pub fn trim(file: &TakeFile, from_s: f64, to_s: f64, out: &Path) -> anyhow::Resu
     let most = |beyond: fn(&Span, f64) -> f64| {
         order.iter().map(|(_, span)| beyond(span, duration_s)).fold(0.0, f64::max)
     };
-    // A poster that is damaged stays so with its segment.
-    let has_poster = file.poster().is_ok_and(|poster| poster.is_some());
     Ok(TrimmedTake {
         duration_s,
         source_s: take.duration_s,
@@ -85,7 +94,7 @@ pub fn trim(file: &TakeFile, from_s: f64, to_s: f64, out: &Path) -> anyhow::Resu
         bytes,
         before_s: most(|span, _| -span.start_s),
         after_s: most(|span, duration_s| span.end_s() - duration_s),
-        is_poster_lost: has_poster && order[0].0 != 0,
+        is_poster_lost: before.is_some() && poster.is_none(),
     })
 }
 

@@ -202,7 +202,7 @@ fn inspect_shows_a_clip_with_damaged_sound() {
 }
 
 #[test]
-fn trim_says_that_a_poster_is_left_behind() {
+fn a_poster_stays_at_its_instant_in_a_part() {
     let folder = tempdir().unwrap();
     let folder = folder.path();
     fs::write(folder.join("a.aarc"), take_of(&info())).unwrap();
@@ -210,10 +210,18 @@ fn trim_says_that_a_poster_is_left_behind() {
         let args = ["trim", "a.aarc", "--from", from, "--to", to, "-o", "b.aarc", "--json"];
         aarc_studio(folder, &args[..args.len() - usize::from(!json)])
     };
+    let time_s = || aarc_studio(folder, &["poster", "b.aarc", "--json"]).json()["poster"]["time_s"].clone();
     assert_eq!(trim("2", "4", true).json()["poster_lost"], false, "there is none");
-    poster(folder, "--time 0.5").success();
-    assert_eq!(trim("2", "4", true).json()["poster_lost"], true);
-    assert!(trim("2", "4", false).stdout.contains("the poster was left behind with its segment"));
-    assert_eq!(trim("0", "3", true).json()["poster_lost"], false);
+    poster(folder, "--time 2.5").success();
+    for (from, to, expected) in [("0", "3", 2.5), ("0.5", "3", 2.0), ("2", "4", 0.5)] {
+        assert_eq!(trim(from, to, true).json()["poster_lost"], false);
+        assert_eq!(time_s(), expected, "{from} {to}");
+        assert!(aarc_studio(folder, &["inspect", "b.aarc"]).success().stdout.contains("poster"));
+    }
     assert!(!trim("0", "3", false).stdout.contains("poster"));
+    for (from, to) in [("0", "2"), ("3", "4")] {
+        assert_eq!(trim(from, to, true).json()["poster_lost"], true);
+        assert_eq!(time_s(), Value::Null);
+    }
+    assert!(trim("3", "4", false).stdout.contains("the poster was left behind"));
 }
