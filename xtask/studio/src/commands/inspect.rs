@@ -211,7 +211,10 @@ impl Inspection {
             }
         }
         match file.sound(index, contents) {
-            Ok(sound) => sound.iter().for_each(|sound| Audio::add(&mut self.audio, sound)),
+            Ok(sound) => {
+                let (start_s, take_s) = (file.take().segments[index].start_s, file.take().duration_s);
+                sound.iter().for_each(|sound| Audio::add(&mut self.audio, sound, start_s, take_s));
+            }
             Err(fault) => self.note(file, index, "sound", &fault),
         }
         match if index == 0 { file.poster() } else { Ok(None) } {

@@ -62,6 +62,10 @@ fn odd_sound_is_repaired_or_refused_in_one_sentence() {
         assert_eq!(f64::from(sound.info().length) / 48_000.0, seconds);
         assert_eq!(sound.info().position.is_some(), options.contains(&"--audio-position"));
     }
+    // Segments of a part reach beyond it, and so does their sound.
+    aarc_studio(at, &["trim", "clip.aarc", "--from", "0.5", "--to", "1.25", "-o", "part.aarc"]).success();
+    let part = aarc_studio(at, &["inspect", "part.aarc", "--json"]).json();
+    assert_eq!(part["audio"]["duration_s"], 0.75);
     assert!(packaged(at, &[]).1.is_none() && packaged(at, &["--audio", "none"]).1.is_none());
     for (options, code, sentence) in [
         (&["--audio", "text.wav"][..], 3, "text.wav: it is no sound that ffmpeg reads"),

@@ -30,8 +30,11 @@ pub(super) struct Audio {
     codec: &'static str,
     channels: u8,
     rate_hz: u32,
-    /// Seconds that are heard.
+    /// Seconds that are heard within the take.
     pub(super) duration_s: f64,
+    /// Seconds of all packets: segments of a take that was trimmed reach beyond it.
+    #[serde(skip)]
+    packets_s: f64,
     /// Bytes of packets.
     pub(super) bytes: usize,
     /// Point of the scene from which it comes.
@@ -39,14 +42,18 @@ pub(super) struct Audio {
 }
 
 impl Audio {
-    /// Adds the sound of a segment to the sound of the segments before it.
-    pub(super) fn add(all: &mut Option<Audio>, sound: &Sound) {
-        let other = Audio::from(sound);
+    /// Adds the sound of a segment that starts at `start_s` in a take of `take_s` seconds to the sound of the segments
+    /// before it.
+    pub(super) fn add(all: &mut Option<Audio>, sound: &Sound, start_s: f64, take_s: f64) {
+        let mut other = Audio::from(sound);
+        let from_s = start_s + f64::from(sound.info().start) / f64::from(SOUND_RATE_HZ);
+        other.duration_s = ((from_s + other.packets_s).min(take_s) - from_s.max(0.0)).max(0.0);
         let Some(audio) = all else {
             *all = Some(other);
             return;
         };
         audio.duration_s += other.duration_s;
+        audio.packets_s += other.packets_s;
         audio.bytes += other.bytes;
         audio.channels = audio.channels.max(other.channels);
         // One that stands elsewhere later has no one position.
@@ -60,7 +67,7 @@ impl Audio {
             None if self.channels == 1 => "mono".into(),
             None => "stereo".into(),
         };
-        let kbps = self.bytes as f64 * 8e-3 / self.duration_s;
+        let kbps = self.bytes as f64 * 8e-3 / self.packets_s;
         let (duration_s, bytes) = (decimal(self.duration_s, 3), self.bytes);
         format!("{duration_s} s of Opus, {from}, {bytes} bytes, {kbps:.0} kbps")
     }
@@ -69,11 +76,13 @@ impl Audio {
 impl From<&Sound> for Audio {
     fn from(sound: &Sound) -> Audio {
         let info = sound.info();
+        let duration_s = f64::from(info.length) / f64::from(SOUND_RATE_HZ);
         Audio {
             codec: "opus",
             channels: info.channels,
             rate_hz: SOUND_RATE_HZ,
-            duration_s: f64::from(info.length) / f64::from(SOUND_RATE_HZ),
+            duration_s,
+            packets_s: duration_s,
             bytes: sound.packet_bytes(),
             position: info.position,
         }
