@@ -34,9 +34,13 @@ const RETRY: RetryPolicy = RetryPolicy {
 
 /// A clip of about 50 kB with three layers.
 fn package(seed: u64) -> Arc<[u8]> {
-    let recipe =
-        Recipe { count: 1500, sh_degree: 1, motion: Motion::Mixed, motion_order: 3, turning: false, seed };
-    packaged(&recipe.field(), None, &[300, 700]).into()
+    package_of(1500, seed)
+}
+
+/// A clip of so many Gaussians.
+fn package_of(count: usize, seed: u64) -> Arc<[u8]> {
+    let recipe = Recipe { count, sh_degree: 1, motion: Motion::Mixed, motion_order: 3, turning: false, seed };
+    packaged(&recipe.field(), None, &[count / 5, count / 2]).into()
 }
 
 /// Offsets of the ends of its layers, in bytes.
@@ -686,10 +690,15 @@ fn what_is_not_to_be_stored_is_not_cached() {
 
 /// A take of three segments, and its segments as they are read from a file.
 fn take(seed: u64) -> (Arc<[u8]>, Vec<Clip>) {
+    take_of(1500, seed)
+}
+
+/// The same with so many Gaussians in each segment.
+fn take_of(count: usize, seed: u64) -> (Arc<[u8]>, Vec<Clip>) {
     let segment = |i: u32| SegmentFile {
         start_s: f64::from(i),
         duration_s: 2.0,
-        package: package(seed + u64::from(i)).to_vec(),
+        package: package_of(count, seed + u64::from(i)).to_vec(),
     };
     let (bytes, _) = take_package(4.0, 30.0, &[0, 1, 2].map(segment));
     let folder = tempfile::tempdir().unwrap();
@@ -714,6 +723,32 @@ fn open_take(url: &str, folder: &Path) -> Arc<OpenTake> {
 fn segments(url: &str, folder: &Path) -> Vec<Clip> {
     let opened = open_take(url, folder);
     (0..3).map(|i| opened.segment(i, opened.layers()[i]).unwrap()).collect()
+}
+
+#[test]
+fn a_take_plays_whose_length_the_server_does_not_state() {
+    for count in [20, 1500] {
+        let (file, clips) = take_of(count, 60);
+        assert_eq!(file.len() < 32 << 10, count == 20, "{}", file.len());
+        for has_ranges in [false, true] {
+            let sent = file.clone();
+            let server = Server::start(move |_, request, answer| {
+                let part = request.part(sent.len()).filter(|_| has_ranges);
+                match &part {
+                    Some(part) => {
+                        let range = format!("bytes {}-{}/*", part.start, part.end - 1);
+                        answer.head(206, &[("Content-Range", &range), ("ETag", ETAG)]);
+                    }
+                    None => answer.head(200, &[("ETag", ETAG)]),
+                }
+                answer.bytes(&sent, part.unwrap_or(0..sent.len()));
+            });
+            let (folder, url) = (tempfile::tempdir().unwrap(), server.url("take.aarc"));
+            assert!(segments(&url, folder.path()) == clips, "{count} {has_ranges}");
+            server.forget();
+            assert!(segments(&url, folder.path()) == clips, "{count} {has_ranges}, from the cache");
+        }
+    }
 }
 
 #[test]
