@@ -270,6 +270,7 @@ mod tests {
             (["take-camA", "take-camB", "take-camC"], ["A", "B", "C"]),
             (["session1_cam1", "session1_cam2", "session1_cam10"], ["cam_1", "cam_2", "cam_10"]),
             (["cam_0", "cam_1", "cam_2"], ["0", "1", "2"]),
+            (["session1_cam1", "session1_cam2", "session1_cam10"], ["1", "2", "10"]),
             (["cam01", "cam02", "cam03"], ["cam01/000000.png", "cam02/000000.png", "cam03/000000.png"]),
             (["A 2026-11-01", "B 2026-11-01", "C 2026-11-02"], ["a", "b", "c"]),
             (["Cam_01 (left)", "x", "cam1"], ["cam01left", "X", "CAM 1"]),
