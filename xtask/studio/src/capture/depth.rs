@@ -14,7 +14,7 @@ use refine::anchor::DepthMap;
 use refine::capture::{CalibratedCamera, Lens, PhotoId};
 
 use super::capture_files::CaptureFiles;
-use super::image_file::{bad_layout, read};
+use super::image_file::{bad_layout, read, read_bytes};
 use crate::messages::unreadable;
 
 /// Depth of one step of a 16-bit image, in units of the capture.
@@ -86,7 +86,7 @@ fn bytes_of(path: &Path) -> Result<Vec<u8>, Fault> {
     if size > BYTES_MAX {
         return Err(bad_layout(path, format!("{size} bytes are more than a depth map has")));
     }
-    std::fs::read(path).map_err(|error| unreadable(path, &error))
+    read_bytes(path)
 }
 
 /// Decodes values of `N` bytes; a partial last value is ignored.

@@ -1,6 +1,8 @@
 //! Files of a capture: photographs, masks and text, with errors that name the file.
 
 use std::ffi::OsStr;
+use std::fs::File;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use codec::Camera;
@@ -148,7 +150,7 @@ pub(crate) fn bad(path: &Path, problem: impl std::fmt::Display) -> Fault {
 
 /// The fault of a photograph or a mask that cannot be decoded.
 fn unusable(path: &Path, error: &image::ImageError) -> Fault {
-    bad(path, format!("{error}; save it again as PNG, JPEG or WebP"))
+    lfs_pointer(path).unwrap_or_else(|| bad(path, format!("{error}; save it again as PNG, JPEG or WebP")))
 }
 
 /// The fault of a calibration or a depth map that is not as `xtask/CAPTURE.md` describes it.
@@ -156,8 +158,43 @@ pub(crate) fn bad_layout(path: &Path, problem: impl std::fmt::Display) -> Fault 
     bad(path, format!("{problem}; xtask/CAPTURE.md describes the layout"))
 }
 
+/// Reads a text file, without its byte order mark.
+///
+/// # Errors
+/// Those of [`read_bytes`], and [`Fault::Data`] if it is not in UTF-8.
 pub(crate) fn read_text(path: &Path) -> Result<String, Fault> {
-    std::fs::read_to_string(path).map_err(|error| unreadable(path, &error))
+    let text =
+        String::from_utf8(read_bytes(path)?).map_err(|_| bad(path, "not in UTF-8; save it as UTF-8"))?;
+    Ok(match text.strip_prefix('\u{feff}') {
+        Some(rest) => rest.to_owned(),
+        None => text,
+    })
+}
+
+/// Reads a file.
+///
+/// # Errors
+/// [`Fault::Data`] that names the file, if it cannot be read or is a pointer of Git LFS.
+pub(super) fn read_bytes(path: &Path) -> Result<Vec<u8>, Fault> {
+    let bytes = std::fs::read(path).map_err(|error| unreadable(path, &error))?;
+    match bytes.starts_with(LFS_POINTER) {
+        true => Err(not_fetched(path)),
+        false => Ok(bytes),
+    }
+}
+
+/// Begin of the text that Git LFS leaves in place of a file until it is fetched.
+const LFS_POINTER: &[u8] = b"version https://git-lfs.github.com/spec/";
+
+fn not_fetched(path: &Path) -> Fault {
+    bad(path, "a pointer of Git LFS in place of the file; fetch it with `git lfs pull`")
+}
+
+/// The fault of a picture or a video that Git LFS has not fetched; `None` of any other file.
+pub(super) fn lfs_pointer(path: &Path) -> Option<Fault> {
+    let mut start = [0; LFS_POINTER.len()];
+    File::open(path).and_then(|mut file| file.read_exact(&mut start)).ok()?;
+    (start == LFS_POINTER).then(|| not_fetched(path))
 }
 
 #[cfg(test)]

@@ -108,3 +108,49 @@ pub(crate) fn calibrated_cameras(
         None => Ok(None),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use tempfile::TempDir;
+
+    use super::*;
+
+    /// A folder with these text files and photographs of these sizes.
+    fn folder_of(texts: &[(&str, &str)], photographs: &[(&str, [u32; 2])]) -> TempDir {
+        let folder = tempfile::tempdir().unwrap();
+        let path_of = |name: &str| {
+            let path = folder.path().join(name);
+            fs::create_dir_all(path.parent().unwrap()).unwrap();
+            path
+        };
+        texts.iter().for_each(|(name, text)| fs::write(path_of(name), text).unwrap());
+        for (name, [width, height]) in photographs {
+            image::RgbImage::new(*width, *height).save(path_of(name)).unwrap();
+        }
+        folder
+    }
+
+    fn refusal(folder: &TempDir) -> String {
+        CaptureFiles::open(folder.path()).unwrap_err().to_string()
+    }
+
+    const CAMERAS: (&str, &str) = ("sparse/0/cameras.txt", "1 PINHOLE 100 80 110 110 50 40");
+    const IMAGES: (&str, &str) = ("sparse/0/images.txt", "1 1 0 0 0 0 0 3 1 a/0.png");
+
+    #[test]
+    fn files_that_git_lfs_has_not_fetched_are_named() {
+        let pointer = "version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 12345\n";
+        for texts in [
+            &[CAMERAS, IMAGES, ("images/a/0.png", pointer)][..],
+            &[("transforms.json", pointer)],
+        ] {
+            let error = refusal(&folder_of(texts, &[]));
+            assert!(error.contains("a pointer of Git LFS") && error.contains("git lfs pull"), "{error}");
+        }
+        let latin = folder_of(&[], &[]);
+        fs::write(latin.path().join("transforms.json"), b"{\"\xe9\": 1}").unwrap();
+        assert!(refusal(&latin).contains("transforms.json: not in UTF-8"));
+    }
+}

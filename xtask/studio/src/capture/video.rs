@@ -16,7 +16,7 @@ use image::RgbImage;
 use program::Fault;
 use serde::Deserialize;
 
-use super::image_file::bad;
+use super::image_file::{bad, lfs_pointer};
 use crate::ffmpeg::{self, Running, last_line};
 use crate::messages::unreadable;
 
@@ -56,6 +56,7 @@ impl Video {
     /// [`Fault::Usage`] if there is no `ffprobe`, [`Fault::Data`] if the file has no video that it can read.
     pub(crate) fn open(path: &Path) -> Result<Video, Fault> {
         std::fs::metadata(path).map_err(|error| unreadable(path, &error))?;
+        lfs_pointer(path).map_or(Ok(()), Err)?;
         let entries = "stream=width,height,color_space,color_transfer:stream_side_data=rotation:packet=pts_time,flags:format=start_time";
         let arguments = ["-v", "error", "-select_streams", "V:0", "-show_entries", entries, "-of", "json"];
         let output = ffmpeg::output("ffprobe", |command| {
