@@ -49,6 +49,8 @@ pub struct CaptureFiles {
     pub learned: Learned,
     /// The sound of the capture.
     pub sound: Option<CaptureSound>,
+    /// What the capture says that is not as its user may expect: one line each.
+    pub notes: Vec<String>,
     /// Numbers of the selected frames in the capture.
     pub(super) selected: Range<usize>,
     /// Time of the first of them in the capture, in seconds.
@@ -384,6 +386,7 @@ pub(super) struct CaptureBuilder {
     plates: Vec<CameraPlate>,
     /// Deviations in seconds of photographs that are not on time.
     deviations_s: BTreeMap<PhotoId, f64>,
+    notes: Vec<String>,
 }
 
 impl CaptureBuilder {
@@ -397,6 +400,7 @@ impl CaptureBuilder {
             videos: Vec::new(),
             plates: Vec::new(),
             deviations_s: BTreeMap::new(),
+            notes: Vec::new(),
         }
     }
 
@@ -450,6 +454,11 @@ impl CaptureBuilder {
         Ok(())
     }
 
+    /// Adds one of [`CaptureFiles::notes`].
+    pub(super) fn note(&mut self, note: String) {
+        self.notes.push(note);
+    }
+
     /// States the picture of a camera without the subject.
     pub(super) fn plate(&mut self, camera: usize, plate: CameraPlate) {
         self.plates[camera] = plate;
@@ -478,7 +487,11 @@ impl CaptureBuilder {
     }
 
     /// The capture, with frames at these times in seconds.
-    pub(super) fn build(self, frame_times_s: Vec<f64>, stated_fps: Option<f64>) -> CaptureFiles {
+    pub(super) fn build(mut self, frame_times_s: Vec<f64>, stated_fps: Option<f64>) -> CaptureFiles {
+        let mut is_used = vec![false; self.cameras.len()];
+        self.photos.iter().for_each(|photo_id| is_used[photo_id.camera] = true);
+        let unused = self.cameras.iter().zip(is_used).filter(|(_, is_used)| !is_used);
+        self.notes.extend(unused.map(|(camera, _)| format!("camera {} has no photograph", camera.name)));
         let mut order: Vec<usize> = (0..self.photos.len()).collect();
         order.sort_unstable_by_key(|i| self.photos[*i]);
         let paths = self.paths.select(order.iter().copied());
@@ -495,7 +508,7 @@ impl CaptureBuilder {
         let time_offsets_s = offsets.filter(|(_, offset_s)| *offset_s != 0.0).collect();
         let selected = 0..frame_times_s.len();
         let capture = Capture { cameras: self.cameras, frame_times_s, photos, deviations_s };
-        let CaptureBuilder { folder, videos, plates, .. } = self;
+        let CaptureBuilder { folder, videos, plates, notes, .. } = self;
         CaptureFiles {
             capture,
             stated_fps,
@@ -503,6 +516,7 @@ impl CaptureBuilder {
             metres_per_unit: None,
             learned: Learned::default(),
             sound: None,
+            notes,
             selected,
             start_s: 0.0,
             time_offsets_s,

@@ -27,6 +27,12 @@ const EXTRINSICS: &str = "extri.yml";
 /// Accepted names of the folder of masks.
 const MASKS: [&str; 2] = ["masks", "mask"];
 
+/// Keys that are read, each for a camera: `K_00`.
+pub(super) const CAMERA_KEYS: [&str; 8] = ["D", "H", "K", "R", "Rot", "T", "W", "dist"];
+
+/// Keys of cameras on which nothing that is drawn depends: near and far planes, bounds, and places in grids of times and views.
+pub(super) const IGNORED_KEYS: [&str; 5] = ["bounds", "f", "n", "t", "v"];
+
 /// The two files, read.
 struct CalibrationFiles {
     intrinsics: Storage,
@@ -55,6 +61,19 @@ impl CalibrationFiles {
             Some(name) => Err(bad_layout(path, format!("camera {name} is listed twice"))),
             None => Ok(names),
         }
+    }
+
+    /// The keys that are not read though something that is drawn may depend on them.
+    fn unread_keys(&self, names: &[String]) -> Vec<&str> {
+        let names: BTreeSet<&str> = names.iter().map(String::as_str).collect();
+        let is_known = |key: &str| match key.split_once('_') {
+            Some((kind, name)) => {
+                (CAMERA_KEYS.contains(&kind) || IGNORED_KEYS.contains(&kind)) && names.contains(name)
+            }
+            None => key == "names",
+        };
+        let keys = self.intrinsics.keys().chain(self.extrinsics.keys()).map(String::as_str);
+        keys.filter(|key| !is_known(key)).collect()
     }
 
     /// Size of a camera's pictures, if it is stated.
@@ -119,12 +138,19 @@ pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
     let masks = MASKS.into_iter().find(|name| folder.join(name).is_dir());
 
     let mut builder = CaptureBuilder::new(folder);
+    let unread = files.unread_keys(&names);
+    if !unread.is_empty() {
+        builder.note(format!("{INTRINSICS} and {EXTRINSICS} state what is not read: {}", unread.join(", ")));
+    }
     // The names of all frames, with numbers in the order in which they were found.
     let mut found: BTreeMap<String, usize> = BTreeMap::new();
     for name in &names {
         let images = folder.join("images").join(name);
         let frames = frames(&images)?;
-        let Some(first) = frames.first() else { continue };
+        let Some(first) = frames.first() else {
+            builder.note(format!("camera {name} has no photograph in images/{name}"));
+            continue;
+        };
         let first = find_image(&images.join(first)).expect("just listed");
         let size = match files.size(name)? {
             Some(size) => size,

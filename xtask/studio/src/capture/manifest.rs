@@ -7,6 +7,8 @@ use std::path::Path;
 use program::Fault;
 use refine::capture::{Lens, even_times_s};
 use serde::Deserialize;
+use serde::de::DeserializeOwned;
+use serde_json::Value;
 
 use super::camera_part::CameraPart;
 use super::camera_plate::CameraPlate;
@@ -153,20 +155,26 @@ pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
 }
 
 fn parse(text: &str) -> Result<Manifest, String> {
-    serde_json::from_str(text).map_err(|error| with_camera(text, &error))
+    serde_json::from_str(text)
+        .map_err(|error| about_entry::<ManifestCamera>(text, &error, "cameras", "camera", "id"))
 }
 
-/// What is wrong in a manifest, and with which of its cameras, if it is with one.
-fn with_camera(text: &str, error: &serde_json::Error) -> String {
-    #[derive(Deserialize)]
-    struct Unread {
-        cameras: Vec<serde_json::Value>,
-    }
-    let unread: Option<Unread> = serde_json::from_str(text).ok();
-    let cameras = unread.map_or(Vec::new(), |unread| unread.cameras);
-    let is_wrong = |camera: &&serde_json::Value| ManifestCamera::deserialize(*camera).is_err();
-    match cameras.iter().find(is_wrong).and_then(|camera| camera["id"].as_str()) {
-        Some(id) => format!("camera {id}: {error}"),
+/// What is wrong in a JSON file, and with which of the entries `T` of its `list`, if it is with one: a `noun` and its value
+/// of `key`, or its number from 1.
+pub(super) fn about_entry<T: DeserializeOwned>(
+    text: &str,
+    error: &serde_json::Error,
+    list: &str,
+    noun: &str,
+    key: &str,
+) -> String {
+    let file: Value = serde_json::from_str(text).unwrap_or_default();
+    let mut entries = (1..).zip(file[list].as_array().into_iter().flatten());
+    match entries.find(|(_, entry)| T::deserialize(*entry).is_err()) {
+        Some((number, entry)) => {
+            let name = entry[key].as_str().map_or_else(|| format!("number {number}"), str::to_owned);
+            format!("{noun} {name}: {error}")
+        }
         None => error.to_string(),
     }
 }
@@ -184,7 +192,7 @@ fn plate_of(
 }
 
 /// The direction of a vector, with length 1.
-fn unit(vector: [f64; 3]) -> [f64; 3] {
+pub(super) fn unit(vector: [f64; 3]) -> [f64; 3] {
     let length = vector.iter().map(|x| x * x).sum::<f64>().sqrt();
     vector.map(|x| x / length)
 }

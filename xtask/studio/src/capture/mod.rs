@@ -140,6 +140,46 @@ mod tests {
     const IMAGES: (&str, &str) = ("sparse/0/images.txt", "1 1 0 0 0 0 0 3 1 a/0.png");
 
     #[test]
+    fn cameras_without_photographs_are_named() {
+        let matrices = |keys: &[(&str, &str)]| {
+            let matrix = |name: &str, (key, data): &(&str, &str)| {
+                format!("{key}_{name}: !!opencv-matrix\n  data: [{data}]\n")
+            };
+            ["a", "b"].map(|name| keys.iter().map(|key| matrix(name, key)).collect::<String>()).concat()
+        };
+        let k = matrices(&[("K", "110, 0, 50, 0, 110, 40, 0, 0, 1"), ("ccm", "2, 0, 0, 0, 1, 0, 0, 0, 1")]);
+        let intrinsics = format!("names: [a, b]\n{k}");
+        let extrinsics = matrices(&[("R", "0, 0, 0"), ("T", "0, 0, 3"), ("n", "0.1")]);
+        let read = |intrinsics: &str, extrinsics: &str| {
+            let texts = [("intri.yml", intrinsics), ("extri.yml", extrinsics)];
+            let folder = folder_of(&texts, &[("images/b/0.png", [100, 80])]);
+            CaptureFiles::open(folder.path())
+                .map(|capture_files| capture_files.notes)
+                .map_err(|error| error.to_string())
+        };
+        assert_eq!(
+            read(&intrinsics, &extrinsics).unwrap(),
+            [
+                "intri.yml and extri.yml state what is not read: ccm_a, ccm_b",
+                "camera a has no photograph in images/a"
+            ]
+        );
+        // What is malformed is not absent.
+        let error = read(&intrinsics, &(extrinsics.clone() + "Rot_b: !!opencv-matrix\n  data: [1, x]\n"))
+            .unwrap_err();
+        assert!(error.contains("extri.yml: Rot_b is missing, malformed or too short"), "{error}");
+        let error = read(&intrinsics.replace("110, 0, 50", "110, 2, 50"), &extrinsics).unwrap_err();
+        assert!(error.contains("intri.yml: K_b has a skew of 2"), "{error}");
+        let camera = |id: &str| {
+            serde_json::json!({"id": id, "w": 100, "h": 80, "K": [[110, 0, 50], [0, 110, 40], [0, 0, 1]],
+                "w2c": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 3], [0, 0, 0, 1]]})
+        };
+        let manifest = serde_json::json!({"frames": 1, "images": "images/{camera}/0.png", "cameras": [camera("a"), camera("b")]});
+        let folder = folder_of(&[("capture.json", &manifest.to_string())], &[("images/b/0.png", [100, 80])]);
+        assert_eq!(CaptureFiles::open(folder.path()).unwrap().notes, ["camera a has no photograph"]);
+    }
+
+    #[test]
     fn files_that_git_lfs_has_not_fetched_are_named() {
         let pointer = "version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 12345\n";
         for texts in [

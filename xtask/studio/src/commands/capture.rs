@@ -1,8 +1,9 @@
 //! Options of the commands that read a capture.
 
+use std::collections::BTreeSet;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
-use std::sync::Once;
+use std::sync::{Mutex, Once, PoisonError};
 
 use crate::capture::CaptureFiles;
 use crate::fit::{TrainingViews, file_crc};
@@ -207,6 +208,9 @@ impl PartSelection {
         keep_frames: impl FnOnce(&mut CaptureFiles) -> Result<(), Fault>,
     ) -> anyhow::Result<CaptureFiles> {
         let mut capture_files = CaptureFiles::open(folder)?;
+        for note in std::mem::take(&mut capture_files.notes) {
+            report_once(format!("{}: {note}", folder.display()));
+        }
         if !self.cameras.is_empty() {
             capture_files.keep_cameras(&self.cameras)?;
         }
@@ -285,6 +289,15 @@ impl LpipsOption {
         let name = |path: &PathBuf| Ok(format!("{}, {:08x}", path.display(), file_crc(path)?));
         let names = self.lpips_weights.iter().map(name).collect::<Result<Vec<_>, Fault>>()?;
         Ok((!names.is_empty()).then(|| names.join(" and ")))
+    }
+}
+
+/// Reports a note on standard error, unless it was reported before: a command may open a capture several times.
+fn report_once(note: String) {
+    static REPORTED: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());
+    let mut reported = REPORTED.lock().unwrap_or_else(PoisonError::into_inner);
+    if reported.insert(note.clone()) {
+        eprintln!("note: {note}");
     }
 }
 
