@@ -5,23 +5,35 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use formats::list_folder;
 use glam::{DMat3, DQuat};
 use program::Fault;
 use refine::capture::{CalibratedCamera, Lens};
 
 use super::capture_files::{CaptureBuilder, CaptureFiles, calibrated, pinhole, rigid};
-use super::image_file::{bad, bad_layout, find_image_in, joined, read_text, size_of};
+use super::image_file::{
+    bad, bad_layout, find_image_in, joined, read_bytes, read_text, scale_of_photograph, size_of,
+};
+use super::listed_paths::{ListedPaths, advice};
 use super::photo_paths::PhotoPath;
-use crate::messages::unreadable;
 
 /// Folders that may hold the model.
 const MODELS: [&str; 3] = ["sparse/0", "sparse", "."];
 
 /// Finds the folder of the model.
 pub(super) fn model(folder: &Path) -> Option<PathBuf> {
-    let is_model =
-        |path: &PathBuf| ["cameras.bin", "cameras.txt"].iter().any(|name| path.join(name).is_file());
-    MODELS.iter().map(|name| folder.join(name)).find(is_model)
+    MODELS.iter().map(|name| folder.join(name)).find(|path| is_model(path))
+}
+
+fn is_model(path: &Path) -> bool {
+    ["cameras.bin", "cameras.txt"].iter().any(|name| path.join(name).is_file())
+}
+
+/// Names of the models beside the first one: COLMAP makes several of photographs that it cannot connect.
+fn other_models(folder: &Path) -> Vec<String> {
+    let sparse = folder.join("sparse");
+    let beside = list_folder(&sparse).unwrap_or_default().into_iter();
+    beside.filter(|name| name != "0" && is_model(&sparse.join(name))).collect()
 }
 
 /// Size, focal lengths and principal point, lens.
@@ -80,26 +92,33 @@ pub(super) fn open(folder: &Path, model: &Path) -> anyhow::Result<CaptureFiles> 
     let (cameras, poses) = read_model(model)?;
     let has_masks = folder.join("masks").is_dir();
     let mut builder = CaptureBuilder::new(folder);
+    let others = other_models(folder);
+    if !others.is_empty() && model.ends_with("sparse/0") {
+        builder.note(format!("sparse/0 is read; sparse has other models, too: {}", others.join(", ")));
+    }
+    let mut listed = ListedPaths::new(folder);
     for pose in poses {
-        let image = joined("images", &pose.name);
+        let existing = |name: &str| Some(joined("images", name)).filter(|image| folder.join(image).is_file());
+        let Some(image) = listed.find(&pose.name, existing)? else {
+            let what = format!("this photograph is missing{}", advice(folder, &pose.name));
+            return Err(bad(&folder.join(joined("images", &pose.name)), what).into());
+        };
         let path = folder.join(&image);
-        if !path.is_file() {
-            return Err(bad(&path, "this photograph is missing; put it there").into());
-        }
         let Some((size, k, lens)) = cameras.get(&pose.camera) else {
             return Err(no_camera(model, &pose).into());
         };
-        // The photographs may be smaller than the model's images.
         let actual = size_of(&path)?;
-        let scale = [f64::from(actual.0) / f64::from(size.0), f64::from(actual.1) / f64::from(size.1)];
+        let stated = [size.0, size.1].map(f64::from);
+        let scale = scale_of_photograph(stated, actual).map_err(|problem| bad(&path, problem))?;
         let k = [k[0] * scale[0], k[1] * scale[1], k[2] * scale[0], k[3] * scale[1]];
         let camera = pinhole(actual, k, pose.transform());
-        let name = Path::new(&pose.name).with_extension("");
+        let listed_name = image.strip_prefix("images/").unwrap_or(&image);
+        let name = Path::new(listed_name).with_extension("");
         let name = name.to_string_lossy();
         let mask = match has_masks {
             // COLMAP appends an extension to the whole name.
             true => {
-                let [with_extension, without] = [&pose.name, &*name].map(|name| joined("masks", name));
+                let [with_extension, without] = [listed_name, &*name].map(|name| joined("masks", name));
                 let mask = find_image_in(folder, &with_extension).or_else(|| find_image_in(folder, &without));
                 Some(mask.ok_or_else(|| {
                     bad(
@@ -113,11 +132,12 @@ pub(super) fn open(folder: &Path, model: &Path) -> anyhow::Result<CaptureFiles> 
         let index = builder.camera(&name, camera, *lens, false);
         builder.photo(index, 0, PhotoPath { image: &image, name: &name, mask: mask.as_deref() })?;
     }
+    listed.note().into_iter().for_each(|note| builder.note(note));
     Ok(builder.build(vec![0.0], None))
 }
 
 /// Supported camera models: number, name and number of parameters.
-const CAMERA_MODELS: [(i32, &str, usize); 9] = [
+pub(super) const CAMERA_MODELS: [(i32, &str, usize); 9] = [
     (0, "SIMPLE_PINHOLE", 3),
     (1, "PINHOLE", 4),
     (2, "SIMPLE_RADIAL", 4),
@@ -193,12 +213,8 @@ impl<'a> Reader<'a> {
     }
 }
 
-fn read(path: &Path) -> Result<Vec<u8>, Fault> {
-    std::fs::read(path).map_err(|error| unreadable(path, &error))
-}
-
 fn cameras_bin(path: &Path) -> Result<BTreeMap<u32, Intrinsics>, Fault> {
-    let bytes = read(path)?;
+    let bytes = read_bytes(path)?;
     let mut reader = Reader { path, rest: &bytes };
     let mut cameras = BTreeMap::new();
     for _ in 0..reader.u64()? {
@@ -218,7 +234,7 @@ fn cameras_bin(path: &Path) -> Result<BTreeMap<u32, Intrinsics>, Fault> {
 }
 
 fn images_bin(path: &Path) -> Result<Vec<Pose>, Fault> {
-    let bytes = read(path)?;
+    let bytes = read_bytes(path)?;
     let mut reader = Reader { path, rest: &bytes };
     let mut poses = Vec::new();
     for _ in 0..reader.u64()? {
@@ -233,15 +249,16 @@ fn images_bin(path: &Path) -> Result<Vec<Pose>, Fault> {
     Ok(poses)
 }
 
-/// Lines without comments, with their numbers from 1.
+/// Lines that are no comments, without blanks around them, with their numbers from 1.
 fn lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
-    text.lines().enumerate().map(|(i, line)| (i + 1, line)).filter(|(_, line)| !line.starts_with('#'))
+    let trimmed = text.lines().enumerate().map(|(i, line)| (i + 1, line.trim()));
+    trimmed.filter(|(_, line)| !line.starts_with('#'))
 }
 
 fn cameras_txt(path: &Path) -> Result<BTreeMap<u32, Intrinsics>, Fault> {
     let text = read_text(path)?;
     let mut cameras = BTreeMap::new();
-    for (number, line) in lines(&text).filter(|(_, line)| !line.trim().is_empty()) {
+    for (number, line) in lines(&text).filter(|(_, line)| !line.is_empty()) {
         let words: Vec<&str> = line.split_whitespace().collect();
         let at = |problem: String| bad_layout(path, format!("line {number}: {problem}"));
         let [id, model, width, height, parameters @ ..] = words.as_slice() else {
@@ -259,22 +276,48 @@ fn cameras_txt(path: &Path) -> Result<BTreeMap<u32, Intrinsics>, Fault> {
 }
 
 fn images_txt(path: &Path) -> Result<Vec<Pose>, Fault> {
-    let text = read_text(path)?;
+    poses(&read_text(path)?).map_err(|number| bad_layout(path, format!("line {number}: not an image")))
+}
+
+/// The images of a text; a line lists the points of the image before it, or there is none. COLMAP skips blank lines, too.
+///
+/// # Errors
+/// The number of a line that is neither.
+fn poses(text: &str) -> Result<Vec<Pose>, usize> {
     let mut poses = Vec::new();
-    // Every second line lists points and may be empty.
-    for (number, line) in lines(&text).step_by(2).filter(|(_, line)| !line.trim().is_empty()) {
-        let words: Vec<&str> = line.split_whitespace().collect();
-        let parsed = || -> Option<Pose> {
-            let numbers: Vec<f64> =
-                words.get(1..8)?.iter().map(|word| word.parse().ok()).collect::<Option<_>>()?;
-            let [w, x, y, z, t0, t1, t2] = numbers[..] else { return None };
-            let (camera, name) = (words.get(8)?.parse().ok()?, words.get(9..)?.join(" "));
-            let pose = Pose { camera, rotation: [w, x, y, z], translation: [t0, t1, t2], name };
-            Some(pose).filter(|pose| !pose.name.is_empty())
-        };
-        poses.push(parsed().ok_or_else(|| bad_layout(path, format!("line {number}: not an image")))?);
+    let mut is_after_image = false;
+    for (number, line) in lines(text).filter(|(_, line)| !line.is_empty()) {
+        let is_image = !(is_after_image && are_points(line));
+        if is_image {
+            poses.push(pose(line).ok_or(number)?);
+        }
+        is_after_image = is_image;
     }
     Ok(poses)
+}
+
+/// Whether a line is of numbers, three a point.
+fn are_points(line: &str) -> bool {
+    let is_number = |word: &str| word.parse::<f64>().is_ok();
+    line.split_whitespace().count().is_multiple_of(3) && line.split_whitespace().all(is_number)
+}
+
+/// The image of a line; its name is what follows the number of its camera, with its blanks.
+fn pose(line: &str) -> Option<Pose> {
+    let mut rest = line;
+    let mut word = || {
+        let (word, after) = rest.split_once(char::is_whitespace)?;
+        rest = after.trim_start();
+        Some(word)
+    };
+    word()?;
+    let mut numbers = [0.0; 7];
+    for number in &mut numbers {
+        *number = word()?.parse().ok()?;
+    }
+    let camera = word()?.parse().ok()?;
+    let [w, x, y, z, t0, t1, t2] = numbers;
+    Some(Pose { camera, rotation: [w, x, y, z], translation: [t0, t1, t2], name: rest.to_owned() })
 }
 
 #[cfg(test)]
@@ -307,5 +350,27 @@ mod tests {
             assert!(parsed(model, &vec![1.0; count]).unwrap_err().contains(model), "{model}");
         }
         assert!(parsed("RADIAL_FISHEYE", &[50.0, 32.0, 24.0, 0.1, f64::NAN]).unwrap_err().contains("finite"));
+    }
+
+    #[test]
+    fn images_have_a_line_of_points_or_none() {
+        let names = |text: &str| {
+            poses(text).map(|poses| poses.into_iter().map(|pose| pose.name).collect::<Vec<String>>())
+        };
+        let [a, b] = ["1 1 0 0 0 0 0 3 1 a.png", "2 0.9 0 0.1 0 0 0 3 2 take  2.png"];
+        let expected = vec!["a.png".to_owned(), "take  2.png".to_owned()];
+        for text in [
+            format!("{a}\n0.5 0.5 -1\n{b}\n1 2 3 4 5 6\n"),
+            format!("{a}\n\n{b}\n\n"),
+            format!("{a}\n{b}"),
+            format!("# one\n\n{a}\r\n0.5 0.5 -1\r\n  # two\n\n \n{b}\t\r\n"),
+            format!("{a}\n\n0.5 0.5 -1\n\n{b}\n"),
+        ] {
+            assert_eq!(names(&text).as_ref(), Ok(&expected), "{text}");
+        }
+        assert_eq!(names("1 1 0 0 0 0 0 3 1 2024\n2 1 0 0 0 0 0 3 1 2025").unwrap(), ["2024", "2025"]);
+        for (text, line) in [("0.5 0.5 -1", 1), (&*format!("{a}\n1 2 3 4"), 2), ("1 1 0 0 0 0 0 3 1 ", 1)] {
+            assert_eq!(names(text), Err(line), "{text}");
+        }
     }
 }

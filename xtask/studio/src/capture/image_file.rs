@@ -128,6 +128,23 @@ pub(super) fn read_mask(path: &Path) -> Result<Mask, Fault> {
     Ok(picture.into_luma16())
 }
 
+/// Pixels of a photograph of size `actual` per pixel of its camera, which has `stated` ones, along both axes: photographs
+/// may be smaller than their camera.
+///
+/// # Errors
+/// If their proportions differ.
+pub(super) fn scale_of_photograph(stated: [f64; 2], actual: (u32, u32)) -> Result<[f64; 2], String> {
+    let ([w, h], [width, height]) = (stated, [actual.0, actual.1].map(f64::from));
+    let [x, y] = [width / w, height / h];
+    // Shrinking rounds sides to whole pixels.
+    if (x / y - 1.0).abs() > 2.0 / width.min(height) {
+        return Err(format!(
+            "the photograph has {width}x{height} pixels, its camera {w}x{h}: not its proportions; use the photographs of its calibration"
+        ));
+    }
+    Ok([x, y])
+}
+
 /// Width and height of the image at `path`.
 pub(super) fn size_of(path: &Path) -> Result<(u32, u32), Fault> {
     image::image_dimensions(path).map_err(|error| unusable(path, &error))

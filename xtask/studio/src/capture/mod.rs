@@ -9,6 +9,7 @@ mod depth;
 mod easyvolcap;
 mod fitted;
 mod image_file;
+mod listed_paths;
 mod manifest;
 mod part;
 mod photo_paths;
@@ -140,6 +141,16 @@ mod tests {
     const IMAGES: (&str, &str) = ("sparse/0/images.txt", "1 1 0 0 0 0 0 3 1 a/0.png");
 
     #[test]
+    fn photographs_have_the_proportions_of_their_camera() {
+        let half = folder_of(&[CAMERAS, IMAGES], &[("images/a/0.png", [50, 40])]);
+        let camera = &CaptureFiles::open(half.path()).unwrap().capture.cameras[0].camera;
+        assert_eq!((camera.k[0][0], camera.k[1][1], camera.k[1][2]), (55.0, 55.0, 20.0));
+        let other = folder_of(&[CAMERAS, IMAGES], &[("images/a/0.png", [100, 60])]);
+        let error = refusal(&other);
+        assert!(error.contains("0.png: the photograph has 100x60 pixels, its camera 100x80"), "{error}");
+    }
+
+    #[test]
     fn cameras_without_photographs_are_named() {
         let matrices = |keys: &[(&str, &str)]| {
             let matrix = |name: &str, (key, data): &(&str, &str)| {
@@ -180,11 +191,20 @@ mod tests {
     }
 
     #[test]
+    fn of_several_models_the_others_are_named() {
+        let folder =
+            folder_of(&[CAMERAS, IMAGES, ("sparse/1/cameras.txt", "")], &[("images/a/0.png", [100, 80])]);
+        let notes = CaptureFiles::open(folder.path()).unwrap().notes;
+        assert_eq!(notes, ["sparse/0 is read; sparse has other models, too: 1"]);
+    }
+
+    #[test]
     fn files_that_git_lfs_has_not_fetched_are_named() {
         let pointer = "version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 12345\n";
         for texts in [
             &[CAMERAS, IMAGES, ("images/a/0.png", pointer)][..],
             &[("transforms.json", pointer)],
+            &[("sparse/0/cameras.bin", pointer), ("sparse/0/images.bin", pointer)],
         ] {
             let error = refusal(&folder_of(texts, &[]));
             assert!(error.contains("a pointer of Git LFS") && error.contains("git lfs pull"), "{error}");
