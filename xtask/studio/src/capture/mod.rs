@@ -112,6 +112,7 @@ pub(crate) fn calibrated_cameras(
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeSet;
     use std::fs;
 
     use tempfile::TempDir;
@@ -140,6 +141,19 @@ mod tests {
     const CAMERAS: (&str, &str) = ("sparse/0/cameras.txt", "1 PINHOLE 100 80 110 110 50 40");
     const IMAGES: (&str, &str) = ("sparse/0/images.txt", "1 1 0 0 0 0 0 3 1 a/0.png");
 
+    /// A file of transforms with a camera for each path, on a circle of `radius` about `center`.
+    fn transforms(paths: &[&str], radius: f64, center: [f64; 3]) -> String {
+        let frame = |(i, path): (usize, &&str)| {
+            let (sin, cos) = (0.7 * i as f64).sin_cos();
+            let [x, y, z] = center;
+            let rows =
+                [[cos, 0.0, sin, x + radius * sin], [0.0, 1.0, 0.0, y], [-sin, 0.0, cos, z + radius * cos]];
+            serde_json::json!({"file_path": path, "transform_matrix": [rows[0], rows[1], rows[2], [0.0, 0.0, 0.0, 1.0]]})
+        };
+        let frames: Vec<_> = paths.iter().enumerate().map(frame).collect();
+        serde_json::json!({"fl_x": 110, "w": 100, "h": 80, "frames": frames}).to_string()
+    }
+
     #[test]
     fn photographs_have_the_proportions_of_their_camera() {
         let half = folder_of(&[CAMERAS, IMAGES], &[("images/a/0.png", [50, 40])]);
@@ -148,6 +162,30 @@ mod tests {
         let other = folder_of(&[CAMERAS, IMAGES], &[("images/a/0.png", [100, 60])]);
         let error = refusal(&other);
         assert!(error.contains("0.png: the photograph has 100x60 pixels, its camera 100x80"), "{error}");
+    }
+
+    #[test]
+    fn photographs_of_other_machines_are_found() {
+        let paths = ["/home/somebody/take/images/a/0.png", r"images\b\0.png"];
+        let text = transforms(&paths, 3.0, [0.0; 3]);
+        let photographs = [("images/a/0.png", [100, 80]), ("images/b/0.png", [100, 80])];
+        let found = folder_of(&[("transforms.json", &text)], &photographs);
+        let capture_files = CaptureFiles::open(found.path()).unwrap();
+        let names: Vec<&str> =
+            capture_files.capture.cameras.iter().map(|camera| camera.name.as_str()).collect();
+        assert_eq!(names, ["images/a/0", "images/b/0"]);
+        assert!(
+            capture_files.notes[0].contains("images/a/0.png for /home/somebody"),
+            "{:?}",
+            capture_files.notes
+        );
+        let missing = folder_of(&[("transforms.json", &text), CAMERAS], &photographs[1..]);
+        let error = refusal(&missing);
+        assert!(error.starts_with("/home/somebody") && error.contains("whose path ends like it"), "{error}");
+        assert!(error.contains("to read the COLMAP model beside it"), "{error}");
+        let model =
+            folder_of(&[CAMERAS, ("images.txt", ""), (IMAGES.0, &IMAGES.1.replace('/', r"\"))], &photographs);
+        assert_eq!(CaptureFiles::open(model.path()).unwrap().capture.cameras[0].name, "a/0");
     }
 
     #[test]
@@ -212,5 +250,27 @@ mod tests {
         let latin = folder_of(&[], &[]);
         fs::write(latin.path().join("transforms.json"), b"{\"\xe9\": 1}").unwrap();
         assert!(refusal(&latin).contains("transforms.json: not in UTF-8"));
+    }
+
+    /// The words in code of the cells of the row of the table of statements that begins so.
+    fn row(layout: &str) -> Vec<BTreeSet<&str>> {
+        let text = include_str!("../../../CAPTURE.md");
+        let (_, table) = text.split_once("## What other programs state").unwrap();
+        let row = table.lines().find(|line| line.starts_with(&format!("| {layout}"))).unwrap();
+        let cells = row.trim_matches('|').split('|').skip(1);
+        cells.map(|cell| cell.split('`').skip(1).step_by(2).collect()).collect()
+    }
+
+    #[test]
+    fn the_document_lists_the_statements_of_other_programs() {
+        let set = |keys: &[&'static str]| keys.iter().copied().collect::<BTreeSet<_>>();
+        let [read, refused, ignored] = &row("nerfstudio")[..] else { panic!("three columns") };
+        assert_eq!((refused, ignored), (&set(&transforms::REFUSED_KEYS), &set(&transforms::IGNORED_KEYS)));
+        let keys = transforms::tests::read_keys();
+        assert_eq!(read, &keys.iter().map(String::as_str).collect());
+        let [read, _, ignored] = &row("EasyVolcap")[..] else { panic!("three columns") };
+        assert_eq!((read, ignored), (&set(&easyvolcap::CAMERA_KEYS), &set(&easyvolcap::IGNORED_KEYS)));
+        let models = colmap::CAMERA_MODELS.map(|(_, name, _)| name);
+        assert_eq!(row("COLMAP")[0], set(&models));
     }
 }

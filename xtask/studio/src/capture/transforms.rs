@@ -4,28 +4,81 @@
 //! Each of its frames has a camera of its own, and a `time` if the scene is dynamic. Poses are camera to
 //! world in OpenGL's axes: x right, y up, z backwards.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use glam::{DMat4, DVec4};
 use program::Fault;
 use refine::capture::{CalibratedCamera, Lens};
 use serde::Deserialize;
+use serde_json::Value;
 
 use super::capture_files::{CaptureBuilder, CaptureFiles, calibrated, pinhole};
-use super::image_file::{bad, bad_layout, find_image_in, read_text, size_of};
+use super::colmap;
+use super::image_file::{bad, bad_layout, find_image_in, read_text, scale_of_photograph, size_of};
+use super::listed_paths::{ListedPaths, advice};
+use super::manifest::{about_entry, unit};
 use super::photo_paths::PhotoPath;
 use crate::scene::DEFAULT_FPS;
 
 /// A file of transforms, and whether its cameras are held out.
 type TransformsFile = (PathBuf, bool);
 
+/// Keys that state a camera which is not supported, unless their values are 0 or false.
+pub(super) const REFUSED_KEYS: [&str; 8] = [
+    "equirectangular",
+    "ftheta_p0",
+    "latlong",
+    "normal_mts_args",
+    "orthographic",
+    "rolling_shutter",
+    "transform_matrix_end",
+    "transform_matrix_start",
+];
+
+/// Keys on which nothing that is drawn depends: how other programs scale, turn and crop the world of the file, where its
+/// points and depth maps are, how photographs were made.
+pub(super) const IGNORED_KEYS: [&str; 20] = [
+    "aabb",
+    "aabb_scale",
+    "applied_scale",
+    "applied_transform",
+    "colmap_im_id",
+    "depth_file_path",
+    "depth_path",
+    "depth_unit_scale_factor",
+    "enable_depth_loading",
+    "enable_ray_loading",
+    "importance_sampling",
+    "integer_depth_scale",
+    "n_extra_learnable_dims",
+    "offset",
+    "orientation_override",
+    "ply_file_path",
+    "render_aabb",
+    "rotation",
+    "scale",
+    "sharpness",
+];
+
+/// Keys that no field of a structure here has, with their values.
+type OtherKeys = BTreeMap<String, Value>;
+
 /// Intrinsics of all frames or of one.
 #[derive(Clone, Default, Deserialize)]
+#[cfg_attr(test, derive(serde::Serialize))]
 struct Intrinsics {
     camera_model: Option<String>,
-    camera_angle_x: Option<f64>,
+    /// instant-ngp's way to state OPENCV_FISHEYE or OPENCV.
+    is_fisheye: Option<bool>,
     fl_x: Option<f64>,
     fl_y: Option<f64>,
+    /// Field of view in degrees.
+    x_fov: Option<f64>,
+    y_fov: Option<f64>,
+    /// Field of view in radians.
+    camera_angle_x: Option<f64>,
+    camera_angle_y: Option<f64>,
     cx: Option<f64>,
     cy: Option<f64>,
     k1: Option<f64>,
@@ -42,13 +95,23 @@ struct Intrinsics {
 }
 
 #[derive(Deserialize)]
+#[cfg_attr(test, derive(serde::Serialize))]
 struct Transforms {
     #[serde(flatten)]
     intrinsics: Intrinsics,
     frames: Vec<Frame>,
+    /// Up direction of the world.
+    up: Option<[f64; 3]>,
+    /// Values of `file_path` in nerfstudio's splits.
+    train_filenames: Option<BTreeSet<String>>,
+    val_filenames: Option<BTreeSet<String>>,
+    test_filenames: Option<BTreeSet<String>>,
+    #[serde(flatten)]
+    others: OtherKeys,
 }
 
 #[derive(Deserialize)]
+#[cfg_attr(test, derive(serde::Serialize))]
 struct Frame {
     file_path: String,
     mask_path: Option<String>,
@@ -56,6 +119,8 @@ struct Frame {
     transform_matrix: [[f64; 4]; 4],
     #[serde(flatten)]
     intrinsics: Intrinsics,
+    #[serde(flatten)]
+    others: OtherKeys,
 }
 
 /// The files of this layout in `folder`; `None` if there are none.
@@ -70,16 +135,71 @@ pub(super) fn files(folder: &Path) -> Option<Vec<TransformsFile>> {
     }
 }
 
+impl Transforms {
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// [`Fault::Data`] that names the file, and its frame if the problem is with one.
+    fn read(path: &Path) -> Result<Transforms, Fault> {
+        let text = read_text(path)?;
+        let transforms: Transforms = serde_json::from_str(&text).map_err(|error| {
+            bad_layout(path, about_entry::<Frame>(&text, &error, "frames", "frame", "file_path"))
+        })?;
+        let frames =
+            transforms.frames.iter().map(|frame| (format!("frame {}: ", frame.file_path), &frame.others));
+        for (whose, others) in std::iter::once((String::new(), &transforms.others)).chain(frames) {
+            if let Some(key) = REFUSED_KEYS.into_iter().find(|key| others.get(*key).is_some_and(is_stated)) {
+                let problem =
+                    format!("{whose}{key} states a camera that is not supported; undistort its pictures");
+                return Err(bad_layout(path, problem));
+            }
+        }
+        match transforms.up.filter(|up| !unit(*up).iter().all(|x| x.is_finite())) {
+            Some(up) => Err(bad_layout(path, format!("up {up:?} is no direction"))),
+            None => Ok(transforms),
+        }
+    }
+
+    /// The keys that are not read though something that is drawn may depend on them.
+    fn unread_keys(&self) -> BTreeSet<&str> {
+        let others = std::iter::once(&self.others).chain(self.frames.iter().map(|frame| &frame.others));
+        let stated = others.flatten().filter(|(_, value)| is_stated(value)).map(|(key, _)| key.as_str());
+        stated.filter(|key| !IGNORED_KEYS.contains(key)).collect()
+    }
+
+    /// Whether the file holds a frame out from fitting.
+    fn is_held(&self, frame: &Frame) -> bool {
+        let Transforms { train_filenames, val_filenames, test_filenames, .. } = self;
+        match train_filenames {
+            Some(train) => !train.contains(&frame.file_path),
+            None => [val_filenames, test_filenames]
+                .into_iter()
+                .flatten()
+                .any(|held| held.contains(&frame.file_path)),
+        }
+    }
+}
+
+/// Whether a value states something: it is not null, false or 0, and not of such values only.
+fn is_stated(value: &Value) -> bool {
+    match value {
+        Value::Null | Value::Bool(false) => false,
+        Value::Number(number) => number.as_f64() != Some(0.0),
+        Value::Array(values) => values.iter().any(is_stated),
+        _ => true,
+    }
+}
+
 /// The cameras of a file, named as its pictures without their extensions.
 ///
 /// # Errors
 /// [`Fault::Data`] that names the file.
 pub(super) fn cameras(path: &Path) -> Result<Vec<CalibratedCamera>, Fault> {
-    let transforms: Transforms =
-        serde_json::from_str(&read_text(path)?).map_err(|error| bad_layout(path, error))?;
+    let transforms = Transforms::read(path)?;
     let camera = |frame: &Frame| {
-        let name = Path::new(&frame.file_path).with_extension("").to_string_lossy().into_owned();
-        let at = |problem: String| bad_layout(path, format!("{name}: {problem}"));
+        let name =
+            Path::new(&frame.file_path.replace('\\', "/")).with_extension("").to_string_lossy().into_owned();
+        let at = |problem: String| bad_layout(path, format!("frame {name}: {problem}"));
         let side =
             |key: fn(&Intrinsics) -> Option<f64>| key(&frame.intrinsics).or(key(&transforms.intrinsics));
         let (Some(w), Some(h)) = (side(|i| i.w), side(|i| i.h)) else {
@@ -94,39 +214,61 @@ pub(super) fn cameras(path: &Path) -> Result<Vec<CalibratedCamera>, Fault> {
 
 pub(super) fn open(folder: &Path, files: &[TransformsFile]) -> anyhow::Result<CaptureFiles> {
     let mut builder = CaptureBuilder::new(folder);
+    let mut listed = ListedPaths::new(folder);
+    let mut stated_up = None;
     // Of the photographs, in the order of the files.
     let mut photo_times = Vec::new();
     for (path, held) in files {
-        let transforms: Transforms =
-            serde_json::from_str(&read_text(path)?).map_err(|error| bad_layout(path, error))?;
-        for frame in transforms.frames {
-            let name = frame.file_path.trim_start_matches("./").to_owned();
-            let Some(image) = find_image_in(folder, &name) else {
-                return Err(bad(&folder.join(&name), "this photograph is missing; put it there").into());
+        let transforms = Transforms::read(path)?;
+        let unread = transforms.unread_keys();
+        if !unread.is_empty() {
+            let keys = unread.into_iter().collect::<Vec<_>>().join(", ");
+            let file = path.file_name().unwrap_or_default().display();
+            builder.note(format!("{file} states what is not read: {keys}"));
+        }
+        stated_up = stated_up.or(transforms.up.map(unit));
+        for frame in &transforms.frames {
+            let name = frame.file_path.trim_start_matches("./");
+            let Some(image) = listed.find(name, |name| find_image_in(folder, name))? else {
+                let model = match colmap::model(folder) {
+                    Some(_) => {
+                        format!(", or move {} away to read the COLMAP model beside it", path.display())
+                    }
+                    None => String::new(),
+                };
+                let what = format!("this photograph is missing{}{model}", advice(folder, name));
+                return Err(bad(&folder.join(name), what).into());
             };
             let size = size_of(&folder.join(&image))?;
-            let (pinhole_k, lens) = frame
-                .intrinsics
-                .resolve(&transforms.intrinsics, size)
-                .map_err(|problem| bad_layout(path, format!("{name}: {problem}")))?;
+            let at = |problem: String| bad_layout(path, format!("frame {name}: {problem}"));
+            let (pinhole_k, lens) = frame.intrinsics.resolve(&transforms.intrinsics, size).map_err(at)?;
             let camera = pinhole(size, pinhole_k, camera_from_world(frame.transform_matrix));
             let time = frame.time.unwrap_or(0.0);
             if !(0.0..=1.0).contains(&time) {
-                return Err(bad_layout(path, format!("{name}: time {time} is not within 0 to 1")).into());
+                return Err(at(format!("time {time} is not within 0 to 1")).into());
             }
-            let name = Path::new(&name).with_extension("");
+            let mask = match &frame.mask_path {
+                Some(mask) => {
+                    let existing = |mask: &str| folder.join(mask).is_file().then(|| mask.to_owned());
+                    // Without its file, reading the mask says what is missing.
+                    Some(listed.find(mask, existing)?.unwrap_or_else(|| mask.clone()))
+                }
+                None => None,
+            };
+            let name = Path::new(&image).with_extension("");
             let name = name.to_string_lossy();
-            let index = builder.camera(&name, camera, lens, *held);
-            let mask = frame.mask_path.as_deref();
-            builder.photo(index, photo_times.len(), PhotoPath { image: &image, name: &name, mask })?;
+            let index = builder.camera(&name, camera, lens, *held || transforms.is_held(frame));
+            let paths = PhotoPath { image: &image, name: &name, mask: mask.as_deref() };
+            builder.photo(index, photo_times.len(), paths)?;
             photo_times.push(time);
         }
     }
+    listed.note().into_iter().for_each(|note| builder.note(note));
     let mut times = photo_times.clone();
     times.sort_by(f64::total_cmp);
     times.dedup();
     builder.renumber(|photo| times.partition_point(|time| *time < photo_times[photo]));
-    Ok(builder.build(frame_times_s(&times), None))
+    Ok(CaptureFiles { stated_up, ..builder.build(frame_times_s(&times), None) })
 }
 
 /// Scales ascending times of frames, in any unit, to seconds since the first, at [`DEFAULT_FPS`] on average.
@@ -151,20 +293,41 @@ impl Intrinsics {
         if !(w >= 1.0 && h >= 1.0) {
             return Err(format!("w and h are {w} and {h}: an image has pixels"));
         }
-        let from_angle = |angle: f64| 0.5 * w / (0.5 * angle).tan();
-        let fx = pick(|i| i.fl_x).or(pick(|i| i.camera_angle_x).map(from_angle));
-        let fx = fx.ok_or("neither fl_x nor camera_angle_x is given")?;
-        let fy = pick(|i| i.fl_y).unwrap_or(fx);
+        // A frame with a focal length of its own has the other from there, too.
+        let focals = self.focals([w, h]).or_else(|| file.focals([w, h]));
+        let [fx, fy] = focals.ok_or("neither fl_x nor x_fov nor camera_angle_x is given")?;
         let cx = pick(|i| i.cx).unwrap_or(0.5 * w);
         let cy = pick(|i| i.cy).unwrap_or(0.5 * h);
-        let [x, y] = [actual_w / w, actual_h / h];
-        // Shrinking rounds sides to whole pixels.
-        if (x / y - 1.0).abs() > 2.0 / actual_w.min(actual_h) {
-            return Err(format!(
-                "w and h are {w} and {h}, the photograph is {width}x{height}: not its proportions"
-            ));
-        }
+        let [x, y] = scale_of_photograph([w, h], (width, height))?;
         Ok(([fx * x, fy * y, cx * x, cy * y], self.lens(file)?))
+    }
+
+    /// Focal lengths in pixels of pictures of a size; both are equal if one is stated. `None` if none is.
+    fn focals(&self, [w, h]: [f64; 2]) -> Option<[f64; 2]> {
+        let from_angle = |side: f64, angle: f64| 0.5 * side / (0.5 * angle).tan();
+        let focal = |side: f64, [focal, fov, angle]: [Option<f64>; 3]| {
+            focal.or(fov.map(f64::to_radians).or(angle).map(|angle| from_angle(side, angle)))
+        };
+        let fx = focal(w, [self.fl_x, self.x_fov, self.camera_angle_x]);
+        let fy = focal(h, [self.fl_y, self.y_fov, self.camera_angle_y]);
+        Some([fx.or(fy)?, fy.or(fx)?])
+    }
+
+    /// The camera model, if it is stated.
+    ///
+    /// # Errors
+    /// If it is stated twice, differently.
+    fn model(&self) -> Result<Option<&str>, String> {
+        const FISHEYE: &str = "OPENCV_FISHEYE";
+        match (self.camera_model.as_deref(), self.is_fisheye) {
+            (Some(model), Some(is_fisheye)) if is_fisheye != (model == FISHEYE) => {
+                Err(format!("camera_model {model} contradicts is_fisheye {is_fisheye}; remove the wrong one"))
+            }
+            (Some(model), _) => Ok(Some(model)),
+            (None, is_fisheye) => {
+                Ok(is_fisheye.map(|is_fisheye| if is_fisheye { FISHEYE } else { "OPENCV" }))
+            }
+        }
     }
 
     fn lens(&self, file: &Intrinsics) -> Result<Lens, String> {
@@ -178,17 +341,18 @@ impl Intrinsics {
             coefficient(|i| i.k6),
         ];
         let [p1, p2] = [coefficient(|i| i.p1), coefficient(|i| i.p2)];
-        let model = self.camera_model.as_deref().or(file.camera_model.as_deref()).unwrap_or("OPENCV");
+        let model = self.model()?.or(file.model()?).unwrap_or("OPENCV");
         // nerfstudio's k4 of OPENCV belongs to the eighth power of the radius, unlike OpenCV's.
         let (lens, own, others): (_, _, &[f64]) = match model {
-            "OPENCV" | "PINHOLE" => {
+            "OPENCV" | "PINHOLE" | "SIMPLE_PINHOLE" | "SIMPLE_RADIAL" | "RADIAL" => {
                 (Lens::rational(&[k1, k2, p1, p2, k3]), "k1, k2, k3, p1, p2", &[k4, k5, k6])
             }
             "FULL_OPENCV" => (Lens::rational(&[k1, k2, p1, p2, k3, k4, k5, k6]), "k1 to k6, p1, p2", &[]),
             "OPENCV_FISHEYE" => (Lens::fisheye(&[k1, k2, k3, k4]), "k1 to k4", &[k5, k6, p1, p2]),
             _ => {
                 return Err(format!(
-                    "camera model {model} is not supported: OPENCV, PINHOLE, FULL_OPENCV and OPENCV_FISHEYE are"
+                    "camera model {model} is not supported: OPENCV, FULL_OPENCV, OPENCV_FISHEYE and those with fewer \
+                     coefficients are"
                 ));
             }
         };
@@ -210,8 +374,19 @@ fn camera_from_world(world_from_gl: [[f64; 4]; 4]) -> [[f64; 4]; 4] {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
+
+    const FRAME: &str = r#"{"file_path": "a", "transform_matrix":
+        [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]"#;
+
+    /// The keys of a file and its frames that are read.
+    pub(in crate::capture) fn read_keys() -> BTreeSet<String> {
+        let file: Transforms = serde_json::from_str(&format!(r#"{{"frames": [{FRAME}}}]}}"#)).unwrap();
+        let keys = |value: Value| value.as_object().unwrap().keys().cloned().collect::<BTreeSet<String>>();
+        let frame = serde_json::to_value(&file.frames[0]).unwrap();
+        &keys(serde_json::to_value(&file).unwrap()) | &keys(frame)
+    }
 
     #[test]
     fn a_pose_becomes_a_camera() {
@@ -249,6 +424,7 @@ mod tests {
         let four = r#""k1": 0.1, "k2": 0.2, "k3": 0.5, "k4": 0.6, "p1": 0, "p2": 0}"#;
         let fisheye = Lens::fisheye(&[0.1, 0.2, 0.5, 0.6]).unwrap();
         assert_eq!(lens(&format!(r#"{{"camera_model": "OPENCV_FISHEYE", {four}"#)).unwrap(), fisheye);
+        assert_eq!(lens(&format!(r#"{{"is_fisheye": true, {four}"#)).unwrap(), fisheye);
         // A frame's model overrides the file's.
         let [own, file] = ["OPENCV_FISHEYE", "OPENCV"]
             .map(|model| Intrinsics { camera_model: Some(model.into()), ..Intrinsics::default() });
@@ -258,10 +434,82 @@ mod tests {
             (format!("{{{four}"), "another coefficient is not 0"),
             (format!(r#"{{"camera_model": "OPENCV_FISHEYE", {eight}"#), "another coefficient is not 0"),
             (format!(r#"{{"camera_model": "FISHEYE624", {four}"#), "FISHEYE624 is not supported"),
+            (format!(r#"{{"is_fisheye": true, {eight}"#), "another coefficient is not 0"),
+            (
+                format!(r#"{{"is_fisheye": true, "camera_model": "OPENCV", {four}"#),
+                "contradicts is_fisheye true",
+            ),
         ] {
             let error = lens(&refused).unwrap_err();
             assert!(error.contains(problem), "{refused}: {error}");
         }
+    }
+
+    #[test]
+    fn focal_lengths_are_stated_in_several_ways() {
+        let focals = |text: &str| -> Option<[f64; 2]> {
+            let intrinsics: Intrinsics = serde_json::from_str(text).unwrap();
+            intrinsics.focals([64.0, 48.0])
+        };
+        let [right, half_right] = [std::f64::consts::FRAC_PI_2, 2.0 * 0.5_f64.atan()];
+        for (text, expected) in [
+            (r#"{"fl_x": 50, "camera_angle_x": 1}"#.to_owned(), [50.0, 50.0]),
+            (r#"{"fl_y": 60}"#.into(), [60.0, 60.0]),
+            (r#"{"x_fov": 90}"#.into(), [32.0, 32.0]),
+            (r#"{"x_fov": 90, "y_fov": 90}"#.into(), [32.0, 24.0]),
+            (format!(r#"{{"camera_angle_x": {half_right}, "camera_angle_y": {right}}}"#), [64.0, 24.0]),
+        ] {
+            let found = focals(&text).unwrap();
+            assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-9), "{text}: {found:?}");
+        }
+        assert_eq!(focals("{}"), None);
+        // A frame's angle counts before the focal length of the file.
+        let [own, file] = [r#"{"x_fov": 90}"#, r#"{"fl_x": 9, "fl_y": 8}"#]
+            .map(|text| serde_json::from_str::<Intrinsics>(text).unwrap());
+        let (k, _) = own.resolve(&file, (64, 48)).unwrap();
+        assert!((k[0] - 32.0).abs() < 1e-9 && k[0] == k[1], "{k:?}");
+    }
+
+    #[test]
+    fn statements_are_read_refused_or_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("transforms.json");
+        let read = |file: &str, frame: &str| {
+            std::fs::write(&path, format!(r#"{{{file} "frames": [{FRAME}{frame}}}]}}"#)).unwrap();
+            Transforms::read(&path)
+        };
+        for (file, frame, problem) in [
+            (r#""latlong": true,"#, "", "json: latlong states"),
+            (r#""rolling_shutter": [0, 0, 0.5],"#, "", "json: rolling_shutter states"),
+            ("", r#", "ftheta_p0": 0.1"#, "frame a: ftheta_p0 states"),
+            ("", r#", "fl_x": "wide""#, "frame a: "),
+            (r#""up": [0, 0, 0],"#, "", "no direction"),
+        ] {
+            let error = read(file, frame).err().unwrap().to_string();
+            assert!(error.contains(problem), "{file}{frame}: {error}");
+        }
+        let file = r#""latlong": false, "rolling_shutter": [0, 0, 0], "aabb_scale": 4, "white_transparent": true,
+            "black_transparent": false,"#;
+        let found = read(file, r#", "sharpness": 31.5, "timestamp": 7"#).ok().unwrap();
+        assert_eq!(found.unread_keys().into_iter().collect::<Vec<_>>(), ["timestamp", "white_transparent"]);
+        // As Windows' editors write it.
+        std::fs::write(&path, format!("\u{feff}{{\"frames\": [{FRAME}}}]}}")).unwrap();
+        assert!(Transforms::read(&path).is_ok());
+    }
+
+    #[test]
+    fn splits_of_nerfstudio_are_held() {
+        let held = |splits: &str| {
+            let file = format!(r#"{{{splits}, "frames": [{FRAME}}}]}}"#);
+            let transforms: Transforms = serde_json::from_str(&file).unwrap();
+            transforms.is_held(&transforms.frames[0])
+        };
+        assert!(
+            held(r#""train_filenames": ["b"]"#)
+                && !held(r#""train_filenames": ["a"], "val_filenames": ["a"]"#)
+        );
+        assert!(held(r#""val_filenames": ["a"]"#) && held(r#""test_filenames": ["a"]"#));
+        assert!(!held(r#""test_filenames": ["b"]"#));
     }
 
     #[test]
