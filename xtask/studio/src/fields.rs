@@ -26,18 +26,21 @@ pub struct FitRecord {
     pub timing: Option<u32>,
     /// Whether photographs without masks had mattes.
     pub has_mattes: bool,
+    /// The point of the capture's world that is the origin of the field's; `None` if they are one.
+    pub origin: Option<[f64; 3]>,
 }
 
 impl FitRecord {
     /// Keys and values of the comments of a field file.
     pub(crate) fn comments(&self) -> Vec<(&'static str, String)> {
-        let FitRecord { holdout, frames, seconds, timing, has_mattes } = self;
+        let FitRecord { holdout, frames, seconds, timing, has_mattes, origin } = self;
         [
             holdout.map(|holdout| ("holdout", holdout.name().to_owned())),
             frames.as_ref().map(|Range { start, end }| ("frames", format!("{start}..{end}"))),
             seconds.map(|[first, last]| ("seconds", format!("{first} {last}"))),
             timing.map(|timing| ("timing", format!("{timing:08x}"))),
             has_mattes.then(|| ("mattes", MATTES.to_owned())),
+            origin.map(|[x, y, z]| ("origin", format!("{x} {y} {z}"))),
         ]
         .into_iter()
         .flatten()
@@ -66,6 +69,7 @@ impl FitRecord {
             "frames" => self.frames = Some(frames(value).ok_or(())?),
             "seconds" => self.seconds = Some(seconds(value).ok_or(())?),
             "timing" => self.timing = Some(u32::from_str_radix(value, 16).map_err(drop)?),
+            "origin" => self.origin = Some(point(value).ok_or(())?),
             "mattes" => self.has_mattes = (value == MATTES).then_some(true).ok_or(())?,
             _ => {}
         }
@@ -116,4 +120,10 @@ fn seconds(value: &str) -> Option<[f64; 2]> {
     let (first, last) = value.split_once(' ')?;
     let (first, last): (f64, f64) = (first.parse().ok()?, last.parse().ok()?);
     (first <= last && (last - first).is_finite()).then_some([first, last])
+}
+
+/// Three finite numbers.
+fn point(value: &str) -> Option<[f64; 3]> {
+    let numbers: Vec<f64> = value.split(' ').map(|number| number.parse().ok()).collect::<Option<_>>()?;
+    numbers.try_into().ok().filter(|point: &[f64; 3]| point.iter().all(|x| x.is_finite()))
 }

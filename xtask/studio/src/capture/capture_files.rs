@@ -49,6 +49,9 @@ pub struct CaptureFiles {
     pub learned: Learned,
     /// The sound of the capture.
     pub sound: Option<CaptureSound>,
+    /// The point of the capture's world that is the origin of the cameras' and the field's: not 0 if the cameras are so far
+    /// from the origin of the capture that 32-bit positions of Gaussians would be too coarse there.
+    pub origin: [f64; 3],
     /// What the capture says that is not as its user may expect: one line each.
     pub notes: Vec<String>,
     /// Numbers of the selected frames in the capture.
@@ -516,6 +519,7 @@ impl CaptureBuilder {
             metres_per_unit: None,
             learned: Learned::default(),
             sound: None,
+            origin: [0.0; 3],
             notes,
             selected,
             start_s: 0.0,

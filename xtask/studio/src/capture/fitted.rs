@@ -19,7 +19,13 @@ impl CaptureFiles {
     pub fn fit_record(&self, holdout: Holdout) -> FitRecord {
         let seconds = self.stated_fps.map(|_| self.seconds());
         let (frames, timing) = (Some(self.selected_frames()), Some(self.timing()));
-        FitRecord { holdout: Some(holdout), frames, seconds, timing, has_mattes: self.has_mattes() }
+        let (has_mattes, origin) = (self.has_mattes(), self.moved_origin());
+        FitRecord { holdout: Some(holdout), frames, seconds, timing, has_mattes, origin }
+    }
+
+    /// Its origin, if it is another point than the capture's.
+    pub(crate) fn moved_origin(&self) -> Option<[f64; 3]> {
+        Some(self.origin).filter(|origin| *origin != [0.0; 3])
     }
 
     /// Keeps the frames that a field was fitted to. `name` is the path of the field, `folder` the capture's,

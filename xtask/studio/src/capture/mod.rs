@@ -11,6 +11,7 @@ mod fitted;
 mod image_file;
 mod listed_paths;
 mod manifest;
+mod origin;
 mod part;
 mod photo_paths;
 mod plates;
@@ -52,7 +53,7 @@ impl CaptureFiles {
             std::fs::metadata(folder).map_err(|error| unreadable(folder, &error))?;
             return Err(bad(folder, "a file; a capture is a folder, so name that").into());
         }
-        let capture_files = if folder.join(manifest::FILE).is_file() {
+        let mut capture_files = if folder.join(manifest::FILE).is_file() {
             manifest::open(folder)?
         } else if folder.join(easyvolcap::INTRINSICS).is_file() {
             easyvolcap::open(folder)?
@@ -82,7 +83,10 @@ impl CaptureFiles {
             true => {
                 Err(bad(folder, "no camera has a photograph; xtask/CAPTURE.md says where they belong").into())
             }
-            false => Ok(capture_files),
+            false => {
+                capture_files.move_origin();
+                Ok(capture_files)
+            }
         }
     }
 }
@@ -250,6 +254,45 @@ mod tests {
         let latin = folder_of(&[], &[]);
         fs::write(latin.path().join("transforms.json"), b"{\"\xe9\": 1}").unwrap();
         assert!(refusal(&latin).contains("transforms.json: not in UTF-8"));
+    }
+
+    /// Cameras of geographic coordinates see the same as cameras about the origin, and those near the origin stay.
+    #[test]
+    fn cameras_far_from_the_origin_are_moved() {
+        let names: Vec<String> = (0..6).map(|i| format!("{i}.png")).collect();
+        let paths: Vec<&str> = names.iter().map(String::as_str).collect();
+        let photographs: Vec<(&str, [u32; 2])> = paths.iter().map(|path| (*path, [100, 80])).collect();
+        let opened = |radius: f64, center: [f64; 3]| {
+            let folder = folder_of(&[("transforms.json", &transforms(&paths, radius, center))], &photographs);
+            CaptureFiles::open(folder.path()).unwrap()
+        };
+        let near = opened(3.0, [500.0, 40.0, 0.0]);
+        assert_eq!((near.origin, near.notes.len()), ([0.0; 3], 0));
+        let far = opened(3.0, [500_000.25, 4_100_000.75, -20.0]);
+        assert_eq!(far.origin, [500_000.0, 4_100_001.0, -20.0]);
+        assert_eq!(far.fit_record(refine::capture::Holdout::None).origin, Some(far.origin));
+        let expected = opened(3.0, [0.25, -0.25, 0.0]);
+        for (camera, file_camera) in far.capture.cameras.iter().zip(&far.file_cameras) {
+            assert_eq!(camera.camera, *file_camera);
+        }
+        for (moved, camera) in far.capture.cameras.iter().zip(&expected.capture.cameras) {
+            let pairs = moved
+                .camera
+                .camera_from_world
+                .iter()
+                .flatten()
+                .zip(camera.camera.camera_from_world.iter().flatten());
+            assert!(pairs.into_iter().all(|(a, b)| (a - b).abs() < 1e-8), "{moved:?}");
+        }
+        let record = crate::fields::FitRecord { frames: Some(0..1), ..Default::default() };
+        let error = far.check_origin(&record, "field.ply").unwrap_err().to_string();
+        assert!(
+            error.contains("field.ply was fitted about 0 0 0") && error.contains("about 500000 4100001 -20"),
+            "{error}"
+        );
+        near.check_origin(&record, "field.ply").unwrap();
+        // In kilometres, the same place is as far away.
+        assert_eq!(opened(0.003, [500.0, 4_100.0, 0.0]).origin, [500.0, 4_100.0, 0.0]);
     }
 
     /// The words in code of the cells of the row of the table of statements that begins so.

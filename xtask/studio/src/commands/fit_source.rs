@@ -73,6 +73,7 @@ impl<'a> FitSource<'a> {
     /// # Errors
     /// [`Fault::Data`] that names the file of cameras; the errors of [`CaptureFiles::find_plates`].
     pub(crate) fn prepare(&self, capture_files: &mut CaptureFiles, holdout: Holdout) -> anyhow::Result<()> {
+        capture_files.check_origin(&self.record, &self.path.display().to_string())?;
         if let Some(learned) = learned_cameras_of(self.path) {
             capture_files.correct(&CameraCorrections::read(&learned)?, &learned)?;
             eprintln!("note: cameras are as {} has them", learned.display());

@@ -181,7 +181,7 @@ impl DecodedTake {
         Ok(DecodedTake { info, duration_s, viewpoints, gaussians, layers: Vec::new(), segments })
     }
 
-    /// What all of the segments that were read record of their fit: held-out frames, and mattes.
+    /// What all of the segments that were read record of their fit: held-out frames, mattes and origin.
     pub fn fit_record(&self) -> FitRecord {
         let records: Vec<FitRecord> =
             self.segments.iter().map(|segment| segment.content.fit_record()).collect();
@@ -189,6 +189,7 @@ impl DecodedTake {
         FitRecord {
             holdout: first.filter(|_| records.iter().all(|record| record.holdout == first)),
             has_mattes: records.iter().any(|record| record.has_mattes),
+            origin: records.iter().find_map(|record| record.origin),
             ..FitRecord::default()
         }
     }

@@ -532,6 +532,7 @@ fn a_fitted_field_file_records_its_photographs() {
     };
     let whole = FitRecord {
         has_mattes: true,
+        origin: Some([500_000.0, 0.1, -20.5]),
         holdout: Some(Holdout::Odd),
         frames: Some(8..17),
         seconds: Some([8.0 / 30.0, 16.0 / 30.0]),
@@ -549,9 +550,17 @@ fn a_fitted_field_file_records_its_photographs() {
     }
     let bytes = write_field_file(&field(3, 0, None, false), &info());
     let end = bytes.windows(10).position(|window| window == b"end_header").unwrap();
-    for wrong in
-        ["holdout some", "frames 8", "frames 9..9", "seconds 1", "seconds nan 2", "seconds 2 1", "timing xy"]
-    {
+    for wrong in [
+        "holdout some",
+        "frames 8",
+        "frames 9..9",
+        "seconds 1",
+        "seconds nan 2",
+        "seconds 2 1",
+        "timing xy",
+        "origin 1 2",
+        "origin 1 2 inf",
+    ] {
         let comment = format!("comment aarc {wrong}\n");
         let error = read(&[&bytes[..end], comment.as_bytes(), &bytes[end..]].concat()).unwrap_err();
         let fault = error.downcast_ref::<program::Fault>().expect("bad data is a fault");

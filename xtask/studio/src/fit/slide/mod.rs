@@ -147,6 +147,7 @@ fn whole(
     let record = FitRecord {
         holdout: Some(plan.fit.holdout),
         has_mattes: capture_files.has_mattes(),
+        origin: capture_files.moved_origin(),
         ..FitRecord::default()
     };
     let info = info(photographs, work)?;
