@@ -62,11 +62,14 @@ impl CaptureFiles {
         } else if let Some(model) = colmap::model(folder) {
             colmap::open(folder, &model)?
         } else {
+            let (manifest, intrinsics) = (manifest::FILE, easyvolcap::INTRINSICS);
+            let source = trained_from(folder).map_or_else(String::new, |source| {
+                format!(" ({ARGUMENTS} says that it was fitted to {source})")
+            });
             bail!(Fault::Data(format!(
-                "{}: no capture: it has no {}, {}, transforms.json or COLMAP model; xtask/CAPTURE.md describes them",
-                folder.display(),
-                manifest::FILE,
-                easyvolcap::INTRINSICS
+                "{}: no capture{source}: it has no {manifest}, {intrinsics}, transforms.json or COLMAP model; \
+                 xtask/CAPTURE.md describes them",
+                folder.display()
             )));
         };
         for CalibratedCamera { name, camera, .. } in &capture_files.capture.cameras {
@@ -89,6 +92,16 @@ impl CaptureFiles {
             }
         }
     }
+}
+
+/// File of the arguments of a training of 3D Gaussian Splatting, in the folder of its output.
+const ARGUMENTS: &str = "cfg_args";
+
+/// The capture that the arguments in a folder name, if there are any.
+fn trained_from(folder: &Path) -> Option<String> {
+    let arguments = read_text(&folder.join(ARGUMENTS)).ok()?;
+    let source = arguments.split_once("source_path='")?.1.split_once('\'')?.0;
+    Some(source.to_owned())
 }
 
 /// The cameras of a calibration that this project reads as a part of a capture, without photographs. A camera whose size it
@@ -254,6 +267,17 @@ mod tests {
         let latin = folder_of(&[], &[]);
         fs::write(latin.path().join("transforms.json"), b"{\"\xe9\": 1}").unwrap();
         assert!(refusal(&latin).contains("transforms.json: not in UTF-8"));
+    }
+
+    #[test]
+    fn the_output_of_a_training_is_no_capture_but_names_its_own() {
+        let arguments = "Namespace(data_device='cuda', source_path='/data/truck', white_background=False)";
+        let folder = folder_of(&[("cfg_args", arguments), ("input.ply", "")], &[]);
+        let error = refusal(&folder);
+        assert!(
+            error.contains("no capture (cfg_args says that it was fitted to /data/truck): it has"),
+            "{error}"
+        );
     }
 
     /// Cameras of geographic coordinates see the same as cameras about the origin, and those near the origin stay.
