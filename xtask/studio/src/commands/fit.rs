@@ -33,7 +33,7 @@ use super::backend::BackendOption;
 use super::capture::{FrameSelection, LpipsOption, describe, load_training_views, note_assumed_fps};
 use super::fit_folder::{fit_folder, report_finished, report_folder};
 use super::fit_plate::{PlateWhen, fit_plate, settle_plate, write_plate};
-use super::fit_progress::show;
+use super::fit_progress::{fit_bar, show};
 use super::fit_setting::{self, FitConstants, FitSetting, Subjects, check_settings, fit_setting};
 use super::fit_source::FitSource;
 use super::options::JsonOption;
@@ -513,7 +513,7 @@ pub(super) fn fit_and_write(
     plate: Option<&FittedPlate>,
     runtime: FitRuntime,
 ) -> anyhow::Result<Fitted> {
-    let bar = counting(plan.steps, "steps");
+    let bar = fit_bar(plan.steps);
     bar.println(describe(capture_files, plan.holdout)?);
     let fitted =
         fit::fit(plan, capture_files, views, plate, runtime, out, &mut |progress| show(&bar, progress))?;

@@ -9,8 +9,9 @@ use serde_json::json;
 use crate::capture::CaptureFiles;
 use crate::fit::{FitRuntime, Segments, SlidField, SlidePlan, SlideProgress, WorkFolder, slide, slide_cost};
 use crate::messages::count;
-use crate::progress::counting;
 use crate::takes::Shard;
+
+use super::fit_progress::fit_bar;
 
 /// Remaining seconds from which a note says how long it takes.
 const NOTED_S: f64 = 10.0;
@@ -55,7 +56,7 @@ pub(super) fn fit_folder(
         cost.disk_bytes * 1e-6
     );
     let seconds_per_step = capture_files.capture.duration_s() / (cost.parts as u64 * plan.fit.steps) as f64;
-    let bar = counting(plan.fit.steps, "steps");
+    let bar = fit_bar(plan.fit.steps);
     let mut pace = Pace::default();
     let slid = slide(plan, capture_files, runtime, work, segments, &mut |progress| {
         let SlideProgress { part, done, steps, fit } = *progress;

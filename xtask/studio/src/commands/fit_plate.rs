@@ -12,10 +12,9 @@ use crate::capture::CaptureFiles;
 use crate::fields::{FitRecord, fitted_field_file, import};
 use crate::fit::{self, FitPlan, FitRuntime, FitStart, FittedPlate, PlatePlan, TrainingViews, log};
 use crate::input::Input;
-use crate::progress::counting;
 use crate::scene::plate_path;
 
-use super::fit_progress::show;
+use super::fit_progress::{fit_bar, show};
 
 /// Whether a fit makes a plate. The variants' docs are help texts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
@@ -90,7 +89,7 @@ pub(super) fn fit_plate(
         return Ok(Some(FittedPlate { field: import(&path)?.field, learned: plan.learned }));
     }
     fit::name_covered(views, &capture_files.capture.cameras);
-    let bar = counting(plan.plate_steps(), "steps");
+    let bar = fit_bar(plan.plate_steps());
     bar.println(format!("plate: {}", path.display()));
     let fitted = fit::fit_plate(plan, capture_files, runtime, out, &mut |progress| show(&bar, progress))?;
     bar.finish_and_clear();
