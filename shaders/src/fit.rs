@@ -44,6 +44,7 @@ pub const SPLAT_NUMBERS: u32 = 9;
 /// Number of columns of the parameters: centres, rotations, log-scales, logits, spherical harmonics, `tau`,
 /// log-widths, motion, rotation rates.
 pub const COLUMNS: usize = 9;
+const _: () = assert!(COLUMNS == layout::AdamUniforms::SH_REST as usize);
 /// [`layout::Series::shift`] of a series that is only scanned.
 pub const NO_DIGITS: u32 = 32;
 

@@ -291,7 +291,7 @@ impl TakeSource {
             #[cfg(feature = "net")]
             TakeSource::Remote(_) if is_web_page(head) => return WEB_PAGE.into(),
             #[cfg(feature = "net")]
-            TakeSource::Remote(_) => {
+            TakeSource::Remote(_) if !head.is_empty() => {
                 "URLs name packages; download a field of another program, and play the file"
             }
             TakeSource::File(file) => {
@@ -303,7 +303,7 @@ impl TakeSource {
                     false => "name a file that aarc-studio package made",
                 }
             }
-            TakeSource::Memory(..) => self.remedy(),
+            _ => self.remedy(),
         };
         format!("{}: {remedy}", FormatError::Magic)
     }

@@ -77,7 +77,7 @@ pub struct AdamUniforms {
 
 impl AdamUniforms {
     /// Index of the rate of the spherical harmonics of degrees 1 to 3, behind the columns.
-    pub const SH_REST: u32 = super::COLUMNS as u32;
+    pub const SH_REST: u32 = 9;
 }
 
 /// `Response` of camera.wgsl: how a camera shows colours.

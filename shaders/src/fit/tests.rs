@@ -142,7 +142,10 @@ fn structs_have_the_layout_of_their_counterparts() {
             alpha_channels
         }
     );
-    assert_layout!(adam, AdamUniforms { rates, log_scales, log_widths, tau, logit_max, fragment_weight });
+    assert_layout!(
+        adam,
+        AdamUniforms { rates, log_scales, log_widths, tau, logit_max, fragment_weight, reach_max }
+    );
     assert_layout!(&module(Stage::Sort), Series { length_at, capacity, total_at, shift });
     assert_layout!(&module(Stage::Camera), Response { color, vignette });
     assert_eq!(struct_layout(&module(Stage::Camera), "ViewGradient").0 as u64, VIEW_BYTES);

@@ -235,7 +235,7 @@ mod tests {
             .unwrap_err();
         assert!(error.contains("extri.yml: Rot_b is missing, malformed or too short"), "{error}");
         let error = read(&intrinsics.replace("110, 0, 50", "110, 2, 50"), &extrinsics).unwrap_err();
-        assert!(error.contains("intri.yml: K_b has a skew of 2"), "{error}");
+        assert!(error.contains("intri.yml: b: K has a skew of 2"), "{error}");
         let camera = |id: &str| {
             serde_json::json!({"id": id, "w": 100, "h": 80, "K": [[110, 0, 50], [0, 110, 40], [0, 0, 1]],
                 "w2c": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 3], [0, 0, 0, 1]]})

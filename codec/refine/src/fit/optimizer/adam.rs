@@ -44,16 +44,7 @@ pub(in crate::fit) fn adam<T: Real>(
         rows.len() == gradient.len() && moments.visits.len() == parameters.len(),
         "a gradient for each row"
     );
-    let mut usable = vec![true; rows.len()];
-    for column in gradient.columns().into_iter().filter(|column| !column.is_empty()) {
-        let per_row = column.len() / rows.len();
-        usable.par_chunks_mut(CHUNK).zip(column.par_chunks(CHUNK * per_row)).for_each(|(usable, column)| {
-            for (usable, row) in usable.iter_mut().zip(column.chunks_exact(per_row)) {
-                // 0 times x is 0 for a finite x, else NaN: a sum without branches.
-                *usable &= row.iter().fold(T::zero(), |sum, g| sum + *g * *g * T::zero()) == T::zero();
-            }
-        });
-    }
+    let usable = usable(rows.len(), gradient);
     let (corrections, of_time) = corrections(moments, rows, &usable);
 
     // Before the widths step, as on a GPU.
@@ -92,6 +83,21 @@ pub(in crate::fit) fn adam<T: Real>(
         bounds.project(parameters, *row as usize);
     }
     usable.iter().filter(|usable| !**usable).count()
+}
+
+/// Whether each row of `gradient`, of `count`, and its square are finite.
+fn usable<T: Real>(count: usize, gradient: &Parameters<T>) -> Vec<bool> {
+    let mut usable = vec![true; count];
+    for column in gradient.columns().into_iter().filter(|column| !column.is_empty()) {
+        let per_row = column.len() / count;
+        usable.par_chunks_mut(CHUNK).zip(column.par_chunks(CHUNK * per_row)).for_each(|(usable, column)| {
+            for (usable, row) in usable.iter_mut().zip(column.chunks_exact(per_row)) {
+                // 0 times x is 0 for a finite x, else NaN: a sum without branches.
+                *usable &= row.iter().fold(T::zero(), |sum, g| sum + *g * *g * T::zero()) == T::zero();
+            }
+        });
+    }
+    usable
 }
 
 /// Bias corrections of the first and the second moment of each row; `None` where it is skipped.
