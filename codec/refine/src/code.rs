@@ -3,7 +3,7 @@
 //! The sensitivity of each Gaussian in pictures sets its precision. The package is decoded, rendered and
 //! compared with the field, and the precision is searched at which it just meets the target. Small fields
 //! are also coded with the same precision for all rows, as learning each row's precision can cost more
-//! than it saves. Where their PSNR jumps over the target, blocks of their rows are coded more coarsely.
+//! than it saves. Where their PSNR jumps over the target, some of the rows are coded more coarsely.
 //!
 //! [`JointRounding`] rounds the numbers together at coarser precisions, which still meet the target. It begins near the
 //! precision that was found, or for large fields, whose search would take longer than the rounds, near the precision
@@ -18,8 +18,6 @@ mod scan;
 mod search;
 mod trials;
 
-use std::collections::VecDeque;
-
 use codec::{Clip, Precision, Sensitivity, Source};
 
 use crate::prune::{Fidelity, Pictures};
@@ -32,7 +30,7 @@ pub use joint::{JOINT_ROUNDS, JointRounding};
 use scan::{SCANNED, Scan};
 pub use search::{Miss, SURPLUS_MAX_DB, TRIALS, WORST_BELOW_DB};
 use search::{SLOPE, Search};
-use trials::{BLOCKS, Fineness, Trials, decode};
+use trials::{Fineness, Trials, decode};
 
 /// A package with its decoded clip and quality.
 #[derive(Clone, Debug)]
@@ -362,16 +360,11 @@ fn search(trials: &Trials, psnr_db: f64, on_step: OnStep) -> Result<Met, CodeErr
     Ok(best.expect("a search has at least one trial"))
 }
 
-/// Most trials that find which rows can be coded more coarsely where the PSNR jumps, and by how much.
-const COARSER_TRIALS: [usize; 2] = [20, 8];
-
-/// How much coarser they are at first, half an octave of the steps, and least that this is refined by, in dB.
-const COARSER_DB: [f64; 2] = [3.0103, 0.25];
+/// Trials that find how many rows can be coded more coarsely where the PSNR jumps; each halves what is unknown.
+const SHARE_TRIALS: usize = 7;
 
 /// Takes the coarsest precision of [`Scan`] that meets the target with fewer than `limit` bytes; `None` if none does.
-/// Where its PSNR is well above the target, halves of the rows become coarser, and halves of those halves that lose too
-/// much; then all of these as much as meets the target. A jump is often of a single Gaussian, as where it changes places
-/// with another one in the worst picture.
+/// Where its PSNR is well above the target, as many rows are coarser as meet it.
 fn scan(trials: &mut Trials, psnr_db: f64, limit: usize, on_step: OnStep) -> Result<Option<Met>, CodeError> {
     let mut found: Option<(Fineness, Fidelity)> = None;
     let least_db = (psnr_db, psnr_db - WORST_BELOW_DB);
@@ -395,30 +388,17 @@ fn scan(trials: &mut Trials, psnr_db: f64, limit: usize, on_step: OnStep) -> Res
     }
     (steps..TRIALS).for_each(|_| on_step(CodeStep::Done));
     let Some((mut fineness, mut fidelity)) = found else { return Ok(None) };
-    let is_above = |fidelity: &Fidelity| search::miss_of(fidelity, psnr_db) == Some(Miss::Above);
-    let ([which, by_how_much], [mut step_db, least_step_db]) = (COARSER_TRIALS, COARSER_DB);
-    let mut blocks = VecDeque::from([BLOCKS / 2..BLOCKS, 0..BLOCKS / 2]);
-    for number in 1..=which {
-        let Some(range) = blocks.pop_front().filter(|_| is_above(&fidelity)) else { break };
-        on_step(CodeStep::Trial { what: "which Gaussians can be coarser", number, most: which });
-        let coarser = range.clone().fold(fineness.coarser, |blocks, block| blocks | 1 << block);
-        let tried = Fineness { coarser, coarser_db: step_db, ..fineness };
-        if let Some(met) = trials.meets(tried, least_db)? {
-            (fineness, fidelity) = (tried, met);
-        } else if range.len() > 1 {
-            let middle = (range.start + range.end) / 2;
-            blocks.extend([middle..range.end, range.start..middle]);
-        }
-    }
-    for number in 1..=by_how_much {
-        if fineness.coarser == 0 || step_db < least_step_db || !is_above(&fidelity) {
+    let mut too_many = 1.0;
+    for number in 1..=SHARE_TRIALS {
+        if search::miss_of(&fidelity, psnr_db) != Some(Miss::Above) {
             break;
         }
-        on_step(CodeStep::Trial { what: "how much coarser they can be", number, most: by_how_much });
-        let tried = Fineness { coarser_db: fineness.coarser_db + step_db, ..fineness };
-        match trials.meets(tried, least_db)? {
-            Some(met) => (fineness, fidelity) = (tried, met),
-            None => step_db *= 0.5,
+        on_step(CodeStep::Trial { what: "share of coarser Gaussians", number, most: SHARE_TRIALS });
+        let coarser_share = 0.5 * (fineness.coarser_share + too_many);
+        let coarser = Fineness { coarser_share, ..fineness };
+        match trials.meets(coarser, least_db)? {
+            Some(met) => (fineness, fidelity) = (coarser, met),
+            None => too_many = coarser_share,
         }
     }
     let bytes = trials.bytes(fineness)?.to_vec();

@@ -1,6 +1,7 @@
 //! [`Trials`]: packages of a source at some precisions, and their errors in pictures.
 
 use std::collections::BTreeMap;
+use std::f32::consts::FRAC_1_SQRT_2;
 use std::num::NonZero;
 
 use codec::{Clip, Coder, EncodeOptions, Limits, Precision, Source, decode_parallel, encode_parallel};
@@ -19,26 +20,18 @@ const SMALL_ROWS: usize = 16_384;
 pub(super) struct Fineness {
     /// The precision, see [`Precision::psnr`].
     pub(super) finer_db: f64,
-    /// Blocks of rows that are coarser: bit `i` stands for the rows from `i` [`BLOCKS`]ths of all on.
-    pub(super) coarser: u128,
-    /// How much coarser they are, in dB.
-    pub(super) coarser_db: f64,
+    /// Share of the rows, the last ones, that have steps a half octave coarser.
+    pub(super) coarser_share: f64,
 }
-
-/// The bits of a fineness.
-type Key = (u64, u128, u64);
-
-/// Blocks of rows that can be coarser than the others.
-pub(super) const BLOCKS: u32 = u128::BITS;
 
 impl Fineness {
     /// The same precision for all rows.
     pub(super) fn even(finer_db: f64) -> Fineness {
-        Fineness { finer_db, coarser: 0, coarser_db: 0.0 }
+        Fineness { finer_db, coarser_share: 0.0 }
     }
 
-    fn key(self) -> Key {
-        (self.finer_db.to_bits(), self.coarser, self.coarser_db.to_bits())
+    fn key(self) -> [u64; 2] {
+        [self.finer_db, self.coarser_share].map(f64::to_bits)
     }
 }
 
@@ -51,7 +44,8 @@ pub(super) struct Trials<'a> {
     /// All but [`Precision::psnr`].
     precision: Precision,
     pub(super) judge: &'a Pictures,
-    pub(super) known: BTreeMap<Key, Trial>,
+    /// By the bits of the fineness.
+    pub(super) known: BTreeMap<[u64; 2], Trial>,
     /// Latest squared error in each picture, times the squared error of the precision: about the same for each trial.
     /// Infinite before the first.
     errors: Vec<f64>,
@@ -85,14 +79,10 @@ impl<'a> Trials<'a> {
     pub(super) fn at(&self, fineness: Fineness) -> Precision {
         let mut precision = Precision { psnr: fineness.finer_db, ..self.precision.clone() };
         let rows = &mut precision.sensitivities;
-        let count = rows.len();
-        let factor = libm::exp10(-fineness.coarser_db / 20.0) as f32;
-        for (i, row) in rows.iter_mut().enumerate() {
-            let block = i * BLOCKS as usize / count;
-            if fineness.coarser >> block & 1 == 1 {
-                row.color *= factor;
-                row.geometry *= factor;
-            }
+        let coarser = (fineness.coarser_share * rows.len() as f64).round() as usize;
+        for row in rows.iter_mut().rev().take(coarser) {
+            row.color *= FRAC_1_SQRT_2;
+            row.geometry *= FRAC_1_SQRT_2;
         }
         precision
     }
