@@ -86,11 +86,11 @@ impl CameraControl {
         control
     }
 
-    /// A camera at `viewpoint` with the next axis up, and the name of that axis.
-    pub(crate) fn with_next_up(&self, viewpoint: &Viewpoint) -> (CameraControl, &'static str) {
+    /// The camera from where it is with the next axis up, and the name of that axis.
+    pub(crate) fn with_next_up(&self) -> (CameraControl, &'static str) {
         let nearest = (0..UPS.len()).max_by(|a, b| UPS[*a].0.dot(self.up).total_cmp(&UPS[*b].0.dot(self.up)));
         let (up, name) = UPS[nearest.map_or(0, |at| (at + 1) % UPS.len())];
-        (CameraControl::new(viewpoint, up.as_vec3().to_array()), name)
+        (CameraControl::new(&self.viewpoint(), up.as_vec3().to_array()), name)
     }
 
     /// Jumps to a viewpoint. Tilts one that looks along the up axis by less than 0.1 degrees.
@@ -229,14 +229,14 @@ mod tests {
         let viewpoint = Viewpoint { position: [1.0, 2.0, 3.0], target: [-2.0, 0.5, 0.0], ..viewpoint() };
         let mut control = CameraControl::new(&viewpoint, [0.0, -1.0, 0.0]);
         for expected in ["y", "z", "-z", "x", "-x", "-y"] {
-            let (next, name) = control.with_next_up(&viewpoint);
+            let (next, name) = control.with_next_up();
             assert_eq!(name, expected);
             assert!((next.position() - control.position()).length() < 1e-9, "the eye stays");
             control = next;
         }
         // Between axes, the nearest is left.
         let tilted = CameraControl::new(&viewpoint, [0.1, -0.9, 0.2]);
-        assert_eq!(tilted.with_next_up(&viewpoint).1, "y");
+        assert_eq!(tilted.with_next_up().1, "y");
     }
 
     #[test]

@@ -309,6 +309,8 @@ impl Session {
     /// time until the next call, unless a frame comes.
     pub(super) fn request_frame(&mut self) -> Duration {
         match std::mem::replace(&mut self.awaits_frame, true) {
+            // A frame that is slow to come draws what stands still.
+            true if !self.viewer.clock.is_advancing() => {}
             true => {
                 let (now, elapsed_s) = self.begin_step();
                 self.step_hidden(now, elapsed_s);

@@ -332,7 +332,7 @@ impl Viewer {
             Command::GoToViewpoint(number) => self.go_to_viewpoint(number),
             Command::Recentre => self.go_to_viewpoint(self.viewpoint),
             Command::TurnUp => {
-                let (camera, axis) = self.camera.with_next_up(&self.clip.viewpoints[self.viewpoint]);
+                let (camera, axis) = self.camera.with_next_up();
                 self.camera = camera;
                 self.note(format!(
                     "{axis} is up. A field opens so with --up {axis}, or with \"up\" in its scene.json"

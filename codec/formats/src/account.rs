@@ -34,13 +34,25 @@ impl Account {
     /// All that there is to say: the repairs if there are any, then the notes.
     pub fn sentences(&self) -> Vec<String> {
         let repairs = (!self.repairs.is_empty()).then(|| self.repairs.to_string());
-        repairs.into_iter().chain(self.notes().map(String::from)).collect()
+        repairs.into_iter().chain(self.notes()).collect()
     }
 
-    /// What was assumed, then what was lost.
-    pub fn notes(&self) -> impl Iterator<Item = &str> {
-        self.assumed.iter().chain(&self.lost).map(String::as_str)
+    /// What was assumed, then what was lost. Control characters, which headers may contain, are escaped.
+    pub fn notes(&self) -> impl Iterator<Item = String> {
+        self.assumed.iter().chain(&self.lost).map(|note| one_line(note).take(NOTE_MAX).collect())
     }
+}
+
+/// Most characters of a note: a comment of a file can be long.
+const NOTE_MAX: usize = 500;
+
+/// The characters of a text on one line: control characters are escaped.
+pub(crate) fn one_line(text: &str) -> impl Iterator<Item = char> {
+    text.chars().flat_map(|c| {
+        let escaped = c.is_control().then(|| c.escape_default());
+        let plain = (!c.is_control()).then_some(c);
+        escaped.into_iter().flatten().chain(plain)
+    })
 }
 
 impl From<Repairs> for Account {

@@ -4,6 +4,8 @@ use std::fmt;
 use std::io::{self, ErrorKind};
 use std::path::Path;
 
+use crate::account::one_line;
+
 /// The file or folder, what is wrong with it, and what to do, in one sentence. The input is at fault: a program ends
 /// with its exit code for bad data.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -30,10 +32,7 @@ impl ImportError {
 /// One line. Control characters, which file names and headers may contain, are escaped.
 impl fmt::Display for ImportError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.0.chars().try_for_each(|c| match c.is_control() {
-            true => write!(f, "{}", c.escape_default()),
-            false => write!(f, "{c}"),
-        })
+        one_line(&self.0).try_for_each(|c| write!(f, "{c}"))
     }
 }
 

@@ -143,15 +143,10 @@ impl ImportedScene {
         let mut assumed = Vec::new();
         let up = known(overrides.up.or(hints.up), "up", DEFAULT_UP, &mut assumed);
         let relative = |p: [f32; 3]| [0, 1, 2].map(|axis| (f64::from(p[axis]) - origin[axis]) as f32);
-        let mut viewpoints = overrides.viewpoints.map_or_else(
-            || hints.viewpoints.clone(),
-            |mut viewpoints| {
-                for Viewpoint { position, target, .. } in &mut viewpoints {
-                    (*position, *target) = (relative(*position), relative(*target));
-                }
-                viewpoints
-            },
-        );
+        let mut viewpoints = overrides.viewpoints.unwrap_or_else(|| hints.viewpoints.clone());
+        for Viewpoint { position, target, .. } in &mut viewpoints {
+            (*position, *target) = (relative(*position), relative(*target));
+        }
         if viewpoints.is_empty() {
             assumed.push("viewpoints");
             let background = plate.as_ref().map(|plate| &plate.field);

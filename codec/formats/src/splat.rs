@@ -43,12 +43,15 @@ pub(crate) fn read(bytes: &[u8], budget: &mut ImportBudget) -> Result<Imported, 
     Ok(Imported::new(".splat", field, repairs))
 }
 
+/// The bytes of the quaternion that antimatter15's converter writes for a PLY without rotations.
+const WITHOUT_ROTATION: [u8; 4] = [255, 0, 0, 0];
+
 /// Whether the values of a row can be of a Gaussian: finite, scales not below zero, and the quaternion of length 1, as
-/// writers make it, or 0. One row in a thousand of random bytes is like that.
+/// writers make it, 0, or [`WITHOUT_ROTATION`]. One row in a thousand of random bytes is like that.
 fn may_be_gaussian(row: &[u8; ROW]) -> bool {
     let floats = [0, 1, 2, 3, 4, 5].map(|k| f32_at(row, 4 * k));
     let norm = row[28..].iter().map(|&byte| ((f32::from(byte) - 128.0) / 128.0).powi(2)).sum::<f32>().sqrt();
     floats.iter().all(|x| x.is_finite())
         && floats[3..].iter().all(|&scale| scale >= 0.0)
-        && (norm == 0.0 || (norm - 1.0).abs() < LENGTH_ERROR_MAX)
+        && (norm == 0.0 || row[28..] == WITHOUT_ROTATION || (norm - 1.0).abs() < LENGTH_ERROR_MAX)
 }

@@ -30,7 +30,7 @@ use crate::bytes::u32_at;
 use crate::columns::with_largest;
 use crate::imported::Imported;
 use crate::limits::ImportBudget;
-use crate::statements::{Statement, honoured, ignored, noted};
+use crate::statements::{NAMES_MAX, Statement, honoured, ignored, noted};
 use crate::up_axis::Y_UP;
 
 /// The first bytes of a file: of one that is plain, and of one that gzip packed.
@@ -63,8 +63,8 @@ const ORBIT_EXTENSION: u32 = 0xADBE_0002;
 
 /// Directions of x, y and z: left or right, up or down, front or back. The first states nothing.
 const AXES: [&str; 17] = [
-    "", "LDB", "RDB", "LUB", "RUB", "LDF", "RDF", "LUF", "RUF", "LBD", "RBD", "LBU", "RBU", "LFD", "RFD",
-    "LFU", "RFU",
+    "", "LDB", "RDB", "LUB", "RUB", "LDF", "RDF", "LUF", "RUF", "LFD", "RFD", "LFU", "RFU", "LBD", "RBD",
+    "LBU", "RBU",
 ];
 
 /// Most bytes behind the arrays that are looked at.
@@ -216,16 +216,18 @@ pub(crate) fn read(bytes: &[u8], budget: &mut ImportBudget) -> Result<Imported, 
     Ok(header.stated(&extensions, Imported::new("SPZ", field, repairs)))
 }
 
-/// Takes the axes of extensions, and notes the unknown ones.
+/// Takes the axes of extensions, the first ones stated, and notes the unknown ones.
 fn read_extensions(mut bytes: &[u8], imported: &mut Imported) {
     let lost = &mut imported.account.lost;
+    let (mut has_axes, mut unknown) = (false, 0);
     while bytes.len() >= 8 {
         let (kind, length) = (u32_at(bytes, 0), u32_at(bytes, 4) as usize);
         let Some((content, rest)) = bytes[8..].split_at_checked(length) else { break };
         bytes = rest;
-        if kind == ORBIT_EXTENSION {
+        if kind == ORBIT_EXTENSION || kind == AXES_EXTENSION && has_axes {
             continue;
         }
+        has_axes |= kind == AXES_EXTENSION;
         let axes = (kind == AXES_EXTENSION && length >= 4).then(|| u32_at(content, 0) as usize);
         match axes.map(|number| AXES.get(number).copied().ok_or(number)) {
             Some(Ok("")) => {}
@@ -243,8 +245,16 @@ fn read_extensions(mut bytes: &[u8], imported: &mut Imported) {
             Some(Err(number)) => {
                 lost.push(format!("its axes are of the unknown kind {number}, drawn with y up"))
             }
-            None => lost.push(format!("an extension that is not read: {kind:08X}, of {length} bytes")),
+            None => {
+                unknown += 1;
+                if unknown <= NAMES_MAX {
+                    lost.push(format!("an extension that is not read: {kind:08X}, of {length} bytes"));
+                }
+            }
         }
+    }
+    if unknown > NAMES_MAX {
+        lost.push(format!("{} more extensions that are not read", unknown - NAMES_MAX));
     }
 }
 

@@ -70,4 +70,4 @@ pub(crate) fn unread<'n>(statements: &[Statement], names: impl Iterator<Item = &
 }
 
 /// Most names in a note.
-const NAMES_MAX: usize = 8;
+pub(crate) const NAMES_MAX: usize = 8;

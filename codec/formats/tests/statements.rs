@@ -39,6 +39,7 @@ fn comments_of_other_programs_state_filter_and_up_axis() {
         ("SplatRenderMode: mip", PixelFilter::Mip, "SplatRenderMode"),
         ("SplatRenderMode: default", PixelFilter::Blur, ""),
         ("SplatRenderMode: other", PixelFilter::Blur, "SplatRenderMode: other is not known"),
+        ("SplatRenderMode: \u{1b}]0;", PixelFilter::Blur, "\\u{1b}]0;"),
         ("antialiased 1", PixelFilter::Mip, "0.3 px^2"),
         ("antialiased: true", PixelFilter::Mip, "0.3 px^2"),
         ("antialiased 0", PixelFilter::Blur, ""),
@@ -175,6 +176,10 @@ fn far_centres_are_read_about_another_origin_with_all_that_belongs_to_them() {
     assert_eq!(read(&write_field_file(&imported.field, &info())).hints.origin, None);
     let large = String::from_utf8(far.clone()).unwrap().replace("-2 -2 -2", "9 9 9");
     assert_eq!(read(large.as_bytes()).hints.origin, None);
+    // A stray far away is no reason to move the others.
+    let near = ["1.5 2 3 0 0 0 2 -5 -5 -5 1 0 0 0", "1.1 2 3 0 0 0 2 -5 -5 -5 1 0 0 0"];
+    let stray = "1000000.123 0 0 0 0 0 2 -5 -5 -5 1 0 0 0";
+    assert_eq!(read(&ascii_ply(STATIC, &[near[0], near[1], stray])).hints.origin, None);
 
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
@@ -333,8 +338,8 @@ fn extensions_of_spz_state_axes() {
             (6, [0.0, -1.0, 0.0], false),
             (7, [0.0, 1.0, 0.0], false),
             (8, [0.0, 1.0, 0.0], true),
-            (16, [0.0, 0.0, 1.0], false),
-            (12, [0.0, 0.0, 1.0], true),
+            (12, [0.0, 0.0, 1.0], false),
+            (16, [0.0, 0.0, 1.0], true),
         ] {
             let imported = read(version, &[(0xADBE_0003, &number.to_le_bytes())]);
             assert_eq!(imported.hints.up, Some(up), "version {version}, axes {number}");
@@ -402,6 +407,10 @@ fn text_and_noise_are_no_field() {
         assert!(message.contains("this is text") && message.contains("404 Not Found"), "{message}");
     }
     assert!(import_error("a.splat", &noise).contains("cannot be Gaussians"));
+    // What a converter writes for a cloud of points: no quaternion.
+    let point = [[0.0f32; 3], [0.01; 3]].as_flattened().iter().flat_map(|x| x.to_le_bytes());
+    let point: Vec<u8> = point.chain([200, 10, 10, 255, 255, 0, 0, 0]).collect();
+    assert_eq!(import_bytes("a.splat", &point).unwrap().field.len(), 1);
 }
 
 #[test]

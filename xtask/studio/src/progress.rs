@@ -137,8 +137,10 @@ impl StagedProgress {
         self.show(&state);
     }
 
-    /// Removes the bar.
+    /// Removes the bar, and ends the plan: what follows is no part of it.
     pub fn finish(&self) {
+        let mut state = self.state();
+        *state = StageState { prefix: std::mem::take(&mut state.prefix), ..StageState::default() };
         self.bar.finish_and_clear();
     }
 
@@ -240,7 +242,8 @@ mod tests {
         assert!(end.contains("100 %") && end.contains("three"), "{end}");
         progress.say("three, trial 2 of at most 9");
         assert!(shown().contains("5000: three, trial 2 of at most 9"));
-        progress.plan(Vec::new());
+        // What follows the whole is no part of it.
+        progress.finish();
         progress.stage("four", 4);
         progress.step();
         assert!(shown().contains(" 25 %"));

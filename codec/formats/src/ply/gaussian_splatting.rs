@@ -32,7 +32,7 @@ const RGB: [&str; 3] = ["red", "green", "blue"];
 /// Mip-Splatting's standard deviation of the filter in space, in units.
 const FILTER_3D: &str = "filter_3D";
 
-/// Largest error of a centre in `f32`, in typical standard deviations, before it is read about another origin: a
+/// Largest median error of centres in `f32`, in typical standard deviations, before they are read about another origin: a
 /// Gaussian moved by that much looks the same.
 const CENTER_ERROR_MAX: f64 = 0.01;
 
@@ -117,11 +117,12 @@ fn origin(
     field: &Field,
     budget: &mut ImportBudget,
 ) -> Result<Option<[f64; 3]>, String> {
-    let error = |x: f64| (x - f64::from(x as f32)).abs();
     let rows = 0..vertex.rows;
-    let errors = rows.clone().flat_map(|row| axes.map(|axis| error(vertex.exact(row, axis))));
-    let error = errors.filter(|error| error.is_finite()).fold(0.0, f64::max);
-    if error == 0.0 {
+    let error = |row: usize| {
+        let errors = axes.map(|axis| vertex.exact(row, axis)).map(|x| (x - f64::from(x as f32)).abs());
+        errors.into_iter().fold(0.0, f64::max)
+    };
+    if rows.clone().all(|row| error(row) == 0.0) {
         return Ok(None);
     }
     let mut values = budget.vec(vertex.rows)?;
@@ -134,7 +135,8 @@ fn origin(
     let scale =
         |row: usize| field.log_scales[row].map(f64::from).into_iter().fold(f64::NEG_INFINITY, f64::max);
     let typical = median(&scale).map_or(f64::INFINITY, f64::exp);
-    if error <= CENTER_ERROR_MAX * typical {
+    // A stray far away is no reason.
+    if median(&error).is_none_or(|error| error <= CENTER_ERROR_MAX * typical) {
         return Ok(None);
     }
     Ok(Some(axes.map(|axis| median(&|row| vertex.exact(row, axis)).unwrap_or(0.0))))

@@ -315,6 +315,10 @@ mod tests {
             "{error}"
         );
         near.check_origin(&record, "field.ply").unwrap();
+        // Fields of other programs have the origin of the capture; a package may be of a field that was moved.
+        let unrecorded = crate::fields::FitRecord::default();
+        assert!(far.check_origin(&unrecorded, "theirs.ply").is_err());
+        far.check_origin(&unrecorded, "clip.aarc").unwrap();
         // In kilometres, the same place is as far away.
         assert_eq!(opened(0.003, [500.0, 4_100.0, 0.0]).origin, [500.0, 4_100.0, 0.0]);
     }

@@ -27,16 +27,16 @@ impl CaptureFiles {
         self.origin = origin.to_array();
         let [x, y, z] = self.origin;
         self.notes.push(format!(
-            "its subject is far from the origin, so the origin of cameras and fields is at {x} {y} {z} of its world"
+            "the subject is far from the origin, so the origin of cameras and fields is at {x} {y} {z} of its world"
         ));
     }
 
-    /// Checks that a field was fitted with the same origin. `name` is what the field is called.
+    /// Checks that a field was fitted with the same origin: `name`, its file. Packages do not record theirs.
     ///
     /// # Errors
     /// [`Fault::Usage`] if it was not.
     pub(crate) fn check_origin(&self, record: &FitRecord, name: &str) -> Result<(), Fault> {
-        let is_recorded = record.frames.is_some() || record.origin.is_some();
+        let is_recorded = record.frames.is_some() || record.origin.is_some() || !name.ends_with(".aarc");
         let fitted = record.origin.unwrap_or_default();
         if !is_recorded || fitted == self.origin {
             return Ok(());

@@ -249,7 +249,9 @@ pub(super) fn open(folder: &Path, files: &[TransformsFile]) -> anyhow::Result<Ca
             }
             let mask = match &frame.mask_path {
                 Some(mask) => {
-                    let existing = |mask: &str| folder.join(mask).is_file().then(|| mask.to_owned());
+                    // The end of its path may be the photograph's.
+                    let existing =
+                        |mask: &str| (mask != image && folder.join(mask).is_file()).then(|| mask.to_owned());
                     // Without its file, reading the mask says what is missing.
                     Some(listed.find(mask, existing)?.unwrap_or_else(|| mask.clone()))
                 }

@@ -215,8 +215,7 @@ impl PartSelection {
             capture_files.keep_cameras(&self.cameras)?;
         }
         if let Some(note) = capture_files.high_range_note() {
-            static REPORT: Once = Once::new();
-            REPORT.call_once(|| eprintln!("note: {note}"));
+            report_once(format!("{}: {note}", folder.display()));
         }
         keep_frames(&mut capture_files)?;
         if let Some((width, height)) = size {

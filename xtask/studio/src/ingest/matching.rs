@@ -63,16 +63,19 @@ pub(super) fn choose(
         )));
     }
     let how = if fits.iter().flatten().count() == 1 { "alone fits the videos" } else { "is read" };
-    say(&format!("note: of the calibrations {list} {} {how}; --calibration names another", names[chosen]));
+    say(&format!("note: calibrations found: {list}; {} {how}, --calibration names another", names[chosen]));
     Ok((calibrations.swap_remove(chosen), fits.swap_remove(chosen)?))
 }
+
+/// Largest difference of numbers that count as the same, relative to large ones: some programs write six digits.
+const ROUNDING: f64 = 1e-5;
 
 /// Whether cameras are the same, up to the rounding of text.
 fn is_same(some: &[RigCamera], others: &[RigCamera]) -> bool {
     let numbers = |RigCamera { camera, lens, .. }: &RigCamera| {
         [camera.k.as_flattened(), camera.camera_from_world.as_flattened(), &lens.coefficients().1].concat()
     };
-    let is_near = |(a, b): (&f64, &f64)| (a - b).abs() <= 1e-6 * (1.0 + a.abs());
+    let is_near = |(a, b): (&f64, &f64)| (a - b).abs() <= ROUNDING * (1.0 + a.abs());
     some.iter().zip(others).all(|(a, b)| {
         let [x, y] = [a, b].map(numbers);
         x.len() == y.len() && x.iter().zip(&y).all(is_near)

@@ -95,7 +95,7 @@ pub fn ingest(
     let ranges = videos.iter().map(|video| (video.name.as_str(), video.probe.high_range.as_deref()));
     let mut warnings: Vec<String> = high_range_note(ranges).into_iter().collect();
 
-    let calibrations = calibration::read(rig, options.calibration.as_deref())?;
+    let calibrations = calibration::read(rig, options.calibration.as_deref(), &mut warnings)?;
     let (calibration, mut cameras) = matching::choose(&videos, calibrations, options.resize, say)?;
     let layout = calibration.layout;
     say(&line("cameras", false, &format!("{} by {layout}, {}", cameras.len(), calibration.path.display())));

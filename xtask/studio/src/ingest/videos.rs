@@ -213,7 +213,7 @@ fn timecode(tags: &BTreeMap<String, String>) -> Option<String> {
 /// those that are whole numbers of intervals.
 fn rate(times_s: &[f64]) -> Option<(f64, bool)> {
     let intervals = || times_s.windows(2).map(|pair| pair[1] - pair[0]);
-    let median_s = median(intervals().collect())?;
+    let median_s = median(intervals().collect()).filter(|interval_s| *interval_s > 0.0)?;
     let without_gaps = fitted_interval_s(times_s, |interval_s| (interval_s < GAP * median_s).then_some(1.0));
     let interval_s = fitted_interval_s(times_s, |time_s| {
         let steps = (time_s / without_gaps).round().max(1.0);

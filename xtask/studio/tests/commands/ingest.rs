@@ -324,7 +324,7 @@ fn high_dynamic_range_is_said() {
     assert!(warnings.contains("a (HLG), c (PQ): high dynamic range is shown as it is"), "{warnings}");
     let fit = ["fit", "studio", "-o", "f.ply", "--steps", "1", "--size", "32x24", "--gaussians", "100"];
     let said = aarc_studio(folder.path(), &fit).stderr;
-    assert!(said.contains("note: a (HLG), c (PQ): high dynamic range"), "{said}");
+    assert!(said.contains("note: studio: a (HLG), c (PQ): high dynamic range"), "{said}");
 }
 
 #[test]
@@ -400,7 +400,9 @@ fn each_video_has_one_camera_of_its_size() {
     other(&calibration(&["a", "b"]));
     let said = ingest(folder, "--offsets none").success().stdout;
     assert!(
-        said.contains("note: of the calibrations calibration.toml, other.toml other.toml alone fits"),
+        said.contains(
+            "note: calibrations found: calibration.toml, other.toml; other.toml alone fits the videos"
+        ),
         "{said}"
     );
     sized("64.0, 48.0");
@@ -412,7 +414,8 @@ fn each_video_has_one_camera_of_its_size() {
         "{error}"
     );
     other("[cam_0]\nmatrix = 1\nrotation = 2\n");
-    ingest(folder, "--offsets none").success();
+    let said = ingest(folder, "--offsets none").success().stdout;
+    assert!(said.contains("not read: ") && said.contains("other.toml: "), "{said}");
     sized("66.0, 48.0");
     other(&calibration(&["c", "d"]));
     let error = self::refused(ingest(folder, "--offsets none"), 2);

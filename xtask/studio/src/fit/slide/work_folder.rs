@@ -32,7 +32,7 @@ use crate::messages::unreadable;
 use crate::segments::FieldFolder;
 
 /// First bytes of a file; the last one is the version of its contents.
-const MAGIC: Magic = *b"aarcstp\x03";
+const MAGIC: Magic = *b"aarcstp\x04";
 
 /// How often, and how long in between, a process tries for the lock that another one holds for a moment.
 const TRIES: u32 = 20;

@@ -15,12 +15,16 @@ use crate::capture::{bad, calibrated_cameras};
 use crate::messages::unreadable;
 pub(super) use camera::{Calibration, RigCamera};
 
-/// Reads the calibration at `stated`, or else those in `folder`: at least one. Of several those that are malformed are left
-/// out.
+/// Reads the calibration at `stated`, or else those in `folder`: at least one. Where others can be read, those that are
+/// malformed are named in `warnings`.
 ///
 /// # Errors
 /// [`Fault::Data`] if there is none or it is malformed.
-pub(super) fn read(folder: &Path, stated: Option<&Path>) -> Result<Vec<Calibration>, Fault> {
+pub(super) fn read(
+    folder: &Path,
+    stated: Option<&Path>,
+    warnings: &mut Vec<String>,
+) -> Result<Vec<Calibration>, Fault> {
     if let Some(path) = stated {
         std::fs::metadata(path).map_err(|error| unreadable(path, &error))?;
         return Ok(vec![read_one(path)?]);
@@ -44,13 +48,14 @@ pub(super) fn read(folder: &Path, stated: Option<&Path>) -> Result<Vec<Calibrati
     }
     let (calibrations, faults): (Vec<_>, Vec<_>) = read.into_iter().partition(Result::is_ok);
     let calibrations: Vec<Calibration> = calibrations.into_iter().flatten().collect();
-    match (calibrations.is_empty(), faults.into_iter().find_map(Result::err)) {
-        (false, _) => Ok(calibrations),
-        (true, Some(fault)) => Err(fault),
-        (true, None) => {
-            Err(bad(folder, "there is no calibration in it; put one there, or name it with --calibration"))
-        }
+    let mut faults = faults.into_iter().filter_map(Result::err);
+    if calibrations.is_empty() {
+        let none =
+            || bad(folder, "there is no calibration in it; put one there, or name it with --calibration");
+        return Err(faults.next().unwrap_or_else(none));
     }
+    warnings.extend(faults.map(|fault| format!("not read: {fault}")));
+    Ok(calibrations)
 }
 
 /// Whether a file of a rig's folder looks like a calibration, by name and content.
