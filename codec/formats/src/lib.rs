@@ -65,6 +65,7 @@ pub use splatv::write as write_splatv;
 pub use spz::write as write_spz;
 pub use statements::{Statement, Treatment};
 pub use table::{FORMATS, Format, extensions, titles};
+pub use text::is_lfs_pointer;
 pub use up_axis::{DEFAULT_UP, up_of};
 pub use writing::Target;
 

@@ -17,10 +17,15 @@ pub(crate) fn has_mark(bytes: &[u8]) -> bool {
     bytes.starts_with(MARK)
 }
 
+/// Whether a file that begins so is a pointer of Git LFS.
+pub fn is_lfs_pointer(bytes: &[u8]) -> bool {
+    bytes.starts_with(POINTER)
+}
+
 /// The sentence on a pointer of Git LFS; `None` for another file.
 pub(crate) fn large_file(bytes: &[u8]) -> Option<String> {
     let what = "a pointer of Git LFS and not the file itself; fetch it with `git lfs pull`, or download it by its raw link";
-    bytes.starts_with(POINTER).then(|| what.into())
+    is_lfs_pointer(bytes).then(|| what.into())
 }
 
 /// Whether a file begins as a text.

@@ -6,6 +6,7 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use codec::Camera;
+use formats::is_lfs_pointer;
 use image::{DynamicImage, ImageBuffer, ImageReader, Luma};
 use program::Fault;
 use refine::image::Image;
@@ -194,14 +195,14 @@ pub(crate) fn read_text(path: &Path) -> Result<String, Fault> {
 /// [`Fault::Data`] that names the file, if it cannot be read or is a pointer of Git LFS.
 pub(super) fn read_bytes(path: &Path) -> Result<Vec<u8>, Fault> {
     let bytes = std::fs::read(path).map_err(|error| unreadable(path, &error))?;
-    match bytes.starts_with(LFS_POINTER) {
+    match is_lfs_pointer(&bytes) {
         true => Err(not_fetched(path)),
         false => Ok(bytes),
     }
 }
 
-/// Begin of the text that Git LFS leaves in place of a file until it is fetched.
-const LFS_POINTER: &[u8] = b"version https://git-lfs.github.com/spec/";
+/// Most bytes of a pointer of Git LFS.
+const POINTER_BYTES: u64 = 1024;
 
 fn not_fetched(path: &Path) -> Fault {
     bad(path, "a pointer of Git LFS in place of the file; fetch it with `git lfs pull`")
@@ -209,9 +210,9 @@ fn not_fetched(path: &Path) -> Fault {
 
 /// The fault of a picture or a video that Git LFS has not fetched; `None` of any other file.
 pub(super) fn lfs_pointer(path: &Path) -> Option<Fault> {
-    let mut start = [0; LFS_POINTER.len()];
-    File::open(path).and_then(|mut file| file.read_exact(&mut start)).ok()?;
-    (start == LFS_POINTER).then(|| not_fetched(path))
+    let mut start = Vec::new();
+    File::open(path).and_then(|file| file.take(POINTER_BYTES).read_to_end(&mut start)).ok()?;
+    is_lfs_pointer(&start).then(|| not_fetched(path))
 }
 
 #[cfg(test)]
