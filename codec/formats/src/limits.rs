@@ -27,12 +27,11 @@ impl Default for ImportLimits {
 pub(crate) struct ImportBudget {
     limit: u64,
     left: u64,
-    exceeded: bool,
 }
 
 impl ImportBudget {
     pub(crate) fn new(limits: ImportLimits) -> ImportBudget {
-        ImportBudget { limit: limits.max_bytes, left: limits.max_bytes, exceeded: false }
+        ImportBudget { limit: limits.max_bytes, left: limits.max_bytes }
     }
 
     /// Counts `bytes` that are about to be allocated.
@@ -46,7 +45,6 @@ impl ImportBudget {
                 Ok(())
             }
             None => {
-                self.exceeded = true;
                 let needed = (self.limit - self.left).saturating_add(bytes);
                 Err(format!(
                     "reading it takes {} MB of memory or more, and {} MB is the limit; prune the field with the \
@@ -56,11 +54,6 @@ impl ImportBudget {
                 ))
             }
         }
-    }
-
-    /// Whether an import failed because of the limit.
-    pub(crate) fn is_exceeded(&self) -> bool {
-        self.exceeded
     }
 
     /// Allocates an empty vector with room for `count` elements.

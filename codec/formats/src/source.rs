@@ -71,7 +71,7 @@ impl FieldSource {
                 Err(_) => format!("a folder without {} is no field (SOG); name a file", sog::INDEX),
             });
         }
-        let bytes = budget.read_file(&index).map_err(|what| advised(what, budget))?;
+        let bytes = budget.read_file(&index).map_err(advised)?;
         Ok(FieldSource { read: sog::read, bytes, folder: folder.into() })
     }
 
@@ -108,13 +108,13 @@ impl FieldSource {
             imported.check_complete()?;
             Ok(imported)
         };
-        read(budget).map_err(|what| ImportError::new(path, advised(what, budget)))
+        read(budget).map_err(|what| ImportError::new(path, advised(what)))
     }
 }
 
-/// Why a file cannot be read and what to do.
-fn advised(what: String, budget: &ImportBudget) -> String {
-    if budget.is_exceeded() || what.contains("; ") { what } else { format!("{what}; {ADVICE}") }
+/// Why a file cannot be read and what to do, which some reasons say themselves.
+fn advised(what: String) -> String {
+    if what.contains("; ") { what } else { format!("{what}; {ADVICE}") }
 }
 
 /// The sentence on a file of no format.
