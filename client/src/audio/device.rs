@@ -45,6 +45,8 @@ impl OpenDevice {
     /// # Errors
     /// Why there is none.
     pub(super) fn open(link: &Arc<Link>, epoch: Instant) -> Result<OpenDevice, String> {
+        #[cfg(all(target_os = "linux", any(target_arch = "x86_64", target_arch = "aarch64")))]
+        super::alsa::load()?;
         let device = cpal::default_host().default_output_device().ok_or("there is no audio device")?;
         let (config, format) = config(&device)?;
         let (producer, consumer) = rtrb::RingBuffer::new((RING_S * f64::from(config.sample_rate)) as usize);

@@ -4,6 +4,7 @@
 //! output, no partial output, no temporary file.
 
 use std::fs;
+use std::process::Command;
 
 use ::studio::cli::Cli;
 use aarc_tests::gpu::{self, Passes};
@@ -35,7 +36,24 @@ pub(crate) fn trials() -> Vec<Trial> {
         plain("bad input to inspect", bad_input_to_inspect),
         plain("bad input to render and export", bad_input_to_render_and_export),
         plain("cargo xtask hands the host tool's commands over", xtask_hands_over),
+        Trial::test("the player starts without a sound library", || {
+            starts_without_a_sound_library().map_err(Failed::from)
+        })
+        .with_ignored_flag(!cfg!(all(
+            target_os = "linux",
+            target_env = "gnu",
+            target_arch = "x86_64"
+        ))),
     ]
+}
+
+/// The libraries that the system loads before the player starts.
+fn starts_without_a_sound_library() -> Result<(), String> {
+    let listed = run(Command::new(client()).env("LD_TRACE_LOADED_OBJECTS", "1")).success().stdout;
+    if !listed.contains("libc.so") || listed.contains("libasound") {
+        return Err(format!("needs libasound, or lists nothing:\n{listed}"));
+    }
+    Ok(())
 }
 
 fn field_to_pictures(_: &Gpu) -> Result<(), String> {

@@ -93,8 +93,8 @@ Version: {VERSION}
 Architecture: {architecture}
 Maintainer: the aarc authors <aarc@invalid>
 Installed-Size: {kilobytes}
-Depends: libc6 (>= {}.{}), libgcc-s1, libasound2 | libasound2t64
-Recommends: libvulkan1, mesa-vulkan-drivers, libx11-6, libx11-xcb1, libxcursor1, libxi6, libxkbcommon-x11-0, libwayland-client0
+Depends: libc6 (>= {}.{}), libgcc-s1
+Recommends: libasound2 | libasound2t64, libvulkan1, mesa-vulkan-drivers, libx11-6, libx11-xcb1, libxcursor1, libxi6, libxkbcommon-x11-0, libwayland-client0
 Suggests: ffmpeg, libopenxr-loader1
 Section: video
 Priority: optional
