@@ -93,6 +93,12 @@ impl CameraControl {
         (CameraControl::new(&self.viewpoint(), up.as_vec3().to_array()), name)
     }
 
+    /// Whether `up`, of any length, is up.
+    pub(crate) fn has_up(&self, up: [f32; 3]) -> bool {
+        let up = DVec3::from(up.map(f64::from)).try_normalize().unwrap_or(DVec3::Y);
+        up.abs_diff_eq(self.up, 1e-6)
+    }
+
     /// Jumps to a viewpoint. Tilts one that looks along the up axis by less than 0.1 degrees.
     pub(crate) fn go_to(&mut self, viewpoint: &Viewpoint) {
         let position = DVec3::from(viewpoint.position.map(f64::from));

@@ -342,6 +342,12 @@ impl Viewer {
             Command::OpenFile => requests.open.push(Opening::Picker),
             Command::PreviousClip => requests.open.push(Opening::Beside(Direction::Back)),
             Command::NextClip => requests.open.push(Opening::Beside(Direction::Forward)),
+            // The format has no other up axis for it.
+            Command::SetPoster if !self.camera.has_up(self.clip.up) => self.note(
+                "A poster has the up axis of its clip, and T turned another one up: open the clip again for a poster, or \
+                 package its field again with \"up\" in its scene.json"
+                    .into(),
+            ),
             Command::SetPoster => requests.set_poster = true,
             Command::ToggleKeys => self.show_keys = !self.show_keys,
             Command::ToggleStatistics => self.show_statistics = !self.show_statistics,

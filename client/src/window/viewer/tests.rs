@@ -605,6 +605,17 @@ fn keys_and_the_menu_choose_other_clips() {
         bench.frame(0.0, vec![]);
         assert_eq!(bench.click(item), expected);
     }
+    bench.press(Key::T);
+    bench.click("Clips");
+    bench.frame(0.0, vec![]);
+    assert!(!bench.click("Use this frame as the poster").set_poster, "it would not look as the window does");
+    assert!(
+        bench
+            .viewer
+            .message
+            .as_ref()
+            .is_some_and(|message| format!("{message:?}").contains("open the clip again"))
+    );
     bench.viewer.choices.is_package = false;
     bench.frame(0.0, vec![]);
     bench.click("Clips");
