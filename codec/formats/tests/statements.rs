@@ -252,6 +252,44 @@ fn gaussians_in_four_dimensions_move_and_fade() {
     assert_close("tau", &seconds.field.temporal.unwrap().tau, &[7.3 / 8.0], |_| 1e-6);
     let about = read([0.5, 0.2, 0.1, 0.2], identity, identity, -0.3);
     assert_close("tau", &about.field.temporal.unwrap().tau, &[0.2], |_| 1e-6);
+    // Fits whose points have no time begin with a tenth more on both sides, which some Gaussians leave later.
+    for (times, length) in
+        [([-1.0, 11.0], 10.0), ([-1.3, 11.3], 10.0), ([0.0, 10.0], 10.0), ([-0.3, 3.4], 3.0)]
+    {
+        let rows = times.map(|t| format!("{ROW} {t} 0 1 0 0 0"));
+        let imported = self::read(&ascii_ply(&format!("{STATIC} {columns}"), &[&rows[0], &rows[1]]));
+        assert_eq!(imported.hints.duration_s, Some(length), "{times:?}");
+        let said = format!("are at times from {} to {}, ", times[0], times[1]);
+        assert!(notes(&imported).contains(&said), "{}", notes(&imported));
+    }
+}
+
+#[test]
+fn colours_that_change_over_time_are_of_the_own_instant() {
+    for frequencies in [1, 2] {
+        let coefficients = 16 * (1 + frequencies);
+        let rest: Vec<String> = (0..3 * (coefficients - 1)).map(|k| format!("f_rest_{k}")).collect();
+        // Coefficient k of a channel is k, and 1000 more for the next channel.
+        let values = [0, 1, 2].map(|channel| {
+            let values: Vec<String> = (1..coefficients).map(|k| (1000 * channel + k).to_string()).collect();
+            values.join(" ")
+        });
+        let columns = format!("{} t scale_t rot_r_0 rot_r_1 rot_r_2 rot_r_3", rest.join(" "));
+        let imported = read(&ply("", &columns, &format!("{} 0.5 0 1 0 0 0", values.join(" "))));
+        assert_eq!((imported.field.sh_degree, imported.field.sh.len()), (3, 16));
+        for (k, sum) in imported.field.sh_of(0).iter().enumerate() {
+            let terms: usize = (0..=frequencies).map(|term| k + 16 * term).sum();
+            let constant = [1.0, 0.0, 0.0];
+            let expected = [0, 1, 2].map(|channel| {
+                let count = if k == 0 { frequencies } else { frequencies + 1 };
+                let first = if k == 0 { constant[channel] } else { 0.0 };
+                (terms + 1000 * channel * count) as f32 + first
+            });
+            assert_eq!(*sum, expected, "coefficient {k}");
+        }
+        let notes = notes(&imported);
+        assert!(notes.contains("at its own centre in time") && !notes.contains("SH above"), "{notes}");
+    }
 }
 
 #[test]

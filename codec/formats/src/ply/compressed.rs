@@ -32,13 +32,10 @@ pub(super) fn read(ply: &Ply, vertex: &Table, budget: &mut ImportBudget) -> Resu
         false => None,
     };
     let sh_bytes = ply.table("sh");
-    let Rest { sh_degree, stored, columns: rest } = match sh_bytes {
-        Some(sh) => rest_columns(sh)?,
-        None => Rest { sh_degree: 0, stored: 0, columns: Vec::new() },
-    };
+    let rest = sh_bytes.map_or(Ok(Rest::default()), rest_columns)?;
 
     let rows = vertex.rows.min(chunk.rows * CHUNK).min(sh_bytes.map_or(usize::MAX, |sh| sh.rows));
-    let mut field = budget.field(rows, sh_degree)?;
+    let mut field = budget.field(rows, rest.sh_degree)?;
     for row in 0..rows {
         let [position, rotation, scale, color] = words.map(|column| vertex.get(row, column) as u32);
         let within = |bounds: &Bounds, t: [f64; 3]| bounds.at(chunk, row / CHUNK, t);
@@ -50,16 +47,18 @@ pub(super) fn read(ply: &Ply, vertex: &Table, budget: &mut ImportBudget) -> Resu
         field.sh.push(rgb.map(sh_of_rgb));
         field.opacities.push(opacity as f32);
         if let Some(sh) = sh_bytes {
-            field.sh.extend(rest.iter().map(|columns| columns.map(|c| unpack_sh(sh.get(row, c)))));
+            rest.push_row(&mut field.sh, |column| unpack_sh(sh.get(row, column)));
         }
     }
 
     let missing = (vertex.rows - rows).saturating_add(vertex.missing_rows());
     let mut repairs = Repairs::truncated(missing);
-    if rest.len() < stored {
+    if rest.is_cut {
         repairs.repair_rows(SH_CUT, rows);
     }
-    Ok(Imported::new("compressed PLY", field, repairs))
+    let mut imported = Imported::new("compressed PLY", field, repairs);
+    imported.account.assumed.extend(rest.note());
+    Ok(imported)
 }
 
 /// Columns of the lower and upper ends of three ranges.

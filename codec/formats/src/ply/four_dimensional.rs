@@ -21,6 +21,10 @@ const RIGHT: [&str; 4] = ["rot_r_0", "rot_r_1", "rot_r_2", "rot_r_3"];
 /// Name of the scale along time, by two programs.
 const SCALE_T: [&str; 2] = ["scale_t", "scale_t_0"];
 
+/// Share of a clip by which the centres in time reach beyond it on both sides: where the points of a capture have no time,
+/// fits begin with times at random within that range.
+const MARGIN: f64 = 0.1;
+
 /// Rounds of Jacobi's method: each squares the error.
 const ROUNDS: usize = 8;
 
@@ -58,9 +62,12 @@ pub(super) fn read(vertex: &Table, budget: &mut ImportBudget) -> Result<Imported
     imported.field.temporal = Some(temporal);
     imported.hints.duration_s = span.duration_s();
     imported.account.assumed.push(format!(
-        "times from {} to {} are the clip; the format does not state them",
+        "times from {} to {} are the clip, which the format does not state: its Gaussians are at times from {} to {}, and \
+         fits begin with a tenth more than the clip before and behind it",
         span.start,
-        span.start + span.length
+        span.start + span.length,
+        first as f32,
+        last as f32
     ));
     Ok(Imported { format: "4DGS PLY", ..imported })
 }
@@ -73,14 +80,19 @@ struct Span {
 
 impl Span {
     /// The span of a file with centres in time between these: one of the two that configurations of the format have
-    /// without a unit, if it holds them nearly, otherwise whole seconds.
+    /// without a unit, if it holds them with the margin, otherwise whole seconds, less the margin where there is one.
     fn new(first: f64, last: f64) -> Span {
         let holds = |span: &Span| {
-            let slack = 0.1 * span.length;
+            let slack = MARGIN * span.length;
             span.start - slack <= first && last <= span.start + span.length + slack
         };
         let units = [Span { start: 0.0, length: 1.0 }, Span { start: -0.5, length: 1.0 }];
         units.into_iter().find(holds).unwrap_or_else(|| {
+            let within = Span { start: 0.0, length: (last / (1.0 + MARGIN)).round() };
+            // Fits move times: a margin of half the size is none.
+            if (first / within.length + MARGIN).abs() < 0.5 * MARGIN {
+                return within;
+            }
             let start = first.floor();
             Span { start, length: (last.ceil() - start).max(1.0) }
         })

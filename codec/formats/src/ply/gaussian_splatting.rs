@@ -56,9 +56,9 @@ pub(super) fn read(vertex: &Table, budget: &mut ImportBudget) -> Result<Imported
         names[3..6].copy_from_slice(&RGB);
     }
     let [x, y, z, red, green, blue, opacity, s0, s1, s2, r0, r1, r2, r3] = vertex.find(names)?;
-    let Rest { sh_degree, stored, columns: rest } = rest_columns(vertex)?;
+    let rest = rest_columns(vertex)?;
     let filter = vertex.has(FILTER_3D).then(|| vertex.find([FILTER_3D])).transpose()?;
-    let mut field = budget.field(vertex.rows, sh_degree)?;
+    let mut field = budget.field(vertex.rows, rest.sh_degree)?;
     for row in 0..vertex.rows {
         field.rotations.push(vertex.row(row, [r0, r1, r2, r3]));
         let mut scales = vertex.row(row, [s0, s1, s2]);
@@ -75,7 +75,7 @@ pub(super) fn read(vertex: &Table, budget: &mut ImportBudget) -> Result<Imported
             true => [red, green, blue].map(|c| sh_of_rgb(vertex.get(row, c) / vertex.white(c))),
             false => vertex.row(row, [red, green, blue]),
         });
-        field.sh.extend(rest.iter().map(|&columns| vertex.row(row, columns)));
+        rest.push_row(&mut field.sh, |column| vertex.get(row, column) as f32);
     }
     let origin = origin(vertex, [x, y, z], &field, budget)?;
     let start = origin.unwrap_or_default();
@@ -84,7 +84,7 @@ pub(super) fn read(vertex: &Table, budget: &mut ImportBudget) -> Result<Imported
         [0, 1, 2].map(|axis| (exact[axis] - start[axis]) as f32)
     }));
     let mut repairs = Repairs::truncated(vertex.missing_rows());
-    if rest.len() < stored {
+    if rest.is_cut {
         repairs.repair_rows(SH_CUT, vertex.rows);
     }
     let mut imported = Imported::new("3D Gaussian Splatting PLY", field, repairs);
@@ -100,6 +100,7 @@ pub(super) fn read(vertex: &Table, budget: &mut ImportBudget) -> Result<Imported
         ),
     ];
     imported.account.assumed.extend(assumed.into_iter().filter_map(|(is_so, note)| is_so.then_some(note)));
+    imported.account.assumed.extend(rest.note());
     Ok(imported)
 }
 
@@ -143,29 +144,57 @@ fn origin(
 }
 
 /// The SH of degree 1 and above.
+#[derive(Default)]
 pub(super) struct Rest {
     /// Degree that is read.
     pub(super) sh_degree: u8,
-    /// Coefficients in the file.
-    pub(super) stored: usize,
-    /// Columns of each coefficient that is read.
-    pub(super) columns: Vec<[usize; 3]>,
+    /// Whether the file has coefficients of a higher degree.
+    pub(super) is_cut: bool,
+    /// Columns of each coefficient.
+    columns: Vec<[usize; 3]>,
+    /// Columns of the amplitudes of the colours' cosines in time, for all coefficients of one frequency after the other,
+    /// the constant coefficient first.
+    amplitudes: Vec<[usize; 3]>,
 }
 
-/// The columns of SH of a table, up to the degree of fields. A file has whole degrees, or a multiple of degree 3 (4DGS,
-/// whose colours change over time).
+impl Rest {
+    /// Appends the coefficients of a row to its constant coefficient, which is the last of `sh`, from the values of its
+    /// columns.
+    pub(super) fn push_row(&self, sh: &mut Vec<[f32; 3]>, value: impl Fn(usize) -> f32) {
+        let start = sh.len() - 1;
+        sh.extend(self.columns.iter().map(|columns| columns.map(&value)));
+        // The cosines have no phase: at the centre of a Gaussian in time each is 1.
+        for (k, columns) in self.amplitudes.iter().enumerate() {
+            let sum = &mut sh[start + k % sh_coefficients(self.sh_degree)];
+            *sum = [0, 1, 2].map(|channel| sum[channel] + value(columns[channel]));
+        }
+    }
+
+    /// What is assumed of colours that change over time.
+    pub(super) fn note(&self) -> Option<String> {
+        let note = "colours that change over time are each Gaussian's at its own centre in time";
+        (!self.amplitudes.is_empty()).then(|| note.into())
+    }
+}
+
+/// The columns of SH of a table, up to the degree of fields. A file has whole degrees, or degree 3 several times (4DGS,
+/// whose colours change over time: once constant, and once for each of their frequencies).
 pub(super) fn rest_columns(table: &Table) -> Result<Rest, String> {
     let numbers = table.count_numbered(REST);
     let (stored, largest) = (numbers / 3, sh_coefficients(SH_DEGREE_MAX));
-    let is_whole = (stored + 1).isqrt().pow(2) == stored + 1 || (stored + 1).is_multiple_of(largest);
-    if !numbers.is_multiple_of(3) || !is_whole {
+    let is_whole = (stored + 1).isqrt().pow(2) == stored + 1;
+    let is_in_time = !is_whole && (stored + 1).is_multiple_of(largest);
+    if !numbers.is_multiple_of(3) || !(is_whole || is_in_time) {
         return Err(format!("{numbers} properties {REST}*, where 0, 9, 24 or 45 were expected"));
     }
     let count = stored.min(largest - 1);
-    let columns = (0..stored)
+    let mut columns = (0..stored)
         .map(|k| table.find([0, 1, 2].map(|channel| format!("{REST}{}", channel * stored + k))))
         .collect::<Result<Vec<_>, _>>()?;
-    Ok(Rest { sh_degree: (count + 1).isqrt() as u8 - 1, stored, columns: columns[..count].to_vec() })
+    let further = columns.split_off(count);
+    let is_cut = is_whole && !further.is_empty();
+    let amplitudes = if is_in_time { further } else { Vec::new() };
+    Ok(Rest { sh_degree: (count + 1).isqrt() as u8 - 1, is_cut, columns, amplitudes })
 }
 
 /// The static columns of a field, with the unused normals that some readers expect, and its filter, its near
