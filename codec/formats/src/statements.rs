@@ -59,9 +59,10 @@ pub(crate) fn treatment(statements: &[Statement], name: &str) -> Treatment {
     statements.iter().find(is_it).map_or(Treatment::Noted, |statement| statement.treatment)
 }
 
-/// Those of the names whose statements are noted, as a list.
+/// The names of statements that were not read, as a list, without those that change nothing.
 pub(crate) fn unread<'n>(statements: &[Statement], names: impl Iterator<Item = &'n str>) -> Option<String> {
-    let mut names: Vec<&str> = names.filter(|name| treatment(statements, name) == Treatment::Noted).collect();
+    let mut names: Vec<&str> =
+        names.filter(|name| treatment(statements, name) != Treatment::Ignored).collect();
     names.dedup();
     let more = names.len().saturating_sub(NAMES_MAX);
     names.truncate(NAMES_MAX);

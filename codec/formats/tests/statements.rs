@@ -69,6 +69,32 @@ fn columns_are_read_or_named() {
     let many = (0..20).map(|k| format!("c{k}")).collect::<Vec<_>>().join(" ");
     assert!(notes(&read(&ply("", &many, &"0 ".repeat(20)))).contains("c7 and 12 more"));
 
+    // Of a variant that this file is not, or of another element.
+    for (columns, named) in [
+        ("t scale_t", "t, scale_t"),
+        ("scale_t rot_r_0 rot_r_1 rot_r_2 rot_r_3", "scale_t, rot_r_0, rot_r_1, rot_r_2, rot_r_3"),
+        ("trbf_scale motion_0", "trbf_scale, motion_0"),
+        ("vx vy vz time", "vx, vy, vz, time"),
+        ("tau s aarc_opacity", "tau, s, aarc_opacity"),
+        ("red green blue", "red, green, blue"),
+    ] {
+        let imported = read(&ply("", columns, &"0 ".repeat(columns.split(' ').count())));
+        let said = format!("columns that are not read: {named}; ");
+        assert!(notes(&imported).contains(&said), "{}", notes(&imported));
+    }
+    let text = String::from_utf8(ply("", "", "")).unwrap();
+    let text = text.replace("end_header", "element sh 1\nproperty uchar f_rest_0\nend_header") + "7\n";
+    assert_eq!(notes(&read(text.as_bytes())), "elements that are not read: sh");
+    let words = "packed_position packed_rotation packed_scale packed_color".replace(' ', "\nproperty uint ");
+    let ends = ["x", "y", "z", "scale_x", "scale_y", "scale_z"].map(|axis| format!("min_{axis} max_{axis}"));
+    let ends = format!("{} max_r", ends.join(" ")).replace(' ', "\nproperty float ");
+    let compressed = format!(
+        "ply\nformat ascii 1.0\nelement chunk 1\nproperty float {ends}\nelement vertex 1\nproperty uint {words}\n\
+         end_header\n{}\n0 0 0 255\n",
+        "0 1 ".repeat(6) + "1"
+    );
+    assert!(notes(&read(compressed.as_bytes())).contains("not read: max_r; "));
+
     let rest: Vec<String> = (0..72).map(|k| format!("f_rest_{k}")).collect();
     let values: Vec<String> = (0..72).map(|k| k.to_string()).collect();
     let cut = read(&ply("", &rest.join(" "), &values.join(" ")));

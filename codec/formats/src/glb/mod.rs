@@ -90,7 +90,7 @@ pub(crate) fn read(bytes: &[u8], folder: &Path, budget: &mut ImportBudget) -> Re
     }
     let has_linear = parts().any(|part| part.is_linear);
     let (assumed, mut lost) = (assumed(form, has_linear), left_out(others, document.animations.len()));
-    let used = document.extensions_used.iter().map(String::as_str);
+    let used = document.extensions_used.iter().map(String::as_str).filter(|name| !is_known(name));
     lost.extend(unread(STATEMENTS, used).map(|names| format!("extensions that are not read: {names}")));
     let account = Account { repairs, assumed, lost };
     let hints = Hints { up: Some(Y_UP), metres_per_unit: Some(1.0), ..Hints::default() };

@@ -203,12 +203,15 @@ impl<'a> Ply<'a> {
         Ok(ply)
     }
 
-    /// Names of the elements that are not read and have rows.
+    /// Names of the elements that have rows and of which no column was looked for.
     pub(super) fn unread_elements(&self) -> impl Iterator<Item = &str> {
-        self.tables
-            .iter()
-            .filter(|table| !table.is_of_gaussians() && table.announced > 0)
-            .map(|table| table.name)
+        self.tables.iter().filter(|table| !table.is_read() && table.announced > 0).map(|table| table.name)
+    }
+
+    /// Names of the columns that were not looked for, of the other elements, in the order of the file.
+    pub(super) fn unread_columns(&self) -> impl Iterator<Item = &str> {
+        let columns = self.tables.iter().filter(|table| table.is_read()).flat_map(|table| &table.columns);
+        columns.filter(|column| !column.is_read.get()).map(|column| column.name.0)
     }
 
     /// The element of this name.
@@ -241,7 +244,12 @@ fn element<'a>(line: &str, mut words: impl Iterator<Item = &'a str>) -> Result<T
 }
 
 impl<'a> Table<'a> {
-    /// Whether its rows are read.
+    /// Whether a column of it was looked for by its name.
+    fn is_read(&self) -> bool {
+        self.columns.iter().any(|column| column.is_read.get())
+    }
+
+    /// Whether its rows are parsed.
     fn is_of_gaussians(&self) -> bool {
         ELEMENTS.contains(&self.name)
     }
@@ -349,11 +357,6 @@ impl<'a> Table<'a> {
     /// Whether there is a property of this name.
     pub(super) fn has(&self, name: &str) -> bool {
         self.positions.contains_key(&Name(name))
-    }
-
-    /// Names of the columns that were not looked for, in the order of the file.
-    pub(super) fn unread_columns(&self) -> impl Iterator<Item = &str> {
-        self.columns.iter().filter(|column| !column.is_read.get()).map(|column| column.name.0)
     }
 
     /// The value of a column of full brightness: the largest of an unsigned integer, otherwise 1.

@@ -52,7 +52,7 @@ pub(crate) fn read(bytes: &[u8], budget: &mut ImportBudget) -> Result<Imported, 
     field.filter = filter.filter;
     account.assumed.extend(filter.assumed);
     account.lost.extend(comments::unread(ply));
-    if let Some(names) = unread(STATEMENTS, vertex.unread_columns()) {
+    if let Some(names) = unread(STATEMENTS, ply.unread_columns()) {
         let instants = "; where they move or fade Gaussians, all instants are shown at once";
         let instants = if field.temporal.is_none() { instants } else { "" };
         account.lost.push(format!("columns that are not read: {names}{instants}"));

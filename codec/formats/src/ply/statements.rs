@@ -15,7 +15,7 @@ pub(crate) const STATEMENTS: &[Statement] = &[
     honoured("rot_r_*", "4DGS, with `t` and `scale_t`"),
     honoured("aarc_opacity tau s rot_rate_*", "field file"),
     ignored("nx ny nz", "normals, which 3D Gaussian Splatting fills with zeros"),
-    noted("any other column, any other element", "not read"),
+    noted("any other column, any other element", "not read, as are columns that another format has"),
     honoured("comment aarc", "metadata of a [field file](FIELD.md)"),
     honoured("comment SplatRenderMode", "Brush: the filter"),
     honoured("comment antialiased", "Postshot: the filter, without its variance"),
