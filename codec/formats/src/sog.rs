@@ -21,7 +21,7 @@ use crate::account::Repairs;
 use crate::imported::Imported;
 use crate::limits::ImportBudget;
 use crate::spz::ASSUMED_VARIANCE;
-use crate::statements::{Statement, honoured, ignored, noted, unread};
+use crate::statements::{Statement, Treatment, honoured, ignored, noted, treatment, unread};
 
 /// Name of the file that names the others.
 pub const INDEX: &str = "meta.json";
@@ -31,6 +31,12 @@ pub(crate) const STREAMED_INDEX: &str = "lod-meta.json";
 
 /// The first bytes of a bundle.
 pub(crate) const START: &[u8] = b"PK\x03\x04";
+
+/// Longest `meta.json`: its tables of 256 numbers take some 20 kB.
+const INDEX_MAX: usize = 1 << 20;
+
+/// Most bytes of memory for a byte of `meta.json`: an unknown key of one character.
+const BYTES_PER_INDEX_BYTE: u64 = 16;
 
 /// Bytes of memory per pixel of an image: within its decoder, decoded, and as RGBA.
 const BYTES_PER_PIXEL: u64 = 12;
@@ -55,29 +61,29 @@ struct Meta {
     count: usize,
     means: Means,
     scales: Coded,
-    quats: ImageFiles<1>,
+    quats: Quats,
     sh0: Coded,
     #[serde(rename = "shN")]
     sh_n: Option<Palette>,
-    #[serde(default)]
-    antialias: bool,
-    #[serde(flatten)]
-    others: BTreeMap<String, IgnoredAny>,
+    antialias: Option<bool>,
 }
 
 #[derive(Deserialize)]
 struct Means {
     mins: [f64; 3],
     maxs: [f64; 3],
-    #[serde(flatten)]
-    files: ImageFiles<2>,
+    files: [String; 2],
 }
 
 #[derive(Deserialize)]
 struct Coded {
     codebook: Vec<f32>,
-    #[serde(flatten)]
-    files: ImageFiles<1>,
+    files: [String; 1],
+}
+
+#[derive(Deserialize)]
+struct Quats {
+    files: [String; 1],
 }
 
 #[derive(Deserialize)]
@@ -85,16 +91,7 @@ struct Palette {
     count: usize,
     bands: u8,
     codebook: Vec<f32>,
-    #[serde(flatten)]
-    files: ImageFiles<2>,
-}
-
-#[derive(Deserialize)]
-struct ImageFiles<const N: usize>
-where
-    [String; N]: for<'a> Deserialize<'a>,
-{
-    files: [String; N],
+    files: [String; 2],
 }
 
 /// Reads the rows of a bundle, or of the file set in `folder` with this `meta.json`.
@@ -132,7 +129,7 @@ fn read_files(
     mut load: impl FnMut(&str, &mut ImportBudget) -> Result<Vec<u8>, String>,
     budget: &mut ImportBudget,
 ) -> Result<Imported, String> {
-    let meta = parse_meta(meta)?;
+    let (meta, unread) = parse_meta(meta, budget)?;
     let mut image = |name: &str, pixels_max: u64, budget: &mut ImportBudget| -> Result<RgbaImage, String> {
         // A file set is flat; a path would lead outside its folder.
         if Path::new(name).file_name() != Some(OsStr::new(name)) {
@@ -148,16 +145,16 @@ fn read_files(
             false => Err(format!("{name} has {pixels} pixels for {} Gaussians", meta.count)),
         }
     };
-    let [low, high] = &meta.means.files.files;
+    let [low, high] = &meta.means.files;
     let (low, high) = (column(low, budget)?, column(high, budget)?);
     let quats = column(&meta.quats.files[0], budget)?;
-    let scales = column(&meta.scales.files.files[0], budget)?;
-    let colors = column(&meta.sh0.files.files[0], budget)?;
+    let scales = column(&meta.scales.files[0], budget)?;
+    let colors = column(&meta.sh0.files[0], budget)?;
     let scale_table = table("scales", &meta.scales.codebook)?;
     let color_table = table("sh0", &meta.sh0.codebook)?;
     let palette = match &meta.sh_n {
         Some(palette) => {
-            let [_, labels] = &palette.files.files;
+            let [_, labels] = &palette.files;
             let labels = column(labels, budget)?;
             Some(Sh::load(palette, labels, |name, pixels_max| image(name, pixels_max, budget))?)
         }
@@ -185,12 +182,12 @@ fn read_files(
             palette.push_row(i, &mut field.sh, &mut repairs);
         }
     }
-    if meta.antialias {
+    let is_antialiased = meta.antialias == Some(true);
+    if is_antialiased {
         field.filter = PixelFilter::Mip;
     }
     let mut imported = Imported::new("SOG", field, repairs);
-    imported.account.assumed.extend(meta.antialias.then(|| ASSUMED_VARIANCE.into()));
-    let unread = unread(STATEMENTS, meta.others.keys().map(String::as_str));
+    imported.account.assumed.extend(is_antialiased.then(|| ASSUMED_VARIANCE.into()));
     imported.account.lost.extend(unread.map(|keys| format!("{INDEX}: keys that are not read: {keys}")));
     Ok(imported)
 }
@@ -217,7 +214,12 @@ fn of_version(version: u32) -> String {
     )
 }
 
-fn parse_meta(bytes: &[u8]) -> Result<Meta, String> {
+/// The contents of `meta.json`, and its keys that are not read.
+fn parse_meta(bytes: &[u8], budget: &mut ImportBudget) -> Result<(Meta, Option<String>), String> {
+    if bytes.len() > INDEX_MAX {
+        return Err(format!("{INDEX} of {} bytes, and {INDEX_MAX} are the most", bytes.len()));
+    }
+    budget.spend(BYTES_PER_INDEX_BYTE * bytes.len() as u64)?;
     let wrong = |error: serde_json::Error| format!("meta.json: {error}");
     #[derive(Deserialize)]
     struct Version {
@@ -226,7 +228,13 @@ fn parse_meta(bytes: &[u8]) -> Result<Meta, String> {
     }
     let version: Version = serde_json::from_slice(bytes).map_err(wrong)?;
     match version.version {
-        Some(2) => serde_json::from_slice(bytes).map_err(wrong),
+        Some(2) => {
+            let meta = serde_json::from_slice(bytes).map_err(wrong)?;
+            let keys: BTreeMap<String, IgnoredAny> = serde_json::from_slice(bytes).map_err(wrong)?;
+            let others = keys.keys().map(String::as_str);
+            let others = others.filter(|key| treatment(STATEMENTS, key) != Treatment::Honoured);
+            Ok((meta, unread(STATEMENTS, others)))
+        }
         Some(version) => Err(of_version(version)),
         // The first version stated none.
         None if version.means.is_some() => Err(of_version(1)),
@@ -294,7 +302,7 @@ impl<'m> Sh<'m> {
         if !(1..=SH_DEGREE_MAX).contains(&degree) {
             return Err(format!("meta.json: shN has {degree} bands, not 1 to {SH_DEGREE_MAX}"));
         }
-        let [name, _] = &palette.files.files;
+        let [name, _] = &palette.files;
         let width = PALETTE_COLUMNS * (sh_coefficients(degree) - 1);
         let height = palette.count.div_ceil(PALETTE_COLUMNS);
         let pixels = (2 * width as u64).saturating_mul(height as u64).saturating_add(PADDING_MAX);

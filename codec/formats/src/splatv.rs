@@ -53,6 +53,9 @@ pub(crate) const STATEMENTS: &[Statement] = &[
 /// Longest header: parsed JSON takes many times its text.
 const HEADER_MAX: u32 = 1 << 20;
 
+/// Most bytes of memory for a byte of the header: a number, `1,`, in a list that has just grown.
+const BYTES_PER_HEADER_BYTE: u64 = 48;
+
 /// Bytes per Gaussian.
 const ROW: usize = 64;
 
@@ -160,7 +163,7 @@ impl ClipRecord {
 
 /// Reads the rows of a dynamic field.
 pub(crate) fn read(bytes: &[u8], budget: &mut ImportBudget) -> Result<Imported, String> {
-    let (chunk, payload, others) = splat_chunk(bytes)?;
+    let (chunk, payload, others) = splat_chunk(bytes, budget)?;
     let (rows, rest) = payload.as_chunks::<ROW>();
     let last_used = rows.iter().rposition(|row| row.iter().any(|&byte| byte != 0));
     let rows = &rows[..last_used.map_or(0, |last| last + 1)];
@@ -201,12 +204,16 @@ pub(crate) fn read(bytes: &[u8], budget: &mut ImportBudget) -> Result<Imported, 
 }
 
 /// The `splat` chunk of the file, its bytes as far as they are there, and the types of the other chunks.
-fn splat_chunk(bytes: &[u8]) -> Result<(Chunk, &[u8], Vec<String>), String> {
+fn splat_chunk<'b>(
+    bytes: &'b [u8],
+    budget: &mut ImportBudget,
+) -> Result<(Chunk, &'b [u8], Vec<String>), String> {
     let length = bytes.get(4..8).map(|word| u32_at(word, 0)).ok_or("truncated in its header")?;
     if length > HEADER_MAX {
         return Err(format!("a header of {length} bytes, and {HEADER_MAX} are the most"));
     }
     let header = bytes.get(8..8 + length as usize).ok_or("truncated in its header")?;
+    budget.spend(BYTES_PER_HEADER_BYTE * header.len() as u64)?;
     let chunks: Vec<Chunk> = serde_json::from_slice(header).map_err(|error| format!("header: {error}"))?;
     let mut rest = &bytes[8 + header.len()..];
     let (mut splat, mut others) = (None, Vec::new());

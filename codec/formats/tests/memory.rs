@@ -105,6 +105,29 @@ fn memory_is_bounded() {
     assert!(imported.unwrap_err().contains("a header of"));
     assert!(peak < long.len() + UNCOUNTED_BYTES, "{peak}");
 
+    // Keys that are not read: one whose value would take 32 bytes a number, and many.
+    let numbers = format!(r#""lights": [{}1]"#, "1,".repeat(400_000));
+    let keys: Vec<String> = (0..60_000).map(|k| format!("\"{k:x}\":0")).collect();
+    let columns = r#""count": 1, "quats": {"files": ["a"]}, "scales": {"codebook": [], "files": ["a"]},
+        "sh0": {"codebook": [], "files": ["a"]},
+        "means": {"mins": [0, 0, 0], "maxs": [1, 1, 1], "files": ["a", "a"]}"#;
+    for more in [numbers, keys.join(",")] {
+        let header = format!(r#"[{{"type": "splat", "size": 64, {more}}}]"#);
+        let length = (header.len() as u32).to_le_bytes();
+        let splatv = [&[0x4b, 0x67, 0, 0][..], &length, header.as_bytes(), &[1; 64]].concat();
+        let sog = format!(r#"{{"version": 2, {columns}, {more}}}"#).into_bytes();
+        for (name, bytes) in [("a.splatv", splatv), ("meta.json", sog)] {
+            for limit in [4, 16, 64].map(|mib| mib << 20) {
+                let (_, peak) = peak_of(name, &bytes, limit);
+                assert!(peak as u64 <= limit + UNCOUNTED_BYTES as u64, "{name}: {peak} of {limit}");
+            }
+        }
+    }
+    let long = format!(r#"{{"version": 2, "a": "{}"}}"#, "a".repeat(1 << 20));
+    let (imported, peak) = peak_of("meta.json", long.as_bytes(), ImportLimits::default().max_bytes);
+    assert!(imported.unwrap_err().contains("meta.json of"));
+    assert!(peak < long.len() + UNCOUNTED_BYTES, "{peak}");
+
     // A mesh of many primitives in many places: 9 million primitives in half a megabyte.
     let attributes = serde_json::json!({
         "POSITION": 0,

@@ -4,6 +4,7 @@ mod support;
 
 use std::io::{Cursor, Write};
 
+use codec::PixelFilter;
 use formats::{ImportError, Imported, import, write_splatv};
 use image::{ImageFormat, Rgba, RgbaImage};
 use support::{STATIC, ascii_ply, assert_close, assert_same_rotations, data, import_bytes, import_error};
@@ -415,6 +416,31 @@ fn sog_bundle_equals_its_folder() {
             import_error("scene.sog", &bytes[..length]);
         }
     }
+}
+
+#[test]
+fn keys_of_sog_may_be_null_or_unknown() {
+    let read = |more: &str| {
+        let mut files = sog_files();
+        let text = String::from_utf8(files[0].1.clone()).unwrap();
+        files[0].1 = text.replacen('{', &format!("{{{more},"), 1).into_bytes();
+        import_sog(&files).expect("a valid file set")
+    };
+    for (more, filter, note) in [
+        (r#""antialias": null"#, PixelFilter::Blur, ""),
+        (r#""antialias": true"#, PixelFilter::Mip, "0.3 px^2"),
+        (r#""asset": {"generator": "a"}, "lights": [[1], {"a": {}}]"#, PixelFilter::Blur, "not read: lights"),
+    ] {
+        let imported = read(more);
+        assert_eq!(imported.field.filter, filter, "{more}");
+        let notes: Vec<String> = imported.account.notes().collect();
+        assert!(notes.join("; ").contains(note) && notes.is_empty() == note.is_empty(), "{more}: {notes:?}");
+    }
+    let mut files = sog_files();
+    let mut meta: serde_json::Value = serde_json::from_slice(&files[0].1).unwrap();
+    meta["shN"] = serde_json::Value::Null;
+    files[0].1 = meta.to_string().into_bytes();
+    assert_eq!(import_sog(&files).expect("a valid file set").field.sh_degree, 0);
 }
 
 #[test]
