@@ -10,8 +10,6 @@ use program::Fault;
 use serde::Deserialize;
 
 use super::folder::clips_in;
-#[cfg(feature = "formats")]
-use crate::content::is_field;
 #[cfg(not(feature = "net"))]
 use crate::content::no_net;
 #[cfg(feature = "net")]
@@ -64,13 +62,10 @@ pub fn is_list(names: &[String]) -> bool {
     }
 }
 
-/// Whether a name is the path of a folder of clips that can be named. A field may be a folder, too.
+/// Whether a name is the path of a folder of clips that can be named. Fields beside them are what they were made of, or
+/// are to become.
 fn is_folder(name: &str) -> bool {
     let path = Path::new(name);
-    #[cfg(feature = "formats")]
-    if is_field(path) {
-        return false;
-    }
     path.is_dir() && clips_in(path).iter().any(|clip| clip.to_str().is_some())
 }
 
@@ -352,6 +347,13 @@ mod tests {
             ["clips/a.aarc", "clips/b.aarc", "c.aarc", "d.aarc"].map(path)
         );
         assert!(is_list(&names) && is_list(&names[..1]) && is_list(&names[1..2]));
+        // Beside the fields that they were made of: an output folder of 3D Gaussian Splatting, and a file.
+        let output = folder.path().join("clips/point_cloud/iteration_7");
+        std::fs::create_dir_all(&output).unwrap();
+        for field in [output.join("point_cloud.ply"), folder.path().join("clips/a.ply")] {
+            std::fs::write(field, "").unwrap();
+            assert!(is_list(&names[..1]));
+        }
         std::fs::create_dir(folder.path().join("empty")).unwrap();
         assert!(!is_list(&names[2..]) && !is_list(&[]) && !is_list(&[path("empty")]));
     }

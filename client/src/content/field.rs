@@ -10,7 +10,7 @@ use super::source_options::SourceOptions;
 
 /// Whether a field is at a path: a folder with a field or several, or a file with the extension of a field
 /// that is no package.
-pub(crate) fn is_field(path: &Path) -> bool {
+pub(super) fn is_field(path: &Path) -> bool {
     if path.is_dir() {
         return list_folder(path).is_ok_and(|names| has_field(path, &names));
     }

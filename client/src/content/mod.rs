@@ -34,8 +34,6 @@ pub(crate) use digest::digest;
 #[cfg(feature = "net")]
 pub use download::Download;
 pub use event::OpenEvent;
-#[cfg(feature = "formats")]
-pub(crate) use field::is_field;
 pub(crate) use file::read as read_file;
 #[cfg(not(target_os = "android"))]
 pub use open::cache_dir;

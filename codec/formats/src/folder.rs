@@ -39,12 +39,17 @@ pub enum NoField {
 }
 
 impl FieldPath {
-    /// The one field of a folder with entries `names`.
+    /// The one field of a folder with entries `names`. The index of a streamed SOG, which is not read, is none beside
+    /// another.
     ///
     /// # Errors
     /// [`NoField`] if there is none or are several.
     pub fn in_folder(folder: &Path, names: &[String]) -> Result<FieldPath, NoField> {
-        let fields: Vec<&str> = names.iter().map(String::as_str).filter(|name| is_field_name(name)).collect();
+        let mut fields: Vec<&str> =
+            names.iter().map(String::as_str).filter(|name| is_field_name(name)).collect();
+        if fields.len() > 1 {
+            fields.retain(|name| *name != STREAMED_INDEX);
+        }
         match fields[..] {
             [] => last_iteration(folder, names).map(FieldPath::File).ok_or(NoField::None),
             [field] => Ok(FieldPath::File(folder.join(field))),
@@ -135,6 +140,13 @@ mod tests {
         assert_eq!(find(&["field.PLY", "input.ply", "plate.ply", "field.plate.ply", "b.txt"]), Ok(field));
         assert_eq!(find(&["meta.json", "means_l.webp"]), Ok(FieldPath::File("a/meta.json".into())));
         assert_eq!(find(&["input.ply", "plate.ply"]), Err(NoField::None));
+        let whole = ["lod-meta.json", "scene.ply", "0_0"];
+        assert_eq!(find(&whole), Ok(FieldPath::File("a/scene.ply".into())));
+        assert_eq!(
+            find(&whole[..1]),
+            Ok(FieldPath::File("a/lod-meta.json".into())),
+            "it says why it is none"
+        );
         let two = || vec!["a.ply".to_owned(), "b.spz".to_owned()];
         assert_eq!(find(&["a.ply", "b.spz"]), Err(NoField::Several(two())));
         let output = tempfile::tempdir().unwrap();
