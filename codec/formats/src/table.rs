@@ -34,7 +34,7 @@ pub struct Format {
 /// The formats.
 pub const FORMATS: [Format; 8] = [
     Format {
-        title: "PLY (3D Gaussian Splatting, Spacetime Gaussians lite, FreeTimeGS, compressed, or this tool's own)",
+        title: "PLY (3D Gaussian Splatting, Spacetime Gaussians lite, 4DGS, FreeTimeGS, compressed, or this tool's own)",
         extensions: &["ply"],
         targets: &[Target::FieldFile, Target::StaticPly],
         starts: &ply::STARTS,

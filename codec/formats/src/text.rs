@@ -30,15 +30,15 @@ pub(crate) fn large_file(bytes: &[u8]) -> Option<String> {
 
 /// Whether a file begins as a text.
 pub(crate) fn is_text(bytes: &[u8]) -> bool {
-    bytes.len() > MARK.len() && first_line_and_more(bytes).is_some()
+    bytes.len() > MARK.len() && start_of_text(bytes).is_some()
 }
 
 /// The beginning of a text.
 pub(crate) fn start(bytes: &[u8]) -> String {
-    first_line_and_more(bytes).unwrap_or_default().trim().chars().take(SHOWN).collect()
+    start_of_text(bytes).unwrap_or_default().trim().chars().take(SHOWN).collect()
 }
 
-fn first_line_and_more(bytes: &[u8]) -> Option<&str> {
+fn start_of_text(bytes: &[u8]) -> Option<&str> {
     let bytes = &bytes[..bytes.len().min(START_BYTES)];
     let text = match std::str::from_utf8(bytes) {
         Ok(text) => text,

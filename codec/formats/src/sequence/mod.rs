@@ -1,4 +1,4 @@
-//! PLY sequences: a folder of static fields, one a frame, becomes one moving field, and a moving field such a folder.
+//! Sequences: a folder of static fields, one a frame, becomes one moving field, and a moving field such a folder.
 //!
 //! Where the rows are the same Gaussians in every frame, trajectories and windows are fitted to them. Where they are not,
 //! every frame keeps its own Gaussians, in a window of that frame. A note says which, how far off the fit is, or what the
@@ -57,14 +57,14 @@ pub fn import_sequence(files: &SequenceFiles, limits: ImportLimits) -> Result<Im
             let (frames, rows) = (sequence.frames.frames.len(), sequence.frames.frames[0].len());
             let (field, error) = fitted(&sequence.frames, &mut budget).map_err(about)?;
             let note = note_of_fit(frames, rows, field.len(), &error);
-            (field, "PLY sequence with corresponding rows", note)
+            (field, "sequence with corresponding rows", note)
         }
         Some(apart) => {
             drop(sequence.frames);
             let field;
             (field, repairs) = join_frames(files, limits)?;
             let note = note_of_frames(&apart, field.len(), files.frames.len());
-            (field, "PLY sequence", note)
+            (field, "sequence", note)
         }
     };
     assumed.push(note);
