@@ -532,7 +532,7 @@ fn faults_are_one_sentence() {
     network("http://", "not a URL");
     for (path, sentence) in [
         ("page", "a web page"),
-        ("other", "not an .aarc package"),
+        ("other", "name the URL of a file that aarc-studio package made"),
         ("damaged", "CRC-32"),
         ("empty", "upload it again"),
     ] {

@@ -32,8 +32,8 @@ pub(crate) enum TakeSource {
     Remote(Arc<RemoteFile>),
 }
 
-/// The first bytes of the text that Git LFS leaves in place of a file.
-const LFS_POINTER: &[u8] = b"version https://";
+/// The first bytes of the text that Git LFS leaves in place of a file, as in the readers of fields, which not every player has.
+const LFS_POINTER: &[u8] = b"version https://git-lfs.github.com/spec/";
 
 /// What such a text is, and what to do.
 const LFS: &str =
@@ -283,7 +283,6 @@ impl TakeSource {
 
     /// What to say of a file that begins with `head`, and is no package.
     pub(crate) fn format_reason(&self, head: &[u8]) -> String {
-        const FIELDS: [&str; 6] = ["ply", "splatv", "spz", "splat", "sog", "glb"];
         if head.starts_with(LFS_POINTER) {
             return LFS.into();
         }
@@ -291,22 +290,25 @@ impl TakeSource {
             #[cfg(feature = "net")]
             TakeSource::Remote(_) if is_web_page(head) => return WEB_PAGE.into(),
             #[cfg(feature = "net")]
-            TakeSource::Remote(_) if !head.is_empty() => {
-                "URLs name packages; download a field of another program, and play the file"
-            }
-            TakeSource::File(file) => {
-                let extension = file.path.extension().and_then(|extension| extension.to_str());
-                let is_field =
-                    |extension: &str| FIELDS.iter().any(|field| extension.eq_ignore_ascii_case(field));
-                match extension.is_some_and(is_field) {
-                    true => "make one of this field with aarc-studio package",
-                    false => "name a file that aarc-studio package made",
-                }
-            }
+            TakeSource::Remote(file) if !head.is_empty() => match is_named_as_field(file.name().as_ref()) {
+                true => "URLs name packages; download a field of another program, and play the file",
+                false => "name the URL of a file that aarc-studio package made, or upload it again",
+            },
+            TakeSource::File(file) => match is_named_as_field(&file.path) {
+                true => "make one of this field with aarc-studio package",
+                false => "name a file that aarc-studio package made",
+            },
             _ => self.remedy(),
         };
         format!("{}: {remedy}", FormatError::Magic)
     }
+}
+
+/// Whether a file has the extension of a field of another program, in a player that may read none.
+fn is_named_as_field(path: &Path) -> bool {
+    const FIELDS: [&str; 8] = ["ply", "splatv", "spz", "splat", "ksplat", "sog", "glb", "gltf"];
+    let extension = path.extension().and_then(|extension| extension.to_str());
+    extension.is_some_and(|extension| FIELDS.iter().any(|field| extension.eq_ignore_ascii_case(field)))
 }
 
 /// The bytes of a file in `range`; fewer at its end.
@@ -322,6 +324,26 @@ fn unreadable(path: &Path, error: &io::Error) -> Fault {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    #[cfg(feature = "formats")]
+    fn fields_and_pointers_are_told_as_by_their_readers() {
+        for extension in formats::extensions().chain(["aarc", "json", ""]) {
+            let is_field = formats::extensions().any(|known| known == extension);
+            assert_eq!(
+                is_named_as_field(format!("https://h/a.{extension}").as_ref()),
+                is_field,
+                "{extension}"
+            );
+        }
+        let source = TakeSource::Memory("a".into(), Cow::default());
+        for text in
+            ["version https://git-lfs.github.com/spec/v1\noid", "version https://example.org", "version"]
+        {
+            let text = text.as_bytes();
+            assert_eq!(source.format_reason(text) == LFS, formats::is_lfs_pointer(text), "{text:?}");
+        }
+    }
 
     #[test]
     fn parts_are_read_and_the_end_is_short() {

@@ -140,6 +140,7 @@ const FAILURES: &[Failure] = &[
     ("SERVER/away.aarc IMAGE", NETWORK, "neither http nor https", "name the URL of the file itself"),
     ("SERVER/page.aarc IMAGE", DATA, "the server sends a web page", "open the URL in a browser"),
     ("SERVER/damaged.aarc IMAGE", DATA, "/damaged.aarc: damaged", "upload it again"),
+    ("SERVER/noise.aarc IMAGE", DATA, "/noise.aarc: not an .aarc package", "or upload it again"),
     ("SERVER/field.ply IMAGE", DATA, "/field.ply: not an .aarc package", "play the file"),
     ("SERVER/version.aarc IMAGE", DATA, "/version.aarc: package version 99", "update the player"),
     // Missing devices.
@@ -178,6 +179,7 @@ fn server(workshop: &Workshop) -> Result<Server, String> {
         ("/cut.aarc", read("clip.aarc")?[..500].to_vec()),
         ("/damaged.aarc", damaged),
         ("/field.ply", read("field.ply")?),
+        ("/noise.aarc", b"Not a package".to_vec()),
         ("/version.aarc", read("version.aarc")?),
         ("/page.aarc", b"<!doctype html><title>Welcome</title>".to_vec()),
     ];
