@@ -2,17 +2,24 @@
 
 use std::path::Path;
 
-#[cfg(any(feature = "net", feature = "xr"))]
-use percent_encoding::CONTROLS;
-use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, utf8_percent_encode};
+use percent_encoding::{AsciiSet, CONTROLS, utf8_percent_encode};
 
-/// Characters that are percent-encoded in a path: all but the unreserved ones (RFC 3986, 2.3).
-const RESERVED: &AsciiSet = &NON_ALPHANUMERIC.remove(b'-').remove(b'.').remove(b'_').remove(b'~');
+/// Characters that are percent-encoded before a URL is requested, as all beyond ASCII are: those that browsers encode in
+/// a path or in a query (WHATWG URL, 1.3), and others that no URL holds. So one URL has one spelling.
+const FORBIDDEN: &AsciiSet = &CONTROLS
+    .add(b' ')
+    .add(b'"')
+    .add(b'\'')
+    .add(b'<')
+    .add(b'>')
+    .add(b'^')
+    .add(b'`')
+    .add(b'{')
+    .add(b'|')
+    .add(b'}');
 
-/// Characters that no URL holds, and that are percent-encoded before one is requested, as all beyond ASCII are.
-#[cfg(any(feature = "net", feature = "xr"))]
-const FORBIDDEN: &AsciiSet =
-    &CONTROLS.add(b' ').add(b'"').add(b'<').add(b'>').add(b'`').add(b'{').add(b'|').add(b'}');
+/// Characters that are percent-encoded in a path as it is on disk: also those that have a meaning in URLs.
+const RESERVED: &AsciiSet = &FORBIDDEN.add(b'#').add(b'%').add(b'?').add(b'\\');
 
 /// Why a URL of another scheme is not opened.
 pub(crate) const UNKNOWN_SCHEME: &str =
@@ -268,6 +275,7 @@ mod tests {
                 "http://h/t\u{e4}nze und mehr.aarc?q={1 2}",
                 "http://h/t%C3%A4nze%20und%20mehr.aarc?q=%7B1%202%7D",
             ),
+            ("http://h/it's^2|.aarc?a='^'", "http://h/it%27s%5E2%7C.aarc?a=%27%5E%27"),
             ("http://h", "http://h"),
             ("a b", "a b"),
         ] {
@@ -290,8 +298,11 @@ mod tests {
             ("//e//f.aarc", "https://h:8/e/f.aarc"),
             ("../../../a.aarc", "https://h:8/a.aarc"),
             ("./ä/100%.aarc", "https://h:8/shows/x%20y/%C3%A4/100%25.aarc"),
+            ("take (1)+it's.aarc", "https://h:8/shows/x%20y/take%20(1)+it%27s.aarc"),
         ] {
             assert_eq!(joined(entry), url, "{entry}");
+            #[cfg(any(feature = "net", feature = "xr"))]
+            assert_eq!(request_url(url), url);
         }
     }
 }

@@ -93,12 +93,8 @@ impl Place {
 fn key(name: Option<&str>) -> String {
     name.map_or("demo".into(), |name| {
         if is_url(name) {
-            let (shown, requested) = (redacted(name), request_url(name));
-            return if request_url(&shown) == requested {
-                shown
-            } else {
-                format!("{shown} {}", &digest(requested)[..16])
-            };
+            let (shown, requested) = (request_url(&redacted(name)), request_url(name));
+            return if shown == requested { shown } else { format!("{shown} {}", &digest(requested)[..16]) };
         }
         std::path::absolute(name).map_or(name.into(), |path| path.to_string_lossy().into_owned())
     })
@@ -120,6 +116,9 @@ mod tests {
         // User names are not sent, so they name no other clip.
         let of_ann = urls.map(|url| key(Some(&url.replace("host", "ann:pass@host"))));
         assert_eq!(of_ann, keys);
+        // One URL in two spellings, and the path that a playlist names.
+        let spelled = ["a b.aarc", "a%20b.aarc"].map(|file| key(Some(&format!("https://host/{file}"))));
+        assert_eq!(spelled, [const { "https://host/a%20b.aarc" }; 2]);
         assert!(key(Some("a.aarc")).ends_with("/a.aarc") && key(None) == "demo");
     }
 
