@@ -125,11 +125,6 @@ impl StagedProgress {
         self.bar.set_message(what);
     }
 
-    /// Sets the text after the bar until the next stage.
-    pub fn set_message(&self, message: String) {
-        self.bar.set_message(message);
-    }
-
     /// Counts a step of the stage.
     pub fn step(&self) {
         let mut state = self.state();

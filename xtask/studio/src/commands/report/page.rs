@@ -58,7 +58,7 @@ pub(super) fn measure(request: &Request) -> anyhow::Result<Findings> {
             progress.stage("playing", steps as usize);
             is_begun = true;
         }
-        progress.set_message(format!("playing: {name}"));
+        progress.say(&format!("playing: {name}"));
         progress.step();
     };
     let whole = subject.to_reference();
