@@ -100,12 +100,26 @@ const ARGUMENTS: &str = "cfg_args";
 /// The capture that the arguments in a folder name, if there are any.
 fn trained_from(folder: &Path) -> Option<String> {
     let arguments = read_text(&folder.join(ARGUMENTS)).ok()?;
-    let source = arguments.split_once("source_path='")?.1.split_once('\'')?.0;
-    Some(source.to_owned())
+    python_text(arguments.split_once("source_path=")?.1)
 }
 
-/// The cameras of a calibration that this project reads as a part of a capture, without photographs. A camera whose size it
-/// does not state has 0x0 pixels. `None` if `path`, a file or a folder, is none.
+/// The text that a literal of Python at the start of `text` stands for. Backslashes and quotes in it are escaped.
+fn python_text(text: &str) -> Option<String> {
+    let mut rest = text.chars();
+    let quote = rest.next().filter(|quote| matches!(quote, '\'' | '"'))?;
+    let mut literal = String::new();
+    loop {
+        match rest.next()? {
+            '\\' => literal.push(rest.next()?),
+            end if end == quote => return Some(literal),
+            other => literal.push(other),
+        }
+    }
+}
+
+/// The layout and the cameras of a calibration that this project reads as a part of a capture, without photographs. A camera
+/// whose size it does not state has 0x0 pixels. What the user should know of it goes to `notes`. `None` if `path`, a file or a
+/// folder, is none.
 ///
 /// # Errors
 /// [`Fault::Data`] that names the file and the problem.
@@ -271,13 +285,18 @@ mod tests {
 
     #[test]
     fn the_output_of_a_training_is_no_capture_but_names_its_own() {
-        let arguments = "Namespace(data_device='cuda', source_path='/data/truck', white_background=False)";
-        let folder = folder_of(&[("cfg_args", arguments), ("input.ply", "")], &[]);
-        let error = refusal(&folder);
-        assert!(
-            error.contains("no capture (cfg_args says that it was fitted to /data/truck): it has"),
-            "{error}"
-        );
+        for (literal, path) in [
+            ("'/data/truck'", "/data/truck"),
+            (r"'C:\\data\\new truck'", r"C:\data\new truck"),
+            (r#""D:\\a driver's""#, r"D:\a driver's"),
+        ] {
+            let arguments =
+                format!("Namespace(data_device='cuda', source_path={literal}, white_background=False)");
+            let folder = folder_of(&[("cfg_args", &arguments), ("input.ply", "")], &[]);
+            let error = refusal(&folder);
+            let said = format!("no capture (cfg_args says that it was fitted to {path}): it has");
+            assert!(error.contains(&said), "{error}");
+        }
     }
 
     /// Cameras of geographic coordinates see the same as cameras about the origin, and those near the origin stay.
