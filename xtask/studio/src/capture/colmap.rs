@@ -1,5 +1,5 @@
-//! Captures in COLMAP's layout: a sparse model, binary or text, in `sparse/0`, `sparse` or the folder
-//! itself, photographs in `images`, and optional masks in `masks`. The scene is static: each photograph has
+//! Captures in COLMAP's layout: sparse models, binary or text, in folders of `sparse` or of `colmap/sparse`, in one of these
+//! or in the folder itself, photographs in `images`, and optional masks in `masks`. The scene is static: each photograph has
 //! a camera of its own.
 
 use std::collections::BTreeMap;
@@ -17,23 +17,63 @@ use super::image_file::{
 use super::listed_paths::{ListedPaths, advice};
 use super::photo_paths::PhotoPath;
 
-/// Folders that may hold the model.
-const MODELS: [&str; 3] = ["sparse/0", "sparse", "."];
+/// Folders that may hold a model, or several, each in a folder of its own.
+const FOLDERS: [&str; 3] = ["sparse", ".", "colmap/sparse"];
 
-/// Finds the folder of the model.
-pub(super) fn model(folder: &Path) -> Option<PathBuf> {
-    MODELS.iter().map(|name| folder.join(name)).find(|path| is_model(path))
+/// Folders above a model, as in `colmap/sparse/0`, that may be the capture's.
+const ABOVE: usize = 3;
+
+/// The model of a capture.
+pub(super) struct Model {
+    folder: PathBuf,
+    /// Why it was taken of several, in a sentence.
+    pub(super) note: Option<String>,
+}
+
+/// Finds the model in `folder`. COLMAP makes several of photographs that it cannot connect: the one with the most photographs
+/// is taken, and the first of those that have equally many.
+pub(super) fn model(folder: &Path) -> Option<Model> {
+    let mut names: Vec<String> = Vec::new();
+    for parent in FOLDERS {
+        if parent != "." {
+            let mut inner = list_folder(&folder.join(parent)).unwrap_or_default();
+            // By number, and by name after those.
+            inner.sort_by_key(|name| name.parse().unwrap_or(u64::MAX));
+            names.extend(inner.into_iter().map(|name| format!("{parent}/{name}")));
+        }
+        names.push(parent.to_owned());
+    }
+    names.retain(|name| is_model(&folder.join(name)));
+    let [first, others @ ..] = &names[..] else { return None };
+    if others.is_empty() {
+        return Some(Model { folder: folder.join(first), note: None });
+    }
+    // Of a model that cannot be read, none are known.
+    let photographs = |name: &String| read_poses(&folder.join(name)).map_or(0, |poses| poses.len());
+    let counts: Vec<usize> = names.iter().map(photographs).collect();
+    let most = (0..names.len()).rev().max_by_key(|i| counts[*i])?;
+    let others = (0..names.len()).filter(|i| *i != most);
+    let others: Vec<String> = others.map(|i| format!("{} ({})", names[i], counts[i])).collect();
+    let note = format!(
+        "{} is read, the COLMAP model with the most photographs ({}); there are others, too: {}",
+        names[most],
+        counts[most],
+        others.join(", ")
+    );
+    Some(Model { folder: folder.join(&names[most]), note: Some(note) })
 }
 
 fn is_model(path: &Path) -> bool {
     ["cameras.bin", "cameras.txt"].iter().any(|name| path.join(name).is_file())
 }
 
-/// Names of the models beside the first one: COLMAP makes several of photographs that it cannot connect.
-fn other_models(folder: &Path) -> Vec<String> {
-    let sparse = folder.join("sparse");
-    let beside = list_folder(&sparse).unwrap_or_default().into_iter();
-    beside.filter(|name| name != "0" && is_model(&sparse.join(name))).collect()
+/// The folder of the photographs of a model in `folder`: that folder or, of a model that was named itself, one above it.
+fn root(folder: &Path) -> &Path {
+    let has_images = |folder: &&Path| folder.join("images").is_dir();
+    match is_model(folder) {
+        true => folder.ancestors().take(1 + ABOVE).find(has_images).unwrap_or(folder),
+        false => folder,
+    }
 }
 
 /// Size, focal lengths and principal point, lens.
@@ -52,8 +92,9 @@ struct Pose {
 ///
 /// # Errors
 /// [`Fault::Data`] that names the file.
-pub(super) fn cameras(model: &Path) -> Result<Vec<CalibratedCamera>, Fault> {
-    let (cameras, poses) = read_model(model)?;
+pub(super) fn cameras(model: &Model) -> Result<Vec<CalibratedCamera>, Fault> {
+    let model = &model.folder;
+    let (cameras, poses) = (read_cameras(model)?, read_poses(model)?);
     let camera_at = |pose: &Pose| {
         let (size, k, lens) = cameras.get(&pose.camera).ok_or_else(|| no_camera(model, pose))?;
         let name = Path::new(&pose.name).with_extension("").to_string_lossy().into_owned();
@@ -62,18 +103,18 @@ pub(super) fn cameras(model: &Path) -> Result<Vec<CalibratedCamera>, Fault> {
     poses.iter().map(camera_at).collect()
 }
 
-/// Reads the two files of a model.
-fn read_model(model: &Path) -> Result<(BTreeMap<u32, Intrinsics>, Vec<Pose>), Fault> {
-    Ok(match model.join("cameras.bin").is_file() {
-        true => {
-            let (cameras, images) = (model.join("cameras.bin"), model.join("images.bin"));
-            (cameras_bin(&cameras)?, images_bin(&images)?)
-        }
-        false => {
-            let (cameras, images) = (model.join("cameras.txt"), model.join("images.txt"));
-            (cameras_txt(&cameras)?, images_txt(&images)?)
-        }
-    })
+/// Reads the cameras of a model.
+fn read_cameras(model: &Path) -> Result<BTreeMap<u32, Intrinsics>, Fault> {
+    let binary = model.join("cameras.bin");
+    if binary.is_file() { cameras_bin(&binary) } else { cameras_txt(&model.join("cameras.txt")) }
+}
+
+/// Reads the photographs of a model, in a file of the same kind.
+fn read_poses(model: &Path) -> Result<Vec<Pose>, Fault> {
+    match model.join("cameras.bin").is_file() {
+        true => images_bin(&model.join("images.bin")),
+        false => images_txt(&model.join("images.txt")),
+    }
 }
 
 fn no_camera(model: &Path, pose: &Pose) -> Fault {
@@ -88,14 +129,12 @@ impl Pose {
     }
 }
 
-pub(super) fn open(folder: &Path, model: &Path) -> anyhow::Result<CaptureFiles> {
-    let (cameras, poses) = read_model(model)?;
+pub(super) fn open(folder: &Path, Model { folder: model, note }: Model) -> anyhow::Result<CaptureFiles> {
+    let (cameras, poses) = (read_cameras(&model)?, read_poses(&model)?);
+    let folder = root(folder);
     let has_masks = folder.join("masks").is_dir();
     let mut builder = CaptureBuilder::new(folder);
-    let others = other_models(folder);
-    if !others.is_empty() && model.ends_with("sparse/0") {
-        builder.note(format!("sparse/0 is read; sparse has other models, too: {}", others.join(", ")));
-    }
+    note.into_iter().for_each(|note| builder.note(note));
     let mut listed = ListedPaths::new(folder);
     for pose in poses {
         let existing = |name: &str| Some(joined("images", name)).filter(|image| folder.join(image).is_file());
@@ -105,7 +144,7 @@ pub(super) fn open(folder: &Path, model: &Path) -> anyhow::Result<CaptureFiles> 
         };
         let path = folder.join(&image);
         let Some((size, k, lens)) = cameras.get(&pose.camera) else {
-            return Err(no_camera(model, &pose).into());
+            return Err(no_camera(&model, &pose).into());
         };
         let actual = size_of(&path)?;
         let stated = [size.0, size.1].map(f64::from);

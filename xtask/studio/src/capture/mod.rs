@@ -60,7 +60,7 @@ impl CaptureFiles {
         } else if let Some(files) = transforms::files(folder) {
             transforms::open(folder, &files)?
         } else if let Some(model) = colmap::model(folder) {
-            colmap::open(folder, &model)?
+            colmap::open(folder, model)?
         } else {
             let (manifest, intrinsics) = (manifest::FILE, easyvolcap::INTRINSICS);
             let source = trained_from(folder).map_or_else(String::new, |source| {
@@ -125,6 +125,7 @@ fn python_text(text: &str) -> Option<String> {
 /// [`Fault::Data`] that names the file and the problem.
 pub(crate) fn calibrated_cameras(
     path: &Path,
+    notes: &mut Vec<String>,
 ) -> Result<Option<(&'static str, Vec<CalibratedCamera>)>, Fault> {
     let folder = if path.is_dir() { path } else { path.parent().unwrap_or(path) };
     let is_named = |names: &[&str]| path.is_dir() || names.iter().any(|name| path.ends_with(name));
@@ -136,7 +137,11 @@ pub(crate) fn calibrated_cameras(
         return transforms::cameras(&file).map(|cameras| Some(("nerfstudio", cameras)));
     }
     match colmap::model(folder).filter(|_| is_named(&["cameras.bin", "cameras.txt"])) {
-        Some(model) => colmap::cameras(&model).map(|cameras| Some(("COLMAP", cameras))),
+        Some(model) => {
+            let cameras = colmap::cameras(&model)?;
+            notes.extend(model.note);
+            Ok(Some(("COLMAP", cameras)))
+        }
         None => Ok(None),
     }
 }
@@ -264,7 +269,27 @@ mod tests {
         let folder =
             folder_of(&[CAMERAS, IMAGES, ("sparse/1/cameras.txt", "")], &[("images/a/0.png", [100, 80])]);
         let notes = CaptureFiles::open(folder.path()).unwrap().notes;
-        assert_eq!(notes, ["sparse/0 is read; sparse has other models, too: 1"]);
+        let said = "sparse/0 is read, the COLMAP model with the most photographs (1); there are others, too: sparse/1 (0)";
+        assert_eq!(notes, [said]);
+    }
+
+    #[test]
+    fn of_several_models_the_one_with_the_most_photographs_is_read() {
+        let more = "1 1 0 0 0 0 0 3 1 a/0.png\n2 1 0 0 0 0 0 4 1 a/1.png";
+        let photographs = [("images/a/0.png", [100, 80]), ("images/a/1.png", [100, 80])];
+        for model in ["sparse/1", "sparse/10", "sparse", ".", "colmap/sparse/0", "colmap/sparse"] {
+            let [cameras, images] = ["cameras", "images"].map(|name| format!("{model}/{name}.txt"));
+            let folder = folder_of(&[(&cameras, CAMERAS.1), (&images, more), CAMERAS, IMAGES], &photographs);
+            let opened = CaptureFiles::open(folder.path()).unwrap();
+            assert_eq!(opened.capture.cameras.len(), 2, "{model}");
+            assert!(opened.notes[0].starts_with(&format!("{model} is read")), "{:?}", opened.notes);
+            // Alone, or named itself, it is read without a word.
+            fs::remove_dir_all(folder.path().join("sparse/0")).unwrap();
+            for path in [folder.path().to_owned(), folder.path().join(model)] {
+                let opened = CaptureFiles::open(&path).unwrap();
+                assert_eq!((opened.capture.cameras.len(), opened.notes.len()), (2, 0), "{}", path.display());
+            }
+        }
     }
 
     #[test]

@@ -27,7 +27,7 @@ pub(super) fn read(
 ) -> Result<Vec<Calibration>, Fault> {
     if let Some(path) = stated {
         std::fs::metadata(path).map_err(|error| unreadable(path, &error))?;
-        return Ok(vec![read_one(path)?]);
+        return Ok(vec![read_one(path, warnings)?]);
     }
     let mut entries = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(|error| unreadable(folder, &error))? {
@@ -42,7 +42,7 @@ pub(super) fn read(
     let one = if each.len() == 1 { each.pop() } else { None };
     let model = |path: PathBuf| if is_model(&path) { folder.to_owned() } else { path };
     let mut read: Vec<Result<Calibration, Fault>> =
-        others.into_iter().chain(one).map(|path| read_one(&model(path))).collect();
+        others.into_iter().chain(one).map(|path| read_one(&model(path), warnings)).collect();
     if !each.is_empty() {
         read.push(opencv::read_each(folder, &each));
     }
@@ -75,7 +75,7 @@ fn is_calibration(path: &Path) -> bool {
     }
 }
 
-fn read_one(path: &Path) -> Result<Calibration, Fault> {
+fn read_one(path: &Path, warnings: &mut Vec<String>) -> Result<Calibration, Fault> {
     let extension = path.extension().and_then(|x| x.to_str()).unwrap_or_default().to_lowercase();
     if path.is_file() && extension == "toml" {
         return toml::read(path);
@@ -88,7 +88,7 @@ fn read_one(path: &Path) -> Result<Calibration, Fault> {
     }
     let known =
         "Pose2Sim, Caliscope and aniposelib TOML, Qualisys .qca.txt, OpenCV YAML, COLMAP and nerfstudio";
-    let (layout, cameras) = calibrated_cameras(path)?
+    let (layout, cameras) = calibrated_cameras(path, warnings)?
         .ok_or_else(|| bad(path, format!("no calibration in a known layout: {known} are known")))?;
     let rig_camera = |camera: refine::capture::CalibratedCamera| RigCamera {
         name: camera.name,
