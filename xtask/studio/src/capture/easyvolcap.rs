@@ -76,13 +76,14 @@ impl CalibrationFiles {
         keys.filter(|key| !is_known(key)).collect()
     }
 
-    /// Size of a camera's pictures, if it is stated.
+    /// Size of a camera's pictures, if it is stated: a side of -1 or 0 is unknown.
     fn size(&self, name: &str) -> Result<Option<(u32, u32)>, Fault> {
+        let is_known = |value: &&String| !matches!(numbers(value).as_deref(), Some([-1.0 | 0.0]));
         let side = |key: &str| {
             let value = self.intrinsics.get(&format!("{key}_{name}"));
             let malformed =
                 || bad_layout(&self.intrinsics_path, format!("{key}_{name} is no number of pixels"));
-            value.map(|value| pixels(value).ok_or_else(malformed)).transpose()
+            value.filter(is_known).map(|value| pixels(value).ok_or_else(malformed)).transpose()
         };
         Ok(side("W")?.zip(side("H")?))
     }

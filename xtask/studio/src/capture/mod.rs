@@ -224,6 +224,28 @@ mod tests {
         assert_eq!(CaptureFiles::open(model.path()).unwrap().capture.cameras[0].name, "a/0");
     }
 
+    /// EasyVolcap writes -1 for a side that it does not know.
+    #[test]
+    fn an_unknown_size_is_the_photographs() {
+        for [w, h] in [["-1", "-1."], ["0", "0"], ["100", "-1"], ["100", "80"]] {
+            let intrinsics = format!(
+                "names: [a]\nW_a: {w}\nH_a: {h}\nK_a: !!opencv-matrix\n  data: [110, 0, 50, 0, 110, 40, 0, 0, 1]\n"
+            );
+            let extrinsics =
+                "R_a: !!opencv-matrix\n  data: [0, 0, 0]\nT_a: !!opencv-matrix\n  data: [0, 0, 3]\n";
+            let texts = [("intri.yml", &*intrinsics), ("extri.yml", extrinsics)];
+            let folder = folder_of(&texts, &[("images/a/0.png", [100, 80])]);
+            let camera = &CaptureFiles::open(folder.path()).unwrap().capture.cameras[0].camera;
+            assert_eq!((camera.width, camera.height), (100, 80), "{w} {h}");
+            let (_, cameras) = calibrated_cameras(folder.path(), &mut Vec::new()).unwrap().unwrap();
+            let expected = if h == "80" { (100, 80) } else { (0, 0) };
+            assert_eq!((cameras[0].camera.width, cameras[0].camera.height), expected, "{w} {h}");
+        }
+        let wrong = [("intri.yml", "names: [a]\nW_a: -7\nH_a: 80\n"), ("extri.yml", "")];
+        let error = refusal(&folder_of(&wrong, &[("images/a/0.png", [100, 80])]));
+        assert!(error.contains("W_a is no number of pixels"), "{error}");
+    }
+
     #[test]
     fn cameras_without_photographs_are_named() {
         let matrices = |keys: &[(&str, &str)]| {
