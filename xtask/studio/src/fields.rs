@@ -31,6 +31,12 @@ pub struct FitRecord {
 }
 
 impl FitRecord {
+    /// The point of the capture's world that is the origin of the field; `None` of a field that no record is of, as packages and
+    /// fields of other programs.
+    pub(crate) fn recorded_origin(&self) -> Option<[f64; 3]> {
+        self.origin.or(self.frames.as_ref().map(|_| [0.0; 3]))
+    }
+
     /// Keys and values of the comments of a field file.
     pub(crate) fn comments(&self) -> Vec<(&'static str, String)> {
         let FitRecord { holdout, frames, seconds, timing, has_mattes, origin } = self;

@@ -5,18 +5,23 @@
 use std::path::Path;
 
 use codec::Camera;
+use glam::DVec3;
 use program::Fault;
 use refine::capture::{CalibratedCamera, Response};
 use serde::{Deserialize, Serialize};
 
 use super::capture_files::CaptureFiles;
 use super::image_file::{bad, read_text};
+use super::origin::move_camera;
 use super::part::scaled;
 
 /// The cameras of a capture as a fit learned them.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CameraCorrections {
+    /// The point of the capture's world that is their origin; `None` in a file that does not say it.
+    #[serde(default)]
+    pub origin: Option<[f64; 3]>,
     /// In the order of the capture.
     pub cameras: Vec<CameraCorrection>,
 }
@@ -62,7 +67,11 @@ impl CaptureFiles {
             focal_factor: self.focal_factor(i, &camera.camera),
             response: camera.response,
         };
-        CameraCorrections { cameras: self.capture.cameras.iter().enumerate().map(correction).collect() }
+        let origin = Some(self.origin);
+        CameraCorrections {
+            origin,
+            cameras: self.capture.cameras.iter().enumerate().map(correction).collect(),
+        }
     }
 
     /// The factor of the focal lengths of a camera against those that the capture states.
@@ -71,11 +80,19 @@ impl CaptureFiles {
         corrected.k[1][1] / stated.k[1][1]
     }
 
-    /// Corrects the cameras that `corrections` name; `path` is the path of their file, for messages.
+    /// Corrects the cameras that `corrections` name, from their origin to the capture's; `path` is the path of their file, for
+    /// messages.
     ///
     /// # Errors
-    /// [`Fault::Data`] if they name none of the capture's, or a camera would be invalid.
+    /// [`Fault::Data`] if they name none of the capture's, do not say about which origin they are where the capture's was moved,
+    /// or a camera would be invalid.
     pub fn correct(&mut self, corrections: &CameraCorrections, path: &Path) -> Result<(), Fault> {
+        let to = DVec3::from(self.origin);
+        let moved = match corrections.origin {
+            Some(from) => to - DVec3::from(from),
+            None if to == DVec3::ZERO => DVec3::ZERO,
+            None => return Err(unusable(path, "it does not say the origin of its cameras")),
+        };
         let mut is_any = false;
         for (i, CalibratedCamera { name, camera, time_offset_s, response, .. }) in
             self.capture.cameras.iter_mut().enumerate()
@@ -86,6 +103,7 @@ impl CaptureFiles {
             is_any = true;
             let stated = scaled(&self.file_cameras[i], camera.width, camera.height);
             camera.camera_from_world = learned.w2c;
+            move_camera(camera, moved);
             (0..2).for_each(|axis| camera.k[axis][axis] = stated.k[axis][axis] * learned.focal_factor);
             let numbers = [learned.response.color.as_flattened(), &[learned.response.vignette]].concat();
             if !(learned.time_offset_s.is_finite() && numbers.iter().all(|x| x.is_finite())) {

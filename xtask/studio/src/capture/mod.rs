@@ -151,6 +151,7 @@ mod tests {
     use std::collections::BTreeSet;
     use std::fs;
 
+    use glam::{DMat4, DVec3};
     use tempfile::TempDir;
 
     use super::*;
@@ -385,6 +386,23 @@ mod tests {
         let unrecorded = crate::fields::FitRecord::default();
         assert!(far.check_origin(&unrecorded, "theirs.ply").is_err());
         far.check_origin(&unrecorded, "clip.aarc").unwrap();
+        // What a fit learned about one origin serves about another.
+        let mut learned = opened(3.0, [500_100.25, 4_100_000.75, -20.0]);
+        learned.capture.cameras[2].camera.camera_from_world[0][3] += 0.125;
+        let corrections = learned.corrections();
+        let mut corrected = far.clone();
+        corrected.correct(&corrections, Path::new("cameras.json")).unwrap();
+        let in_world = |files: &CaptureFiles| {
+            let rows = files.capture.cameras[2].camera.camera_from_world;
+            let camera = DMat4::from_cols_array_2d(&rows).transpose();
+            camera * DMat4::from_translation(-DVec3::from(files.origin))
+        };
+        let (was, is) = (in_world(&learned), in_world(&corrected));
+        assert!(was.abs_diff_eq(is, 1e-6) && far.origin != learned.origin, "{was} {is}");
+        let unstated = CameraCorrections { origin: None, ..corrections };
+        let error = corrected.correct(&unstated, Path::new("cameras.json")).unwrap_err().to_string();
+        assert!(error.contains("cameras.json: it does not say the origin of its cameras"), "{error}");
+        near.clone().correct(&unstated, Path::new("cameras.json")).unwrap();
         // In kilometres, the same place is as far away.
         assert_eq!(opened(0.003, [500.0, 4_100.0, 0.0]).origin, [500.0, 4_100.0, 0.0]);
     }

@@ -36,11 +36,10 @@ impl CaptureFiles {
     /// # Errors
     /// [`Fault::Usage`] if it was not.
     pub(crate) fn check_origin(&self, record: &FitRecord, name: &str) -> Result<(), Fault> {
-        let is_recorded = record.frames.is_some() || record.origin.is_some() || !name.ends_with(".aarc");
-        let fitted = record.origin.unwrap_or_default();
-        if !is_recorded || fitted == self.origin {
-            return Ok(());
-        }
+        // Other programs keep the origin of the capture.
+        let assumed = (!name.ends_with(".aarc")).then_some([0.0; 3]);
+        let fitted = record.recorded_origin().or(assumed);
+        let Some(fitted) = fitted.filter(|fitted| *fitted != self.origin) else { return Ok(()) };
         let folder = self.folder.display();
         let point = |[x, y, z]: [f64; 3]| format!("{x} {y} {z}");
         Err(Fault::Usage(format!(
@@ -64,7 +63,7 @@ fn origin_near(mut cameras: Vec<Camera>) -> Option<DVec3> {
 }
 
 /// Moves a camera so that `origin` becomes the origin. The view of the world stays, whatever rounding its rotation has.
-fn move_camera(camera: &mut Camera, origin: DVec3) {
+pub(super) fn move_camera(camera: &mut Camera, origin: DVec3) {
     let (rotation, translation) = parts(camera);
     let moved = rotation * origin + translation;
     (0..3).for_each(|row| camera.camera_from_world[row][3] = moved[row]);

@@ -183,7 +183,7 @@ impl JoinPlan {
     /// Reads and compares the inputs.
     ///
     /// # Errors
-    /// [`Fault::Data`] that names an input that cannot be read, two that differ in axes, scale or filter, or a segment
+    /// [`Fault::Data`] that names an input that cannot be read, two that differ in axes, scale, origin or filter, or a segment
     /// without a visible Gaussian.
     pub fn new(paths: &[PathBuf]) -> anyhow::Result<JoinPlan> {
         let inputs = paths.iter().map(|path| JoinInput::open(path)).collect::<Result<Vec<_>, Fault>>()?;
@@ -208,7 +208,13 @@ impl JoinPlan {
                     plan.notes
                         .push(format!("{name}: {fps} frames per second, and the take steps by {first}"));
                 }
-                agreement.add(&segment.name, &segment.info, &segment.field, segment.plate.as_ref())?;
+                agreement.add(
+                    &segment.name,
+                    &segment.info,
+                    &segment.record,
+                    &segment.field,
+                    segment.plate.as_ref(),
+                )?;
                 let (name, own_s, has_plate) =
                     (segment.name.clone(), segment.span.duration_s, segment.plate.is_some());
                 if index == 0 {

@@ -140,7 +140,7 @@ fn survey(sources: &SegmentSources) -> anyhow::Result<Survey> {
             last_plate =
                 Some(i).filter(|&i| last_plate.is_none_or(|last| spans[i].end_s() > spans[last].end_s()));
         }
-        agreement.add(&scene.name, &scene.info, &scene.subject.field, plate)?;
+        agreement.add(&scene.name, &scene.info, &scene.fit_record(), &scene.subject.field, plate)?;
         near = near.max(scene.subject.field.near).max(plate.map_or(0.0, |plate| plate.near));
         gaussians.push(visible(&scene.subject).0.len());
         rows += scene.subject.field.len();
