@@ -511,4 +511,28 @@ mod tests {
         assert_eq!(coded.miss, Some(Miss::Below));
         assert!(coded.fidelity.psnr_db >= alone.fidelity.psnr_db, "{:?}", coded.fidelity);
     }
+
+    /// Nothing is known of its Gaussians, and all pictures are equal.
+    #[test]
+    fn a_field_that_no_view_sees_gets_a_package() {
+        let field = cloud(1, 60);
+        let source = Source { info: &ClipInfo::default(), field: &field, plate: None };
+        let mut cameras = around(&field, 0.0, (32, 24));
+        for camera in &mut cameras {
+            // It is behind them.
+            for row in [0, 2] {
+                camera.camera_from_world[row].iter_mut().for_each(|number| *number = -*number);
+            }
+        }
+        let views = posed_views(&cameras, &[0.5]);
+        let judge = Pictures::take(&RenderScene::from(&field), views.clone(), || ());
+        let mut backend = crate::fit::Cpu::default();
+        let mut joint = JointRounding::new(views.clone(), std::num::NonZero::<usize>::MIN, &mut backend);
+        let target = PackageTarget { layers: &[20, 60], psnr_db: 40.0, by_device: false };
+        for joint in [None, Some(&mut joint)] {
+            let coded = code(&source, target, &views, &judge, joint, |_| ()).unwrap();
+            assert_eq!((coded.clip.merged().len(), coded.miss), (60, Some(Miss::Above)));
+            assert!(coded.clip.merged().centers.as_flattened().iter().all(|x| x.is_finite()));
+        }
+    }
 }
