@@ -11,6 +11,7 @@ use aarc_tests::display::{CONTROLS, Display, Player, Screenshot, Window, trial};
 use aarc_tests::outcome::{DATA, DEVICE};
 use aarc_tests::programs::{client, run};
 use aarc_tests::scene::{Motion, Recipe, packaged};
+use aarc_tests::server::Server;
 use libtest_mimic::{Failed, Trial};
 
 const SPACE: u32 = 0x20;
@@ -30,6 +31,7 @@ pub(crate) fn trials() -> Vec<Trial> {
         trial("other clips are opened from the folder and by a dialog", opens_others),
         trial("files that are dropped together are a playlist", opens_dropped),
         trial("a window closes while its dialog is open", closes_with_dialog),
+        trial("a window closes while a server is silent", closes_with_silent_server),
         trial("a broken clip opens no window", bad_clip),
         Trial::test("without a display", || without_display().map_err(Failed::from)),
     ]
@@ -234,6 +236,28 @@ fn closes_with_dialog(display: &Display) -> Result<(), String> {
     let closed = player.close();
     fs::remove_file(&opened).map_err(|error| error.to_string())?;
     closed
+}
+
+/// The next clip is on a server that takes requests and sends nothing.
+fn closes_with_silent_server(display: &Display) -> Result<(), String> {
+    let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
+    write_clip(&folder.path().join("a.aarc"));
+    let server = Server::start(|_, _, answer| answer.wait_until_closed());
+    let mut command = display.command(client());
+    command.arg("a.aarc").arg(server.url("b.aarc")).args(["--size", "800x600"]).current_dir(folder.path());
+    command.env("XDG_CACHE_HOME", folder.path()).env("XDG_STATE_HOME", folder.path());
+    let player = display.open(&mut command, "a.aarc")?;
+    display.wait_until(player.window, |screen| screen.colors() > 500).ok_or("it shows no image")?;
+    display.focus(player.window);
+    display.press(PAGE_DOWN);
+    let is_asked = |_: &Screenshot| !server.requests().is_empty();
+    display.wait_until(player.window, is_asked).ok_or("it asks for nothing")?;
+    let start = Instant::now();
+    player.close()?;
+    match start.elapsed() {
+        took if took > Duration::from_secs(5) => Err(format!("it closes after {took:?}")),
+        _ => Ok(()),
+    }
 }
 
 /// A command that plays `a.aarc` in `root`, with a script in place of the desktop's dialog and with folders of its own.
