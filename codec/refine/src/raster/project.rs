@@ -44,6 +44,17 @@ pub(crate) struct Splat<T> {
     pub(crate) tangent_y: T,
 }
 
+impl<T: Real> Splat<T> {
+    /// Whether both have the same alpha at each pixel.
+    #[inline(always)]
+    pub(crate) fn has_footprint_of(&self, other: &Splat<T>) -> bool {
+        self.center == other.center
+            && self.shear == other.shear
+            && self.inverse_variance == other.inverse_variance
+            && self.opacity == other.opacity
+    }
+}
+
 /// The centre of a visible Gaussian.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Centered<T> {

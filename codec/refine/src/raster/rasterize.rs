@@ -1,7 +1,8 @@
 //! Stage `rasterize`: composites splats into pixels, front to back (the paper's rendering equation).
 //!
 //! Tiles are independent and run in parallel. Within a tile, each splat is added to the blocks of 4x4 pixels
-//! that it reaches and that are not saturated. A [`Sink`] gets these blocks: [`rasterize`] draws, other modules
+//! that it reaches and that are not saturated. Splats that follow one another with the same footprint, of which fields
+//! can have thousands, are added together. A [`Sink`] gets these blocks: [`rasterize`] draws, other modules
 //! measure. A loop over a block has no branches, so the compiler vectorises it.
 
 use codec::ALPHA_MIN;
@@ -53,21 +54,28 @@ fn pixel_of(block: usize, lane: usize) -> [usize; 2] {
     [block % across * BLOCK + lane % BLOCK, block / across * BLOCK + lane / BLOCK]
 }
 
-/// A splat in a block of a tile.
+/// Splats of one footprint in a block of a tile.
 #[derive(Clone, Copy)]
-pub(crate) struct Place {
-    /// Index of the splat.
-    pub(crate) index: u32,
-    /// Index of the splat among the splats drawn in the tile.
+pub(crate) struct Place<'a> {
+    /// Indices of the splats, front to back.
+    pub(crate) run: &'a [u32],
+    /// Index of the first of them among the splats drawn in the tile; the others follow.
     pub(crate) slot: usize,
     pub(crate) block: usize,
+}
+
+impl Place<'_> {
+    #[inline(always)]
+    pub(crate) fn slots(&self) -> std::ops::Range<usize> {
+        self.slot..self.slot + self.run.len()
+    }
 }
 
 /// What gets the splats of a tile, front to back.
 pub(crate) trait Sink<T> {
     type Output: Default + Send;
 
-    /// Draws a splat in a block, and lowers the transmittance of its pixels.
+    /// Draws the splats of a place, and lowers the transmittance of its pixels.
     fn add(&mut self, place: Place, splat: &SplatBlock<T>, grid: &Grid<T>, transmittance: &mut Lanes<T>);
 
     /// Ends the tile.
@@ -100,7 +108,7 @@ pub(crate) fn rasterize<T: Real>(
     splats: &[Splat<T>],
     tiles: &Tiles,
 ) -> (Vec<[T; 4]>, Vec<Vec<DrawnSplat>>) {
-    let blank = |_| TileColors { blocks: vec![[[T::zero(); LANES]; 4]; BLOCKS] };
+    let blank = |_| TileColors { splats, blocks: vec![[[T::zero(); LANES]; 4]; BLOCKS] };
     let (colors, drawn): (Vec<Vec<_>>, _) = draw_tiles(arch, splats, tiles, blank).into_iter().unzip();
     let [width, height] = tiles.size;
     let mut pixels = vec![[T::zero(); 4]; width * height];
@@ -186,28 +194,29 @@ impl<T: Real, S: Sink<T>> NullaryFnOnce for DrawTile<'_, T, S> {
         let mut transmittance = Transmittance::new(self.corner, self.size);
         let mut drawn = Vec::with_capacity(self.order.len());
         let grid = Grid::new();
-        let mut open = 0;
-        for (count, index) in self.order.iter().enumerate() {
-            if count % ROUND == 0 {
-                open = transmittance.open();
-                if open == 0 {
-                    break;
+        let splat_at = |index: &u32| &self.splats[*index as usize];
+        for round in self.order.chunks(ROUND) {
+            let open = transmittance.open();
+            if open == 0 {
+                break;
+            }
+            // What neighbours of one footprint have in common is computed once.
+            for run in round.chunk_by(|a, b| splat_at(a).has_footprint_of(splat_at(b))) {
+                let tile_splat = TileSplat::new(splat_at(&run[0]), self.corner, &grid);
+                let blocks = tile_splat.blocks(&grid) & open;
+                if blocks == 0 {
+                    continue;
                 }
-            }
-            let splat = &self.splats[*index as usize];
-            let tile_splat = TileSplat::new(splat, self.corner, &grid);
-            let blocks = tile_splat.blocks(&grid) & open;
-            if blocks == 0 {
-                continue;
-            }
-            let slot = drawn.len();
-            drawn.push(DrawnSplat { index: *index, blocks });
-            let mut rest = blocks;
-            while rest != 0 {
-                let block = rest.trailing_zeros() as usize % BLOCKS;
-                rest &= rest - 1;
-                let place = Place { index: *index, slot, block };
-                self.sink.add(place, &tile_splat.at(block), &grid, &mut transmittance.blocks[block]);
+                let slot = drawn.len();
+                drawn.extend(run.iter().map(|index| DrawnSplat { index: *index, blocks }));
+                let mut rest = blocks;
+                while rest != 0 {
+                    let block = rest.trailing_zeros() as usize % BLOCKS;
+                    rest &= rest - 1;
+                    let splat = tile_splat.at(block, &grid);
+                    let place = Place { run, slot, block };
+                    self.sink.add(place, &splat, &grid, &mut transmittance.blocks[block]);
+                }
             }
         }
         (self.sink.finish(), drawn)
@@ -215,26 +224,34 @@ impl<T: Real, S: Sink<T>> NullaryFnOnce for DrawTile<'_, T, S> {
 }
 
 /// Composites a tile.
-struct TileColors<T> {
+struct TileColors<'a, T> {
+    /// Of all tiles.
+    splats: &'a [Splat<T>],
     /// Red, green, blue and alpha of each block.
     blocks: Vec<[Lanes<T>; 4]>,
 }
 
-impl<T: Real> Sink<T> for TileColors<T> {
+impl<T: Real> Sink<T> for TileColors<'_, T> {
     /// The colours of the blocks, none if there are no splats.
     type Output = Vec<[Lanes<T>; 4]>;
 
     #[inline(always)]
     fn add(&mut self, place: Place, splat: &SplatBlock<T>, grid: &Grid<T>, transmittance: &mut Lanes<T>) {
-        let [red, green, blue, alpha] = &mut self.blocks[place.block];
-        for x in 0..LANES {
-            let fragment = splat.fragment(grid, x, transmittance[x]);
-            transmittance[x] = fragment.transmittance_behind;
-            red[x] += fragment.weight * splat.color[0];
-            green[x] += fragment.weight * splat.color[1];
-            blue[x] += fragment.weight * splat.color[2];
-            alpha[x] += fragment.weight;
+        let [mut red, mut green, mut blue, mut alpha] = self.blocks[place.block];
+        let mut through = *transmittance;
+        for index in place.run {
+            let color = self.splats[*index as usize].color;
+            for x in 0..LANES {
+                let fragment = splat.fragment(grid, x, through[x]);
+                through[x] = fragment.transmittance_behind;
+                red[x] += fragment.weight * color[0];
+                green[x] += fragment.weight * color[1];
+                blue[x] += fragment.weight * color[2];
+                alpha[x] += fragment.weight;
+            }
         }
+        self.blocks[place.block] = [red, green, blue, alpha];
+        *transmittance = through;
     }
 
     #[inline(always)]
@@ -306,8 +323,8 @@ pub(crate) struct TileSplat<'a, T> {
 
 /// A splat relative to a block.
 pub(crate) struct SplatBlock<'a, T> {
-    pub(crate) color: [T; 3],
-    opacity: T,
+    /// Alpha at each pixel, before it is limited.
+    alphas: Lanes<T>,
     slant: &'a Lanes<T>,
     /// `d.x - shear d.y` and `d.y` of the first pixel.
     s: T,
@@ -367,20 +384,24 @@ impl<'a, T: Real> TileSplat<'a, T> {
     }
 
     #[inline(always)]
-    pub(crate) fn at(&self, block: usize) -> SplatBlock<'_, T> {
+    pub(crate) fn at(&self, block: usize, grid: &Grid<T>) -> SplatBlock<'_, T> {
         let splat = self.splat;
         let [x, y] = pixel_of(block, 0).map(|at| T::from_f64(at as f64));
         let dy = self.first[1] + y;
         let half = T::from_f64(-0.5 * T::FALLOFF_SCALE);
-        SplatBlock {
-            color: splat.color,
-            opacity: splat.opacity,
+        let mut block = SplatBlock {
+            alphas: [T::zero(); LANES],
             slant: &self.slant,
             s: (self.first[0] + x) - splat.shear * dy,
             dy,
             by_square: half * splat.inverse_variance[0],
             by_y: half * splat.inverse_variance[1],
+        };
+        for x in 0..LANES {
+            let [s, dy] = block.offset(grid, x);
+            block.alphas[x] = splat.opacity * (block.by_square * s * s + block.by_y * dy * dy).falloff();
         }
+        block
     }
 }
 
@@ -391,13 +412,17 @@ impl<T: Real> SplatBlock<'_, T> {
         (self.by_square * s * s + self.by_y * y * y) * T::from_f64(-2.0 / T::FALLOFF_SCALE)
     }
 
+    /// The [offset](Fragment::offset) of pixel `x`.
+    #[inline(always)]
+    fn offset(&self, grid: &Grid<T>, x: usize) -> [T; 2] {
+        [self.slant[x] + self.s, grid.pixels[1][x] + self.dy]
+    }
+
     /// The fragment at pixel `x` of the block, behind others that left `transmittance`.
     #[inline(always)]
     pub(crate) fn fragment(&self, grid: &Grid<T>, x: usize, transmittance: T) -> Fragment<T> {
         let (zero, most) = (T::zero(), T::from_f64(ALPHA_MAX));
-        let s = self.slant[x] + self.s;
-        let dy = grid.pixels[1][x] + self.dy;
-        let unclamped = self.opacity * (self.by_square * s * s + self.by_y * dy * dy).falloff();
+        let unclamped = self.alphas[x];
         let alpha = if unclamped < most { unclamped } else { most };
         let behind = transmittance * (T::one() - alpha);
         let is_visible = unclamped >= T::from_f64(ALPHA_MIN);
@@ -405,7 +430,7 @@ impl<T: Real> SplatBlock<'_, T> {
         let is_drawn = is_visible & is_open;
         let if_visible = if is_open { behind } else { zero };
         Fragment {
-            offset: [s, dy],
+            offset: self.offset(grid, x),
             alpha,
             weight: if is_drawn { alpha * transmittance } else { zero },
             has_gradient: is_drawn & (unclamped <= most),

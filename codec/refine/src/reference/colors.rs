@@ -115,14 +115,16 @@ impl Sink<f64> for Gather {
         grid: &Grid<f64>,
         transmittance: &mut Lanes<f64>,
     ) {
-        let mut products = self.blocks[place.block];
-        for x in 0..LANES {
-            let fragment = splat.fragment(grid, x, transmittance[x]);
-            transmittance[x] = fragment.transmittance_behind;
-            (0..3).for_each(|channel| products[channel][x] *= fragment.weight);
+        for slot in place.slots() {
+            let mut products = self.blocks[place.block];
+            for x in 0..LANES {
+                let fragment = splat.fragment(grid, x, transmittance[x]);
+                transmittance[x] = fragment.transmittance_behind;
+                (0..3).for_each(|channel| products[channel][x] *= fragment.weight);
+            }
+            let sum = sum_at(&mut self.sums, slot);
+            (0..3).for_each(|channel| sum[channel] += sum_lanes(&products[channel]));
         }
-        let sum = sum_at(&mut self.sums, place.slot);
-        (0..3).for_each(|channel| sum[channel] += sum_lanes(&products[channel]));
     }
 
     #[inline(always)]

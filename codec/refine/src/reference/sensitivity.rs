@@ -86,7 +86,10 @@ struct Backwards<'a> {
 
 /// Fragments of a splat in a block.
 struct Visited {
-    place: Place,
+    /// Index of the splat.
+    index: usize,
+    slot: usize,
+    block: usize,
     /// 0 where there is no fragment.
     alphas: Lanes<f64>,
     /// Squared weight times squared distance in standard deviations.
@@ -104,25 +107,27 @@ impl Sink<f64> for Backwards<'_> {
         grid: &Grid<f64>,
         transmittance: &mut Lanes<f64>,
     ) {
-        let (mut alphas, mut squares, mut spread) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
-        for x in 0..LANES {
-            let fragment = splat.fragment(grid, x, transmittance[x]);
-            transmittance[x] = fragment.transmittance_behind;
-            alphas[x] = if fragment.weight > 0.0 { fragment.alpha } else { 0.0 };
-            squares[x] = fragment.weight * fragment.weight;
-            spread[x] = squares[x] * splat.distance_squared(fragment.offset);
+        for (index, slot) in place.run.iter().zip(place.slots()) {
+            let (mut alphas, mut squares, mut spread) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
+            for x in 0..LANES {
+                let fragment = splat.fragment(grid, x, transmittance[x]);
+                transmittance[x] = fragment.transmittance_behind;
+                alphas[x] = if fragment.weight > 0.0 { fragment.alpha } else { 0.0 };
+                squares[x] = fragment.weight * fragment.weight;
+                spread[x] = squares[x] * splat.distance_squared(fragment.offset);
+            }
+            sum_at(&mut self.sums, slot).color += sum_lanes(&squares);
+            self.visited.push(Visited { index: *index as usize, slot, block: place.block, alphas, spread });
         }
-        sum_at(&mut self.sums, place.slot).color += sum_lanes(&squares);
-        self.visited.push(Visited { place, alphas, spread });
     }
 
     #[inline(always)]
     fn finish(mut self) -> Vec<Sums> {
         let mut behind = [[[0.0; LANES]; 3]; BLOCKS];
-        for Visited { place, alphas, spread } in self.visited.iter().rev() {
+        for Visited { index, slot, block, alphas, spread } in self.visited.iter().rev() {
             let mut differences = [0.0; LANES];
-            let color = self.colors[place.index as usize];
-            for (behind, color) in behind[place.block].iter_mut().zip(color) {
+            let color = self.colors[*index];
+            for (behind, color) in behind[*block].iter_mut().zip(color) {
                 for x in 0..LANES {
                     let difference = color - behind[x];
                     differences[x] += difference * difference;
@@ -132,7 +137,7 @@ impl Sink<f64> for Backwards<'_> {
             for x in 0..LANES {
                 differences[x] *= spread[x] / 3.0;
             }
-            self.sums[place.slot].geometry += sum_lanes(&differences);
+            self.sums[*slot].geometry += sum_lanes(&differences);
         }
         self.sums
     }

@@ -72,17 +72,19 @@ impl<S: Default + Send, F: Fn(&mut S, &PixelShare)> Sink<f64> for ShareSums<'_, 
         grid: &Grid<f64>,
         transmittance: &mut Lanes<f64>,
     ) {
-        let before = *transmittance;
-        let mut weights = [0.0; LANES];
-        for x in 0..LANES {
-            let fragment = splat.fragment(grid, x, transmittance[x]);
-            transmittance[x] = fragment.transmittance_behind;
-            weights[x] = fragment.weight;
-        }
-        let sum = sum_at(&mut self.sums, place.slot);
-        for (weight, transmittance) in weights.into_iter().zip(before) {
-            if weight > 0.0 {
-                (self.add)(sum, &PixelShare { index: place.index as usize, weight, transmittance });
+        for (index, slot) in place.run.iter().zip(place.slots()) {
+            let before = *transmittance;
+            let mut weights = [0.0; LANES];
+            for x in 0..LANES {
+                let fragment = splat.fragment(grid, x, transmittance[x]);
+                transmittance[x] = fragment.transmittance_behind;
+                weights[x] = fragment.weight;
+            }
+            let sum = sum_at(&mut self.sums, slot);
+            for (weight, transmittance) in weights.into_iter().zip(before) {
+                if weight > 0.0 {
+                    (self.add)(sum, &PixelShare { index: *index as usize, weight, transmittance });
+                }
             }
         }
     }

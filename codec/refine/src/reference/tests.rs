@@ -130,6 +130,33 @@ fn pictures_match_the_naive_pictures() {
     }
 }
 
+/// What they have in common is computed once; others of nearly the same footprint are computed one by one.
+#[test]
+fn gaussians_of_one_footprint_are_drawn_as_others() {
+    let views = [PosedView { camera: fixtures::camera(77, 53), t: 0.4 }];
+    let few = fixtures::cloud(20, 12, 1);
+    let mut same = few.select(&(0..600).map(|i| i / 50).collect::<Vec<_>>());
+    // Other colours.
+    for (i, color) in same.sh.iter_mut().enumerate() {
+        color[i % 3] += 0.1 * (i % 7) as f32;
+    }
+    let mut others = same.clone();
+    others.opacities.iter_mut().step_by(2).for_each(|opacity| *opacity *= 1.0 - f32::EPSILON);
+    let [a, b] = [&same, &others].map(|field| {
+        let PosedView { camera, t } = &views[0];
+        let image = render(&RenderScene::from(field), camera, *t, Order::Depth);
+        let contributions = contributions(field, camera, *t, Order::Depth);
+        (image, contributions, sensitivities(field, None, &views, || ()).unwrap().0)
+    });
+    assert!(a.0.max_difference(&b.0) < 1e-5, "{}", a.0.max_difference(&b.0));
+    let close = |a: f64, b: f64| (a - b).abs() <= 1e-5 * b.abs() + 1e-9;
+    for row in 0..same.len() {
+        assert!(close(a.1[row].weight, b.1[row].weight), "{row}: {:?}, {:?}", a.1[row], b.1[row]);
+        let [a, b] = [a.2[row], b.2[row]].map(|row| [row.color, row.geometry].map(f64::from));
+        assert!(close(a[0], b[0]) && close(a[1], b[1]), "{row}: {a:?}, {b:?}");
+    }
+}
+
 #[test]
 fn the_color_of_each_gaussian_is_clamped() {
     let mut field = field(&[Ball { opacity: 1.0, ..Ball::at([0.02, 0.02, 4.0], WHITE) }]);

@@ -87,7 +87,8 @@ impl<T: Real> NullaryFnOnce for TileBackward<'_, T> {
                 let block = rest.trailing_zeros() as usize % BLOCKS;
                 rest &= rest - 1;
                 let through = &mut transmittance.blocks[block];
-                sums.add(&tile_splat.at(block), &grid, through, &mut pixels.blocks[block]);
+                let pixels = &mut pixels.blocks[block];
+                sums.add(&tile_splat.at(block, &grid), splat.color, &grid, through, pixels);
             }
             gradients.push(sums.gradient(splat));
         }
@@ -143,13 +144,13 @@ impl<T: Real> Sums<T> {
     fn add(
         &mut self,
         splat: &SplatBlock<T>,
+        color: [T; 3],
         grid: &Grid<T>,
         transmittance: &mut Lanes<T>,
         pixels: &mut PixelBlock<T>,
     ) {
         let [e, es, ey, ess, esy, eyy, red, green, blue] = &mut self.lanes;
         let [d_red, d_green, d_blue, d_alpha] = &pixels.gradient;
-        let color = splat.color;
         for x in 0..LANES {
             let through = transmittance[x];
             let fragment = splat.fragment(grid, x, through);
