@@ -100,7 +100,9 @@ pub fn ingest(
     let layout = calibration.layout;
     say(&line("cameras", false, &format!("{} by {layout}, {}", cameras.len(), calibration.path.display())));
 
-    let starts = starts::find(&store, &videos, &options.offsets, &mut warnings)?;
+    let starts = starts::find(&store, &videos, &options.offsets, &mut warnings, &mut |what| {
+        say(&line("sound", false, what));
+    })?;
     let fps = options.fps.unwrap_or_else(|| videos::commonest_fps(&videos));
     let frames = write::frames(&videos, &starts, fps);
     check_fps(fps).and_then(|()| check_length(frames)).map_err(|problem| {

@@ -59,7 +59,7 @@ impl Starts {
     }
 }
 
-/// Finds when `videos` start; warnings go to `warn`.
+/// Finds when `videos` start; warnings go to `warn`, and `say` gets a line for each step of a long search.
 ///
 /// # Errors
 /// [`Fault::Data`] if nothing says so, or what does cannot be read or believed.
@@ -68,13 +68,14 @@ pub(super) fn find(
     videos: &[RigVideo],
     offsets: &Offsets,
     warn: &mut Vec<String>,
+    say: &mut dyn FnMut(&str),
 ) -> Result<Starts, Fault> {
     let known = |source, starts_s| Starts { source, starts_s, sound: None, is_kept: false };
     let starts = match offsets {
         Offsets::Together => known(StartSource::Together, vec![0.0; videos.len()]),
         Offsets::File(path) => known(StartSource::File, stated(path, videos)?),
         Offsets::Found if videos.len() == 1 => known(StartSource::Together, vec![0.0]),
-        Offsets::Found => found(store, videos, warn)?,
+        Offsets::Found => found(store, videos, warn, say)?,
     };
     let last_s = starts.starts_s.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let starts_s: Vec<f64> = starts.starts_s.iter().map(|start_s| start_s - last_s).collect();
@@ -94,7 +95,12 @@ pub(super) fn find(
 }
 
 /// Starts by timecode where all videos have one, else by sound. Both are compared where there are both.
-fn found(store: &Store, videos: &[RigVideo], warn: &mut Vec<String>) -> Result<Starts, Fault> {
+fn found(
+    store: &Store,
+    videos: &[RigVideo],
+    warn: &mut Vec<String>,
+    say: &mut dyn FnMut(&str),
+) -> Result<Starts, Fault> {
     let has_sound = videos.iter().all(|video| video.probe.has_sound);
     let Some(timecodes) = timecodes_s(videos) else {
         if !has_sound {
@@ -106,11 +112,11 @@ fn found(store: &Store, videos: &[RigVideo], warn: &mut Vec<String>) -> Result<S
                 names.join(", ")
             )));
         }
-        return by_sound(store, videos);
+        return by_sound(store, videos, say);
     };
     let by_timecode =
         Starts { source: StartSource::Timecode, starts_s: timecodes, sound: None, is_kept: false };
-    let Some(by_sound) = has_sound.then(|| by_sound(store, videos)) else { return Ok(by_timecode) };
+    let Some(by_sound) = has_sound.then(|| by_sound(store, videos, say)) else { return Ok(by_timecode) };
     // Sound of another event says nothing against timecodes.
     let Ok(by_sound) = by_sound else {
         warn.push(
@@ -140,14 +146,14 @@ fn found(store: &Store, videos: &[RigVideo], warn: &mut Vec<String>) -> Result<S
     }
 }
 
-fn by_sound(store: &Store, videos: &[RigVideo]) -> Result<Starts, Fault> {
+fn by_sound(store: &Store, videos: &[RigVideo], say: &mut dyn FnMut(&str)) -> Result<Starts, Fault> {
     let tracks = videos
         .par_iter()
         .map(|video| Track::extract(store, &video.path).map(|(track, _)| track))
         .collect::<Result<Vec<_>, Fault>>()?;
     let key = videos.iter().map(|video| identity(&video.path)).collect::<Result<Vec<_>, Fault>>()?;
     let name = |camera: usize| videos[camera].name.clone();
-    let (sound, is_kept) = store.result("sound", &json!(key), || sound::synchronise(&tracks, &name))?;
+    let (sound, is_kept) = store.result("sound", &json!(key), || sound::synchronise(&tracks, &name, say))?;
     // Sound tells when files start; their first frame may be later.
     let first_frame_s =
         sound.starts_s.iter().zip(videos).map(|(start_s, video)| start_s + video.probe.first_s);

@@ -20,14 +20,22 @@ const BAND_HZ: [f64; 2] = [150.0, 7000.0];
 /// Seconds from the start of each recording that are compared as a whole.
 const WHOLE_S: f64 = 120.0;
 
-/// Samples of a block that is sought in another recording: 4 s, in which clocks that differ by 400 ppm part by 1.6 ms. The
-/// recording is searched in parts, each for as many lags as the second number says.
-const BLOCK: usize = 1 << 16;
-const LAGS: usize = 1 << 17;
+/// Blocks are sought in another recording at every fourth sample, with the band in Hz that is left at that rate: a search in
+/// an hour takes an eighth of the time. Clocks that differ by 400 ppm part by 3.3 ms in a block of 8 s, as many periods of the
+/// highest frequency as in blocks of 4 s in half the whole band.
+const SOUGHT_STEP: usize = 4;
+const SOUGHT_BAND_HZ: [f64; 2] = [BAND_HZ[0], 1700.0];
+
+/// Samples of a block at that rate, and of the parts in which the other recording is searched.
+const BLOCK: usize = 1 << 15;
+const PART: usize = 1 << 18;
 
 /// Most blocks that are sought, evenly spread; and a peak over the median after which no other block is.
-const SOUGHT_MAX: usize = 64;
+const SOUGHT_MAX: usize = 32;
 const SURE: f64 = 2.0 * CONFIDENCE_MIN;
+
+/// Samples around the lag that is found in which the whole band is searched: 10 ms.
+const AROUND: i64 = 160;
 
 /// Cameras up to which all pairs are compared. Of more, those whose numbers differ by a power of two, around the circle.
 const ALL_PAIRS_MAX: usize = 24;
@@ -35,11 +43,9 @@ const ALL_PAIRS_MAX: usize = 24;
 /// Samples on each side of a peak in the curve of a pair: 5 ms.
 const CURVE_SIDE: i64 = 80;
 
-/// Part of the lags, on each side of a peak, whose median it is compared with.
+/// Part of the lags on each side of a peak whose median it is compared with, and the seconds that this is at most.
 const NEIGHBOURHOOD: i64 = 16;
-
-/// Largest number of samples over which a median is taken.
-const MEDIAN_OF: usize = 1 << 15;
+const NEIGHBOURHOOD_MAX_S: f64 = 0.5;
 
 /// Steps of a sample between which the vertex of a peak is sought, and samples on each side that interpolate it: the band
 /// ends below half the rate.
@@ -54,7 +60,11 @@ fn windowed_sinc(x: f64) -> f64 {
 
 /// Spectra of a length, and back.
 pub(super) struct Correlator {
+    /// Number of lags, a power of two.
     len: usize,
+    /// Samples from a lag to the next one.
+    step: usize,
+    band_hz: [f64; 2],
     forward: Arc<dyn RealToComplex<f32>>,
     back: Arc<dyn ComplexToReal<f32>>,
 }
@@ -62,7 +72,7 @@ pub(super) struct Correlator {
 /// A peak of a correlation.
 #[derive(Clone, Debug)]
 pub(super) struct Peak {
-    /// Samples by which the second recording is later within its track than the first.
+    /// Steps of the correlator by which the second recording is later within its track than the first.
     pub(super) lag: f64,
     /// Its height over the median.
     pub(super) confidence: f64,
@@ -73,18 +83,25 @@ pub(super) struct Peak {
 impl Correlator {
     /// For recordings of up to `samples` samples.
     pub(super) fn new(samples: usize) -> Correlator {
-        let len = (2 * samples).next_power_of_two();
-        let mut planner = RealFftPlanner::new();
-        Correlator { len, forward: planner.plan_fft_forward(len), back: planner.plan_fft_inverse(len) }
+        Correlator::stepping((2 * samples).next_power_of_two(), 1, BAND_HZ)
     }
 
-    /// The whitened spectrum of a recording.
+    /// For `len` lags, a power of two, each `step` samples after the last one, by a band that ends below half that rate.
+    fn stepping(len: usize, step: usize, band_hz: [f64; 2]) -> Correlator {
+        let mut planner = RealFftPlanner::new();
+        let (forward, back) = (planner.plan_fft_forward(len * step), planner.plan_fft_inverse(len));
+        Correlator { len, step, band_hz, forward, back }
+    }
+
+    /// The whitened spectrum of a recording, up to half the rate of the lags.
     pub(super) fn spectrum(&self, mut samples: Vec<f32>) -> Vec<Complex<f32>> {
-        samples.resize(self.len, 0.0);
+        samples.resize(self.len * self.step, 0.0);
         let mut spectrum = self.forward.make_output_vec();
         self.forward.process(&mut samples, &mut spectrum).expect("the planned lengths");
-        let bin = |hz: f64| (hz / RATE * self.len as f64) as usize;
-        let (low, high) = (bin(BAND_HZ[0]).max(1), bin(BAND_HZ[1]));
+        spectrum.truncate(self.len / 2 + 1);
+        let bin = |hz: f64| (hz / RATE * (self.len * self.step) as f64) as usize;
+        let [low, high] = self.band_hz.map(bin);
+        let low = low.max(1);
         for (i, value) in spectrum.iter_mut().enumerate() {
             let norm = value.norm();
             *value = if (low..=high).contains(&i) && norm > 0.0 { *value / norm } else { Complex::default() };
@@ -92,7 +109,7 @@ impl Correlator {
         spectrum
     }
 
-    /// The highest peak of the correlation of two spectra within `range` samples of lag `around` and `overlap` of 0. The
+    /// The highest peak of the correlation of two spectra within `range` steps of lag `around` and `overlap` of 0. The
     /// median is that around the peak: recordings that overlap less have a lower correlation, so one over all lags is too low.
     pub(super) fn peak(
         &self,
@@ -103,24 +120,24 @@ impl Correlator {
         let mut product: Vec<Complex<f32>> = a.iter().zip(b).map(|(a, b)| a.conj() * b).collect();
         let mut correlation = self.back.make_output_vec();
         self.back.process(&mut product, &mut correlation).expect("the planned lengths, real at both ends");
-        let at = |lag: i64| correlation[lag.rem_euclid(self.len as i64) as usize].abs();
+        // Negative lags are at the end.
+        let value = |lag: i64| correlation[lag as usize & (self.len - 1)];
+        let at = |lag: i64| value(lag).abs();
         let overlap = overlap.min(self.len / 2 - 1) as i64;
         let lags = (around - range).max(-overlap)..=(around + range).min(overlap);
-        let Some(best) = lags.max_by(|a, b| at(*a).total_cmp(&at(*b))) else {
+        let heights = lags.map(|lag| (at(lag), lag));
+        let Some((_, best)) = heights.max_by(|a, b| a.0.total_cmp(&b.0)) else {
             return Peak { lag: around as f64, confidence: 0.0, curve: Vec::new() };
         };
-        let side = (overlap / NEIGHBOURHOOD).max(CURVE_SIDE);
-        let step = (2 * side as usize / MEDIAN_OF).max(1);
-        let mut heights: Vec<f32> = (best - side..=best + side).step_by(step).map(at).collect();
+        let side_max = (NEIGHBOURHOOD_MAX_S * RATE) as i64 / self.step as i64;
+        let side = (overlap / NEIGHBOURHOOD).min(side_max).max(CURVE_SIDE);
+        let mut heights: Vec<f32> = (best - side..=best + side).map(at).collect();
         let middle = heights.len() / 2;
         let (_, median, _) = heights.select_nth_unstable_by(middle, f32::total_cmp);
         let median = median.max(f32::MIN_POSITIVE);
         let fine = |step: i64| {
             let x = step as f64 / FINE as f64;
-            let tap = |n: i64| {
-                let value = correlation[(best + n).rem_euclid(self.len as i64) as usize];
-                f64::from(value) * windowed_sinc(x - n as f64)
-            };
+            let tap = |n: i64| f64::from(value(best + n)) * windowed_sinc(x - n as f64);
             (-TAPS..=TAPS).map(tap).sum::<f64>().abs()
         };
         let step = (-FINE..=FINE).max_by(|a, b| fine(*a).total_cmp(&fine(*b))).expect("some");
@@ -177,39 +194,53 @@ fn pair(cameras: [usize; 2], peak: Peak) -> SoundPair {
 
 /// Seeks blocks of the shorter track of a pair, which may start at any time in the other: clocks that drift blur the peak
 /// of whole recordings, and recordings may share little of their beginnings.
+///
+/// # Errors
+/// [`Fault::Data`] if a track cannot be read.
 pub(super) fn sought([a, b]: [usize; 2], tracks: &[Track]) -> Result<SoundPair, Fault> {
     let is_turned = tracks[a].len > tracks[b].len;
     let (short, long) = if is_turned { (&tracks[b], &tracks[a]) } else { (&tracks[a], &tracks[b]) };
-    let correlator = Correlator::new(LAGS);
-    let mut parts = Vec::new();
-    for first in (-(BLOCK as i64)..long.len as i64).step_by(LAGS) {
-        parts.push((first, correlator.spectrum(long.samples(first, 2 * LAGS)?)));
-    }
-    let count = short.len.div_ceil(BLOCK).clamp(1, SOUGHT_MAX);
-    let spare = short.len.saturating_sub(BLOCK);
-    let mut best = Peak { lag: 0.0, confidence: 0.0, curve: Vec::new() };
+    let correlator = Correlator::stepping(PART, SOUGHT_STEP, SOUGHT_BAND_HZ);
+    let (step, block_len) = (SOUGHT_STEP as i64, BLOCK * SOUGHT_STEP);
+    // A block is in the middle of a part, so that it can move by as much both ways.
+    let side = (PART - BLOCK) / 2;
+    let firsts: Vec<i64> = (-(block_len as i64)..long.len as i64).step_by(2 * side * SOUGHT_STEP).collect();
+    let part = |first: &i64| Ok((*first, correlator.spectrum(long.samples(*first, PART * SOUGHT_STEP)?)));
+    let parts = firsts.par_iter().map(part).collect::<Result<Vec<_>, Fault>>()?;
+    let count = short.len.div_ceil(block_len).clamp(1, SOUGHT_MAX);
+    let spare = short.len.saturating_sub(block_len);
+    // The peak, and the first samples of the block in both.
+    let mut best = (Peak { lag: 0.0, confidence: 0.0, curve: Vec::new() }, [0, 0]);
     // From the middle on, where both run most likely.
     let mut blocks: Vec<usize> = (0..count).collect();
     blocks.sort_by_key(|block| block.abs_diff(count / 2));
     for block in blocks {
-        let from = if count > 1 { spare * block / (count - 1) } else { spare / 2 };
-        let spectrum = correlator.spectrum(short.samples(from as i64, BLOCK.min(short.len))?);
-        for (first, part) in &parts {
-            let half = LAGS as i64 / 2;
-            let peak = correlator.peak([&spectrum, part], (half, half), LAGS);
-            if peak.confidence > best.confidence {
-                best = Peak { lag: peak.lag + (first - from as i64) as f64, ..peak };
-            }
-        }
-        if best.confidence >= SURE {
+        let from = (if count > 1 { spare * block / (count - 1) } else { spare / 2 }) as i64;
+        let samples = short.samples(from, block_len.min(short.len))?;
+        let spectrum = correlator.spectrum([vec![0.0; side * SOUGHT_STEP], samples].concat());
+        let peaks = parts.par_iter().map(|(first, part)| {
+            let peak = correlator.peak([&spectrum, part], (0, side as i64), side);
+            let at = first + (side as i64 + peak.lag.round() as i64) * step;
+            (peak, [from, at])
+        });
+        let found = peaks.collect::<Vec<_>>().into_iter();
+        best =
+            found.fold(best, |best, found| if found.0.confidence > best.0.confidence { found } else { best });
+        if best.0.confidence >= SURE {
             break;
         }
     }
+    let (Peak { confidence, .. }, [from, at]) = best;
+    // To a part of a sample, by the whole band.
+    let correlator = Correlator::new(block_len);
+    let spectrum = |track: &Track, from| Ok(correlator.spectrum(track.samples(from, block_len)?));
+    let peak = correlator.peak([&spectrum(short, from)?, &spectrum(long, at)?], (0, AROUND), block_len);
+    let mut peak = Peak { lag: peak.lag + (at - from) as f64, confidence, ..peak };
     if is_turned {
-        best.lag = -best.lag;
-        best.curve.reverse();
+        peak.lag = -peak.lag;
+        peak.curve.reverse();
     }
-    Ok(pair([a, b], best))
+    Ok(pair([a, b], peak))
 }
 
 #[cfg(test)]

@@ -22,17 +22,20 @@ pub(super) use extract::Track;
 pub(super) use pair::{CONFIDENCE_MIN, DRIFT_MAX_PPM, RATE};
 pub(super) use pair::{SoundPair, SoundSync};
 
-/// Compares all pairs of `tracks` and solves for their starts; `name` names a camera in messages.
+/// Compares all pairs of `tracks` and solves for their starts; `name` names a camera in messages, and `say` gets a line for
+/// each pair that is searched through.
 ///
 /// # Errors
 /// [`Fault::Data`] if a track matches none of the others.
-pub(super) fn synchronise(tracks: &[Track], name: &dyn Fn(usize) -> String) -> Result<SoundSync, Fault> {
+pub(super) fn synchronise(
+    tracks: &[Track],
+    name: &dyn Fn(usize) -> String,
+    say: &mut dyn FnMut(&str),
+) -> Result<SoundSync, Fault> {
     let mut coarse = correlate::whole(tracks)?;
-    join(tracks, &mut coarse)?;
-    check_connected(tracks.len(), &coarse, name)?;
+    join(tracks, &mut coarse, name, say)?;
     let starts_s = solve::starts(tracks.len(), &coarse).values;
     let mut pairs = blocks::refined(tracks, &starts_s, coarse)?;
-    check_connected(tracks.len(), &pairs, name)?;
     let solution = solve::starts(tracks.len(), &pairs);
     for (pair, residual_s) in pairs.iter_mut().zip(solution.residuals) {
         pair.residual_s = residual_s;
@@ -40,42 +43,62 @@ pub(super) fn synchronise(tracks: &[Track], name: &dyn Fn(usize) -> String) -> R
     Ok(SoundSync { starts_s: solution.values, drifts_ppm: solve::drifts(tracks.len(), &pairs), pairs })
 }
 
-/// Seeks blocks of the pairs of cameras that are not joined, until they are.
-fn join(tracks: &[Track], pairs: &mut [SoundPair]) -> Result<(), Fault> {
-    for i in 0..pairs.len() {
-        let groups = groups_of(tracks.len(), pairs);
-        let [a, b] = pairs[i].cameras;
-        if groups[a] != groups[b] {
-            let found = correlate::sought([a, b], tracks)?;
-            if found.confidence > pairs[i].confidence {
-                pairs[i] = found;
-            }
+/// Seeks blocks of pairs of cameras that are not joined, until all are, or a group of cameras has no such pair left.
+///
+/// # Errors
+/// [`Fault::Data`] that names a camera of the smaller side if a group cannot be joined to the others, or a track that cannot be
+/// read.
+fn join(
+    tracks: &[Track],
+    pairs: &mut [SoundPair],
+    name: &dyn Fn(usize) -> String,
+    say: &mut dyn FnMut(&str),
+) -> Result<(), Fault> {
+    let cameras = tracks.len();
+    let mut is_sought = vec![false; pairs.len()];
+    loop {
+        let groups = groups_of(cameras, pairs);
+        if groups.iter().all(|group| *group == 0) {
+            return Ok(());
+        }
+        let is_across = |i: &usize, group: usize| {
+            let [a, b] = pairs[*i].cameras.map(|camera| groups[camera] == group);
+            a != b
+        };
+        let across = |group: usize| (0..pairs.len()).filter(|i| is_across(i, group)).collect::<Vec<_>>();
+        let left = |group: usize| across(group).into_iter().filter(|i| !is_sought[*i]);
+        // The group that is known first to be alone, if it is.
+        let alone = (0..cameras).filter(|camera| groups[*camera] == *camera);
+        let group = alone.min_by_key(|group| left(*group).count()).expect("several groups");
+        let Some(next) = left(group).next() else {
+            let is_smaller = 2 * groups.iter().filter(|other| **other == group).count() < cameras;
+            let outside = (0..cameras).find(|camera| (groups[*camera] == group) == is_smaller);
+            let best = across(group).into_iter().map(|i| pairs[i].confidence).fold(0.0, f64::max);
+            return Err(Fault::Data(format!(
+                "{}: its sound is not that of the other cameras: the correlation peaks at {best:.1} times its median, and \
+                 {CONFIDENCE_MIN} are needed; state when the videos start with --offsets FILE",
+                name(outside.expect("two groups"))
+            )));
+        };
+        let [a, b] = pairs[next].cameras;
+        let number = 1 + is_sought.iter().filter(|is_sought| **is_sought).count();
+        say(&format!(
+            "the sound of {} is sought in that of {}, pair {number} of at most {}",
+            name(a),
+            name(b),
+            pairs.len()
+        ));
+        let found = correlate::sought([a, b], tracks)?;
+        is_sought[next] = true;
+        if found.confidence > pairs[next].confidence {
+            pairs[next] = found;
         }
     }
-    Ok(())
 }
 
 /// The number of the group of each camera that pairs that match join it with.
 fn groups_of(cameras: usize, pairs: &[SoundPair]) -> Vec<usize> {
     solve::groups(cameras, pairs.iter().filter(|pair| pair.confidence >= CONFIDENCE_MIN))
-}
-
-/// Checks that pairs that match join all cameras.
-fn check_connected(cameras: usize, pairs: &[SoundPair], name: &dyn Fn(usize) -> String) -> Result<(), Fault> {
-    let groups = groups_of(cameras, pairs);
-    let size = |group: usize| groups.iter().filter(|other| **other == group).count();
-    let largest = (0..cameras).max_by_key(|group| (size(*group), usize::MAX - group)).unwrap_or(0);
-    let Some(outside) = (0..cameras).find(|camera| groups[*camera] != largest) else { return Ok(()) };
-    let across = pairs.iter().filter(|pair| {
-        let [a, b] = pair.cameras.map(|camera| groups[camera] == groups[outside]);
-        a != b
-    });
-    let best = across.map(|pair| pair.confidence).fold(0.0, f64::max);
-    Err(Fault::Data(format!(
-        "{}: its sound is not that of the other cameras: the correlation peaks at {best:.1} times its median, and {CONFIDENCE_MIN} \
-         are needed; state when the videos start with --offsets FILE",
-        name(outside)
-    )))
 }
 
 #[cfg(test)]
@@ -109,7 +132,8 @@ mod tests {
 
     fn starts_s(recordings: &[(f64, f64, f64)]) -> Result<SoundSync, Fault> {
         let folder = tempfile::tempdir().unwrap();
-        synchronise(&recorded(folder.path(), recordings), &|camera| format!("camera {camera}"))
+        let name = |camera: usize| format!("camera {camera}");
+        synchronise(&recorded(folder.path(), recordings), &name, &mut |_| ())
     }
 
     #[test]
@@ -117,6 +141,29 @@ mod tests {
         let found = starts_s(&[(140.0, 30.0, 0.0), (5.0, 170.0, 0.0), (139.0, 20.0, 0.0)]).unwrap().starts_s;
         for (found_s, expected_s) in found.iter().zip([0.0, -135.0, -1.0]) {
             assert!((found_s - expected_s).abs() < 2e-4, "{found:?}");
+        }
+    }
+
+    #[test]
+    fn one_of_another_event_is_known_by_its_own_pairs() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut random = fastrand::Rng::with_seed(5);
+        let mut noise = |i: usize| {
+            let samples: Vec<f32> = (0..6 * RATE as usize).map(|_| 2e4 * (random.f32() - 0.5)).collect();
+            Track::from_samples(folder.path().join(i.to_string()), &samples)
+        };
+        let others: Vec<Track> = (0..4).map(&mut noise).collect();
+        let one = vec![others[0].clone(), others[1].clone(), others[0].clone(), others[0].clone()];
+        for (tracks, outside) in [(others, 0), (one, 1)] {
+            let mut said = Vec::new();
+            let name = |camera: usize| format!("camera {camera}");
+            let mut say = |line: &str| said.push(line.to_owned());
+            let error = synchronise(&tracks, &name, &mut say).unwrap_err().to_string();
+            assert!(error.starts_with(&format!("camera {outside}: its sound is not that of")), "{error}");
+            assert!(
+                said.len() == 3 && said[0].contains("camera 0 is sought in that of camera 1, pair 1"),
+                "{said:?}"
+            );
         }
     }
 

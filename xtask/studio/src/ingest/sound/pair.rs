@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 /// Samples a second.
 pub(in crate::ingest) const RATE: f64 = 16_000.0;
 
-/// Peak of a correlation over its median, from which on it is a match. Noise of any length stays below 9.
+/// Peak of a correlation over its median, from which on it is a match. Noise of an hour stays below 10.
 pub(in crate::ingest) const CONFIDENCE_MIN: f64 = 12.0;
 
 /// Drift in parts per million up to which clocks are modelled.
