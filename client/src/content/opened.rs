@@ -20,8 +20,8 @@ use super::source::TakeSource;
 use crate::audio::SoundTrack;
 use crate::gpu::{PackedLayers, PackedSegment, PlateLayout, TakeLayout};
 
-/// Bytes that are read first: they say how long the head is, or what a file is that is no package.
-const HEAD_BYTES: usize = 64;
+/// Bytes that are read first: they say how long the head is.
+const HEAD_BYTES: usize = 16;
 
 /// Parts of the memory that a decoder may use: what is resident, one segment that waits for room, one that waits for
 /// the player, and one that is decoded.
