@@ -154,6 +154,7 @@ pub fn ingest(
     // What was written is what the other commands read.
     let capture_files =
         CaptureFiles::open(out).or_else(|error| undo().map_err(Into::into).and(Err(error)))?;
+    capture_files.notes.iter().for_each(|note| say(&format!("note: {}: {note}", out.display())));
     if let Some(height_m) = options.height_m {
         let metres = life_size::metres_per_unit(&capture_files, placement.up, height_m);
         let metres = metres.or_else(|error| undo().and(Err(error)))?;

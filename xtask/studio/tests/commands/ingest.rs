@@ -253,6 +253,8 @@ fn nothing_is_guessed_without_sound() {
     }
     assert!(said.contains("up is assumed") && said.contains("is assumed to be a metre"), "{said}");
     assert_eq!(manifest(folder).get("metres_per_unit"), None);
+    let said = ingest(folder, "--offsets none --origin 4000000,0,0").success().stdout;
+    assert_eq!(said.matches("note: studio: the subject is far from the origin").count(), 1, "{said}");
     for (text, problem) in [("left 0", "no line for the video right"), ("left 0\nright 9", "it ends 8.04")] {
         fs::write(folder.join("starts.txt"), text).unwrap();
         let error = refused(ingest(folder, "--offsets starts.txt"), 3);
