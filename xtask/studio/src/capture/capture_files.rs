@@ -30,8 +30,8 @@ const BYTES_MAX: u64 = 8 << 30;
 const PHOTO_BYTES: u64 = 128;
 const PATH_BYTES: u64 = 3;
 
-/// Photographs by which a background is judged, and the mean brightness up to which it counts as black.
-const JUDGED: usize = 16;
+/// Photographs of a camera by which its background is judged, and the mean brightness up to which it counts as black.
+const JUDGED: usize = 4;
 const BLACK_MAX: f64 = 3.0 / 255.0;
 
 /// A capture and the paths of its photographs.
@@ -75,8 +75,8 @@ pub struct CaptureFiles {
     pub(super) background: Background,
     /// Whether the cameras are other ones than the capture states.
     pub(super) is_corrected: bool,
-    /// Whether photographs are multiplied with their masks already; known from its first use on.
-    pub(super) is_premultiplied: Arc<OnceLock<bool>>,
+    /// Whether the photographs of each camera are multiplied with their masks already; known from its first use on.
+    pub(super) is_premultiplied: Vec<Arc<OnceLock<bool>>>,
 }
 
 /// The sound of a capture.
@@ -275,41 +275,48 @@ impl CaptureFiles {
         if let Some(plate) =
             plate.filter(|_| self.background.is_matted && !has_mask && self.is_small(photo_id.camera))
         {
-            return Ok(self.small_matted(photo_id.camera, image, plate));
+            return Ok(self.small_matted(photo_id, image, plate));
         }
         let mask = match self.mask_path(self.index(photo_id)) {
             Some(path) => Some(self.mask(&path, photo_id.camera)?),
             None => plate.filter(|_| self.background.is_matted).map(|plate| matte(plate, &image)),
         };
         if let Some(mask) = mask {
-            self.mask_out(&mut image, &mask, plate);
+            self.mask_out(&mut image, &mask, plate, photo_id);
         }
         Ok(self.seen(photo_id.camera, image))
     }
 
     /// Makes what is outside of `mask` transparent, and takes the background out where there is a plate and it is not kept.
-    fn mask_out(&self, image: &mut Image, mask: &Mask, plate: Option<&Plate>) {
+    fn mask_out(&self, image: &mut Image, mask: &Mask, plate: Option<&Plate>, photo_id: PhotoId) {
         match (self.background.is_kept, plate) {
             (true, _) => multiply_alpha(image, mask),
             (false, Some(plate)) => {
                 multiply_alpha(image, mask);
                 take_out(image, plate);
             }
-            (false, None) => apply_mask(image, mask, self.is_premultiplied()),
+            (false, None) => {
+                let is_premultiplied = self.is_premultiplied(photo_id, image, mask);
+                apply_mask(image, mask, is_premultiplied);
+            }
         }
     }
 
-    /// Whether photographs are multiplied with their masks already, so that what is outside of the subject is black: on
-    /// average over some of them, as lossy files and noise leave no exact black.
-    fn is_premultiplied(&self) -> bool {
-        *self.is_premultiplied.get_or_init(|| {
+    /// Whether the photographs of the camera of this one, which is read, are multiplied with their masks already, so that what
+    /// is outside of the subject is black: on average over some of them, as lossy files and noise leave no exact black.
+    fn is_premultiplied(&self, PhotoId { camera, frame }: PhotoId, image: &Image, mask: &Mask) -> bool {
+        *self.is_premultiplied[camera].get_or_init(|| {
             let photos = &self.capture.photos;
-            let masked: Vec<usize> = (0..photos.len()).filter(|i| self.mask_path(*i).is_some()).collect();
+            let is_masked = |i: &usize| photos[*i].camera == camera && self.mask_path(*i).is_some();
+            let masked: Vec<usize> = (0..photos.len()).filter(is_masked).collect();
             let step = masked.len().div_ceil(JUDGED).max(1);
             let outside = masked.into_iter().step_by(step).filter_map(|i| {
+                if photos[i].frame == frame {
+                    return Some(brightness_outside(image, mask));
+                }
                 // One that cannot be read is named when it is needed.
                 let image = self.taken(photos[i]).ok()?;
-                Some(brightness_outside(&image, &self.mask(&self.mask_path(i)?, photos[i].camera).ok()?))
+                Some(brightness_outside(&image, &self.mask(&self.mask_path(i)?, camera).ok()?))
             });
             let (sum, count) = outside.fold((0.0, 0), |(sum, count), (s, c)| (sum + s, count + c));
             count > 0 && sum <= BLACK_MAX * count as f64
@@ -323,7 +330,8 @@ impl CaptureFiles {
     }
 
     /// A photograph that is shrunk first and gets its matte then: a matte takes time for each pixel.
-    fn small_matted(&self, camera: usize, taken: Image, plate: &Plate) -> Photo {
+    fn small_matted(&self, photo_id: PhotoId, taken: Image, plate: &Plate) -> Photo {
+        let camera = photo_id.camera;
         let mut photo = self.seen(camera, taken);
         let plate = self.plates[camera].shrunk(|| {
             let Camera { width, height, .. } = self.file_cameras[camera];
@@ -337,7 +345,7 @@ impl CaptureFiles {
             )
         });
         let mask = matte(plate, &photo.image);
-        self.mask_out(&mut photo.image, &mask, Some(plate));
+        self.mask_out(&mut photo.image, &mask, Some(plate), photo_id);
         photo
     }
 
@@ -507,6 +515,7 @@ impl CaptureBuilder {
             }
         };
         let file_cameras = self.cameras.iter().map(|camera| camera.camera.clone()).collect();
+        let is_premultiplied = self.cameras.iter().map(|_| Arc::default()).collect();
         let offsets = self.cameras.iter().map(|camera| (camera.name.clone(), camera.time_offset_s));
         let time_offsets_s = offsets.filter(|(_, offset_s)| *offset_s != 0.0).collect();
         let selected = 0..frame_times_s.len();
@@ -531,7 +540,7 @@ impl CaptureBuilder {
             plates,
             background: Background::default(),
             is_corrected: false,
-            is_premultiplied: Arc::default(),
+            is_premultiplied,
         }
     }
 }

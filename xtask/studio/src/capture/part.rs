@@ -54,6 +54,7 @@ impl CaptureFiles {
         select(&mut self.file_cameras, is_selected);
         select(&mut self.videos, is_selected);
         select(&mut self.plates, is_selected);
+        select(&mut self.is_premultiplied, is_selected);
         let mut numbers = 0..;
         let numbers: Vec<Option<usize>> =
             is_selected.iter().map(|selected| if *selected { numbers.next() } else { None }).collect();

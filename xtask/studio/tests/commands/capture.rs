@@ -300,13 +300,21 @@ fn premultiplied_photographs_are_masked_once() {
     assert!(mean(|pixel| pixel[3] > 0.0) < 0.02, "{}", mean(|pixel| pixel[3] > 0.0));
     assert_eq!(mean(|pixel| pixel[3] == 0.0), 0.0, "nothing shines outside");
     studio.manifest(|_| ());
-    // Before another background, the mask applies.
+    // Before another background, the mask applies: to that camera alone.
+    let others = |studio: &Studio| {
+        let capture_files = studio.capture_files();
+        (1..4)
+            .map(|camera| capture_files.photo(PhotoId { camera, frame: 0 }).unwrap().image)
+            .collect::<Vec<_>>()
+    };
+    let before = others(&studio);
     let mut white = saved.clone();
     white.pixels_mut().for_each(|pixel| pixel.0 = [255; 3]);
     white.save(studio.file("images", 0, 0)).unwrap();
     for (pixel, mask) in photo(&studio).pixels.iter().zip(mask.pixels()) {
         assert_eq!(*pixel, [unit_value(mask.0[0]); 4]);
     }
+    assert!(others(&studio) == before);
 }
 
 #[test]
