@@ -93,6 +93,14 @@ pub fn anchor<E: From<AnchorError>>(
     Ok(all)
 }
 
+/// Depth maps of the views of a frame, from its visual hull: where the ray of each pixel of the subject enters that.
+///
+/// # Errors
+/// An [`AnchorError`] if a photograph has another size than its camera, or the frame has no hull.
+pub fn hull_depths(frame: &AnchorFrame, settings: HullSettings) -> Result<Vec<DepthMap>, AnchorError> {
+    sources::hull_depths(frame, settings)
+}
+
 /// Anchors one frame. `scale` is the scale of [`Alignment::Rig`], set by the first frame that
 /// determines it.
 fn anchor_frame(

@@ -8,8 +8,8 @@ use super::hull::Hull;
 use super::pinhole::{Pinhole, rig_radius};
 use super::silhouette::Silhouette;
 use super::{
-    Alignment, AnchorError, AnchorFrame, AnchorSettings, AnchorView, DepthMap, DepthSource, mirror, open,
-    sweep,
+    Alignment, AnchorError, AnchorFrame, AnchorSettings, AnchorView, DepthMap, DepthSource, HullSettings,
+    mirror, open, sweep,
 };
 use crate::fit::Photograph;
 use crate::median::median;
@@ -44,9 +44,7 @@ pub(super) fn surfaces<'a>(
         DepthSource::Given(Alignment::Metric | Alignment::Rig) => None,
         DepthSource::HullAndSweep if !views.iter().any(|view| view.photograph.is_masked()) => None,
         DepthSource::Hull | DepthSource::HullAndSweep | DepthSource::Given(Alignment::Hull) => {
-            let silhouettes =
-                pinholes.iter().zip(views).map(|(pinhole, view)| Silhouette::new(pinhole, &view.photograph));
-            Some(Hull::carve(silhouettes.collect(), settings.hull)?)
+            Some(carved(&pinholes, views, settings.hull)?)
         }
     };
     // The number of pixels with given depths is known after their alignment.
@@ -92,6 +90,24 @@ pub(super) fn surfaces<'a>(
         _ => (),
     }
     Ok(FrameSurfaces { surfaces, step, hull_center: hull.map(|hull| hull.centroid()) })
+}
+
+/// The depth maps of [`hull_depths`](super::hull_depths).
+pub(super) fn hull_depths(frame: &AnchorFrame, settings: HullSettings) -> Result<Vec<DepthMap>, AnchorError> {
+    check_sizes(frame)?;
+    let (pinholes, views) = (pinholes(frame), &frame.views);
+    let hull = carved(&pinholes, views, settings)?;
+    let map = |(pinhole, view): (&Pinhole, &AnchorView)| {
+        hull_surface(pinhole, &view.photograph, Some(&hull), 1.0).depths
+    };
+    Ok(pinholes.iter().zip(views).map(map).collect())
+}
+
+/// The hull of the silhouettes of all views.
+fn carved(pinholes: &[Pinhole], views: &[AnchorView], settings: HullSettings) -> Result<Hull, AnchorError> {
+    let silhouettes =
+        pinholes.iter().zip(views).map(|(pinhole, view)| Silhouette::new(pinhole, &view.photograph));
+    Hull::carve(silhouettes.collect(), settings)
 }
 
 /// Checks that each photograph has the size of its camera.

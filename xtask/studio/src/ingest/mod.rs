@@ -157,11 +157,15 @@ pub fn ingest(
     capture_files.notes.iter().for_each(|note| say(&format!("note: {}: {note}", out.display())));
     if let Some(height_m) = options.height_m {
         let metres = life_size::metres_per_unit(&capture_files, placement.up, height_m);
-        let metres = metres.or_else(|error| undo().and(Err(error)))?;
+        let life_size::Measure { value: metres, spread } = metres.or_else(|error| undo().and(Err(error)))?;
         say(&line(
             "size",
             false,
-            &format!("{} metres per unit, by the height of the subject", decimal(metres, 5)),
+            &format!(
+                "{} metres per unit, by the height of the subject, with a spread of {} % between views",
+                decimal(metres, 5),
+                decimal(100.0 * spread, 1)
+            ),
         ));
         placement.metres_per_unit = Some(metres);
         write::write(&store, out, &parts, &placement, options.extract)?;

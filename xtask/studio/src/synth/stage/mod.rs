@@ -112,6 +112,22 @@ pub(super) fn rig(settings: &StageSettings) -> Vec<Camera> {
     (0..settings.cameras).map(camera).collect()
 }
 
+/// The cameras with their masks of `frame`, and how high the figure is then, in metres.
+#[cfg(test)]
+pub(crate) fn silhouettes(settings: &StageSettings, frame: f64) -> (Vec<(Camera, Vec<u8>)>, f64) {
+    let parts = subject(settings, &Motion::new(settings.frames), frame);
+    let end = |along: glam::DVec3| {
+        let reach =
+            |part: &FigurePart| along.dot(part.center) + part.solid.support(part.axes.transpose() * along);
+        parts.iter().map(reach).fold(f64::NEG_INFINITY, f64::max)
+    };
+    let masks = rig(settings).into_iter().map(|camera| {
+        let mask = trace::trace(&parts, &camera).mask;
+        (camera, mask)
+    });
+    (masks.collect(), end(glam::DVec3::Y) + end(glam::DVec3::NEG_Y))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
