@@ -11,7 +11,9 @@ use rayon::prelude::*;
 
 use super::DepthMap;
 use super::pinhole::Pinhole;
-use super::sweep::{NEIGHBORS_MAX, Patch, SweptView, interpolated, nearest, neighbors, scores, shrunk};
+use super::sweep::{
+    NEIGHBORS_MAX, Neighbor, Patch, SweptView, interpolated, nearest, neighbors, scores, shrunk,
+};
 use crate::capture::Focus;
 use crate::fit::Photograph;
 
@@ -35,8 +37,9 @@ const WIDEST: f64 = 0.0;
 const AROUND: u32 = 8;
 const FLATTEST: f64 = -0.3;
 
-/// Least NCC of a match.
+/// Least NCC of a match, and at the depth before or after it: of each two depths, one is tried where this is reached beside it.
 const LEAST_SCORE: f32 = 0.8;
+const LEAST_BESIDE: f32 = 0.4;
 
 /// A neighbour confirms a depth if its own differs by at most so many steps.
 const CONFIRMING: f64 = 2.0;
@@ -124,7 +127,7 @@ fn matched(all: &[SweptView], i: usize, normals: &[DVec3], steps: &Steps) -> Vec
         let ray = view.pinhole.ray(at).normalize();
         let of_normal = |normal: &DVec3| {
             let patch = (normal.dot(ray) < FLATTEST).then(|| patch.tilted(view, at, *normal))??;
-            let scores = scores(&patch, &neighbors, depths.iter().copied());
+            let scores = scores_at(&patch, &neighbors, &depths);
             let best = (0..DEPTHS).max_by(|a, b| scores[*a].total_cmp(&scores[*b]))?;
             Some((scores[best], interpolated(&scores, best)))
         };
@@ -132,6 +135,19 @@ fn matched(all: &[SweptView], i: usize, normals: &[DVec3], steps: &Steps) -> Vec
         best.filter(|(score, _)| *score >= LEAST_SCORE).map(|(_, step)| step)
     };
     (0..width * height).into_par_iter().map(of_pixel).collect()
+}
+
+/// The scores of a patch at each second depth, and at the depths between these that are beside a high one.
+fn scores_at(patch: &Patch, neighbors: &[Neighbor], depths: &[f32]) -> Vec<f32> {
+    let mut all = vec![f32::NEG_INFINITY; depths.len()];
+    let even = scores(patch, neighbors, depths.iter().copied().step_by(2));
+    all.iter_mut().step_by(2).zip(even).for_each(|(score, even)| *score = even);
+    let is_high = |k: usize| all.get(k).is_some_and(|score| *score >= LEAST_BESIDE);
+    let between: Vec<usize> =
+        (1..depths.len()).step_by(2).filter(|k| is_high(k - 1) || is_high(k + 1)).collect();
+    let odd = scores(patch, neighbors, between.iter().map(|k| depths[*k]));
+    between.into_iter().zip(odd).for_each(|(k, score)| all[k] = score);
+    all
 }
 
 /// The steps of view `i` that more neighbours confirm than deny. A neighbour denies a point that it sees through.

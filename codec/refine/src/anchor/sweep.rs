@@ -7,7 +7,7 @@
 //! occluded (Kang, Szeliski and Chai, 2001). The hull's depth stays if no depth scores well, or if
 //! neighbours see through the point.
 
-use glam::{DVec3, Mat3, Vec3, Vec4};
+use glam::{DVec3, Mat3, Mat4, Vec3, Vec4};
 use rayon::prelude::*;
 
 use super::DepthMap;
@@ -20,7 +20,8 @@ use crate::fit::Photograph;
 pub struct SweepSettings {
     /// Number of depths that a pixel tries, the hull's included, clamped to 2 to 256.
     pub depths: usize,
-    /// Photographs are shrunk by a whole factor until their longer side has about this many pixels.
+    /// Photographs are shrunk by a whole factor until their longer side has about this many pixels, up to 1900: pixels of one
+    /// are counted in single precision.
     pub size: u32,
 }
 
@@ -29,6 +30,9 @@ impl Default for SweepSettings {
         SweepSettings { depths: 16, size: 512 }
     }
 }
+
+/// Most of [`SweptView`]'s longer side is one and a half of this: 2^23 pixels at most.
+const SIZE_MAX: u32 = 1900;
 
 /// Number of neighbours that a view is compared with, and how many of them must agree.
 const NEIGHBORS: usize = 4;
@@ -67,6 +71,8 @@ pub(super) struct SweptView {
     pub(super) pinhole: Pinhole,
     /// Brightness over black.
     luma: Vec<f32>,
+    /// Of each pixel, what makes the brightness at `(u, v)` from its middle, each 0 to 1: the factors of 1, u, v and u v.
+    bilinear: Vec<Vec4>,
     pub(super) subject: Vec<bool>,
     spans: Vec<[f32; 2]>,
     /// Views to compare with, nearest first.
@@ -129,7 +135,8 @@ pub(super) fn nearest(
 
 /// Prepares a photograph: shrinks it by a whole factor to about `size` pixels along the longer side.
 pub(super) fn shrunk(pinhole: &Pinhole, photograph: &Photograph, size: u32) -> SweptView {
-    let factor = ((pinhole.size[0].max(pinhole.size[1]) + size / 2) / size.max(1)).max(1);
+    let size = size.clamp(1, SIZE_MAX);
+    let factor = ((pinhole.size[0].max(pinhole.size[1]) + size / 2) / size).max(1);
     let factor = factor.min(pinhole.size[0]).min(pinhole.size[1]);
     let pinhole = pinhole.shrunk(factor);
     let [width, height] = pinhole.size;
@@ -148,7 +155,39 @@ pub(super) fn shrunk(pinhole: &Pinhole, photograph: &Photograph, size: u32) -> S
         luma.push(sum as f32 / (256 * 255 * factor * factor) as f32);
         subject.push(2 * subject_pixels > factor * factor);
     }
-    SweptView { pinhole, luma, subject, spans: Vec::new(), neighbors: Vec::new() }
+    let bilinear = bilinear(&luma, width as usize);
+    SweptView { pinhole, luma, bilinear, subject, spans: Vec::new(), neighbors: Vec::new() }
+}
+
+/// The factors of [`SweptView::bilinear`] of a picture `width` pixels wide; beyond its edges, it goes on as it ends.
+fn bilinear(luma: &[f32], width: usize) -> Vec<Vec4> {
+    let of_pixel = |pixel: usize| {
+        let right = usize::from(pixel % width + 1 < width);
+        let below = if pixel + width < luma.len() { width } else { 0 };
+        let [here, aside] = [luma[pixel], luma[pixel + right]];
+        let [under, across] = [luma[pixel + below], luma[pixel + below + right]];
+        Vec4::new(here, aside - here, under - here, here - aside - under + across)
+    };
+    (0..luma.len()).map(of_pixel).collect()
+}
+
+/// 2^23: added to a number from 0 on, it leaves the nearest whole number in the bits of [`WHOLE_BITS`].
+const WHOLE: Vec4 = Vec4::splat(8_388_608.0);
+const WHOLE_BITS: u32 = (1 << 23) - 1;
+
+impl SweptView {
+    /// Bilinear brightness at four places in the picture, columns and rows from the middle of the first pixel.
+    #[inline(always)]
+    fn brightness(&self, x: Vec4, y: Vec4) -> Vec4 {
+        // The pixel to the left and above or, at the middle of one, that pixel or the one before it.
+        let left = (x - 0.5).max(Vec4::ZERO) + WHOLE - WHOLE;
+        let top = (y - 0.5).max(Vec4::ZERO) + WHOLE - WHOLE;
+        let (u, v) = (x - left, y - top);
+        let [a, b, c, d] = (top * self.pinhole.size[0] as f32 + left + WHOLE).to_array();
+        let factors = |pixel: f32| self.bilinear[(pixel.to_bits() & WHOLE_BITS) as usize];
+        let factors = Mat4::from_cols(factors(a), factors(b), factors(c), factors(d)).transpose();
+        factors.x_axis + u * factors.y_axis + v * (factors.z_axis + u * factors.w_axis)
+    }
 }
 
 /// The normalised brightness of a patch: zero mean, unit norm.
@@ -200,15 +239,16 @@ impl Patch {
     /// projection leaves the image. `rays` are the pixels' rays in `other`.
     fn likeness(&self, other: &SweptView, rays: &Rays, offset: Vec3, depth: f32) -> Option<f32> {
         let [width, height] = other.pinhole.size;
-        let [x, y] = rays.places(offset, depth, [width, height].map(|n| (n - 1) as f32))?;
-        let (x, y) = (x.iter().flat_map(Vec4::as_ref), y.iter().flat_map(Vec4::as_ref));
-        let (mut sum, mut squares, mut product) = (0.0, 0.0, 0.0);
-        for (((_, luma), x), y) in self.pixels.iter().zip(x).zip(y) {
-            let there = brightness(&other.luma, width as usize, *x, *y);
+        let most = [(width - 1) as f32, (height - 1) as f32];
+        let [x, y] = rays.places(offset, depth, most)?;
+        let (mut sum, mut squares, mut product) = (Vec4::ZERO, Vec4::ZERO, Vec4::ZERO);
+        for i in 0..PATCH_VECTORS {
+            let there = rays.is_pixel[i] * other.brightness(x[i], y[i]);
             sum += there;
             squares += there * there;
-            product += luma * there;
+            product += rays.luma[i] * there;
         }
+        let (sum, squares, product) = (sum.element_sum(), squares.element_sum(), product.element_sum());
         let n = self.pixels.len() as f32;
         let variance = (squares - sum * sum / n) / n;
         // The patch's own sum is 0, so the other's mean does not matter to the product.
@@ -220,30 +260,39 @@ impl Patch {
 const PATCH_PIXELS: usize = (2 * PATCH_HALF as usize + 1).pow(2);
 const PATCH_VECTORS: usize = PATCH_PIXELS.div_ceil(4);
 
-/// The rays of a patch's pixels in another view, in vectors of each coordinate: the sweep spends its time on them. Behind
-/// the last ray are copies of the first.
-struct Rays([[Vec4; PATCH_VECTORS]; 3]);
+/// The rays of a patch's pixels in another view, in vectors of each coordinate, and their brightness: the sweep spends its
+/// time on them. Behind the last ray are copies of the first that do not count.
+struct Rays {
+    rays: [[Vec4; PATCH_VECTORS]; 3],
+    luma: [Vec4; PATCH_VECTORS],
+    /// 1 where there is a pixel, else 0.
+    is_pixel: [Vec4; PATCH_VECTORS],
+}
 
 impl Rays {
     fn new(patch: &Patch, matrix: Mat3) -> Rays {
         let first = patch.pixels.first().map_or(Vec3::ZERO, |(place, _)| matrix * *place);
         let mut rays = first.to_array().map(|x| [Vec4::splat(x); PATCH_VECTORS]);
-        for (i, (place, _)) in patch.pixels.iter().enumerate() {
+        let [mut luma, mut is_pixel] = [[Vec4::ZERO; PATCH_VECTORS]; 2];
+        for (i, (place, brightness)) in patch.pixels.iter().enumerate() {
             let ray = matrix * *place;
             (0..3).for_each(|axis| rays[axis][i / 4][i % 4] = ray[axis]);
+            luma[i / 4][i % 4] = *brightness;
+            is_pixel[i / 4][i % 4] = 1.0;
         }
-        Rays(rays)
+        Rays { rays, luma, is_pixel }
     }
 
     /// Columns and rows of the pixels at `depth`, from the middle of the first one; `None` unless all are between 0 and
     /// `most`.
     fn places(&self, offset: Vec3, depth: f32, most: [f32; 2]) -> Option<[[Vec4; PATCH_VECTORS]; 2]> {
-        let Rays([x, y, z]) = self;
+        let [x, y, z] = &self.rays;
         let mut places = [[Vec4::ZERO; PATCH_VECTORS]; 2];
         for i in 0..PATCH_VECTORS {
             let z = depth * z[i] + offset.z;
-            let column = (depth * x[i] + offset.x) / z - 0.5;
-            let row = (depth * y[i] + offset.y) / z - 0.5;
+            let inverse = z.recip();
+            let column = (depth * x[i] + offset.x) * inverse - 0.5;
+            let row = (depth * y[i] + offset.y) * inverse - 0.5;
             let within = z.cmpgt(Vec4::ZERO)
                 & column.cmpge(Vec4::ZERO)
                 & row.cmpge(Vec4::ZERO)
@@ -256,16 +305,6 @@ impl Rays {
         }
         Some(places)
     }
-}
-
-/// Bilinear brightness at a place within an image.
-fn brightness(luma: &[f32], width: usize, x: f32, y: f32) -> f32 {
-    let (left, top) = (x as u32 as usize, y as u32 as usize);
-    let (u, v) = (x - left as f32, y - top as f32);
-    let first = top * width + left;
-    let row = |pair: &[f32]| pair[0] + u * (pair[1] - pair[0]);
-    let (above, below) = (row(&luma[first..first + 2]), row(&luma[first + width..first + width + 2]));
-    above + v * (below - above)
 }
 
 /// Where the pixels of a view are in another: at `depth * (matrix * pixel) + offset`.
@@ -430,6 +469,42 @@ mod tests {
         for color in [|_| [0; 3], |_| [200, 100, 50]] as [fn(DVec3) -> [u8; 3]; 2] {
             let [hull, swept] = mean_errors(color);
             assert!((swept - hull).abs() < 0.05 * hull, "hull {hull}, swept {swept}");
+        }
+    }
+
+    #[test]
+    fn brightness_is_bilinear() {
+        let mut random = fastrand::Rng::with_seed(7);
+        let (width, height) = (5, 4);
+        let luma: Vec<f32> = (0..width * height).map(|_| random.f32()).collect();
+        let camera = &ring(1, 3.0, 5)[0];
+        let pinhole = Pinhole { size: [width as u32, height as u32], ..Pinhole::new(camera) };
+        let bilinear = bilinear(&luma, width);
+        let view = SweptView {
+            pinhole,
+            bilinear,
+            subject: vec![],
+            spans: vec![],
+            neighbors: vec![],
+            luma: luma.clone(),
+        };
+        let expected = |x: f32, y: f32| {
+            let weight = |pixel: usize| {
+                let [dx, dy] = [x - (pixel % width) as f32, y - (pixel / width) as f32];
+                (1.0 - dx.abs()).max(0.0) * (1.0 - dy.abs()).max(0.0)
+            };
+            (0..luma.len()).map(|pixel| weight(pixel) * luma[pixel]).sum::<f32>()
+        };
+        for i in 0..400 {
+            // Whole numbers and halves, too.
+            let mut place = |most: usize| {
+                let part = if i % 2 == 0 { random.f32() } else { 0.125 * random.u32(0..8) as f32 };
+                part * (most - 1) as f32
+            };
+            let (x, y) =
+                (Vec4::from([0; 4].map(|_| place(width))), Vec4::from([0; 4].map(|_| place(height))));
+            let found = view.brightness(x, y);
+            (0..4).for_each(|k| assert!((found[k] - expected(x[k], y[k])).abs() < 1e-5, "{x} {y}"));
         }
     }
 
