@@ -48,8 +48,6 @@ pub(super) enum Selection {
     Named(Vec<String>),
     /// The first of these that can be loaded.
     FirstOf(Vec<Entry>),
-    /// A clip that is on display, without a playlist, and its neighbours.
-    Again(Entry),
     /// What more its source has to tell of the take on display, and without a playlist its neighbours.
     #[cfg(feature = "window")]
     Rest { entry: Entry, rest: Arrival, in_playlist: bool },
@@ -99,12 +97,6 @@ impl<T: ClipTarget> Loading<'_, T> {
     fn load(&mut self, selection: Selection) -> Flow {
         match selection {
             Selection::FirstOf(entries) => self.first_of(&entries),
-            Selection::Again(entry) => {
-                if self.neighbours(entry.name.as_deref()).is_break() {
-                    return Ok(ControlFlow::Break(()));
-                }
-                self.first_of(&[entry])
-            }
             #[cfg(feature = "window")]
             Selection::Rest { entry, rest, in_playlist } => {
                 if !in_playlist && self.neighbours(entry.name.as_deref()).is_break() {

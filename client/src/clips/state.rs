@@ -58,8 +58,6 @@ enum Loading {
     Beside,
     /// Versions of the clip on display.
     Current,
-    /// The clip on display again, whose versions another load cut off. Nobody waits for it.
-    Again,
     /// The next clip; the flag says whether playback is blocked on it.
     Next(Arc<AtomicBool>),
 }
@@ -100,8 +98,6 @@ pub(super) struct QueueState<C> {
     current: Option<Entry>,
     next: Next<C>,
     loading: Option<Loading>,
-    /// Whether another load took the place of the versions of the clip on display.
-    is_cut_off: bool,
     request: Option<(Selection, Arc<AtomicBool>)>,
     skip_requested: bool,
 }
@@ -122,7 +118,6 @@ impl<C> QueueState<C> {
             current: None,
             next: Next::Pending,
             loading: None,
-            is_cut_off: false,
             request: None,
             skip_requested: false,
         }
@@ -304,7 +299,6 @@ impl<C> QueueState<C> {
                 self.forget_next();
                 self.current = Some(entry.clone());
                 self.loading = Some(Loading::Current);
-                self.is_cut_off = false;
                 let transition = if is_beside { Transition::Follow } else { Transition::Open };
                 Some(Change::Show { entry, clip, transition })
             }
@@ -336,14 +330,7 @@ impl<C> QueueState<C> {
         }
         self.loading = None;
         self.opened = None;
-        match self.current.clone().filter(|_| self.is_cut_off) {
-            None => self.request_next(),
-            // Its folder may not be known yet either.
-            Some(entry) if self.queue.is_none() && self.neighbours == Neighbours::default() => {
-                self.load(Loading::Again, Selection::Again(entry));
-            }
-            Some(entry) => self.load(Loading::Again, Selection::FirstOf(vec![entry])),
-        }
+        self.request_next();
     }
 
     /// Takes in that the clip on display started over: failed candidates are tried again.
@@ -454,16 +441,12 @@ impl<C> QueueState<C> {
     fn load(&mut self, loading: Loading, selection: Selection) {
         let is_blocking = match &loading {
             Loading::Next(is_blocking) => is_blocking.clone(),
-            Loading::Again => Arc::default(),
             Loading::Opening { .. } | Loading::Beside | Loading::Current => Arc::new(true.into()),
         };
         self.candidates = match &selection {
             Selection::FirstOf(entries) => entries.clone().into(),
             _ => VecDeque::new(),
         };
-        let is_of_current = |loading: &Loading| matches!(loading, Loading::Current | Loading::Again);
-        self.is_cut_off |= self.loading.as_ref().is_some_and(is_of_current);
-        self.is_cut_off &= !is_of_current(&loading);
         self.loading = Some(loading);
         self.request = Some((selection, is_blocking));
     }
@@ -480,7 +463,6 @@ impl<C> QueueState<C> {
     fn shows_progress(&self) -> bool {
         match &self.loading {
             Some(Loading::Next(is_blocking)) => is_blocking.load(Ordering::Relaxed),
-            Some(Loading::Again) => false,
             _ => true,
         }
     }
@@ -761,58 +743,6 @@ mod tests {
             state.on_event(failed("missing"));
             assert_eq!(state.neighbours.get(Direction::Forward), Some(&b));
         }
-    }
-
-    #[test]
-    fn what_fails_to_open_cuts_off_no_better_versions_of_the_clip_on_display() {
-        let again = |state: &mut State| match state.take_request() {
-            Some((Selection::Again(entry), is_blocking)) => {
-                Some((entry, is_blocking.load(Ordering::Relaxed)))
-            }
-            _ => None,
-        };
-        let entry = Entry { number: 0, name: Some("0".into()) };
-        let mut state = State::new(true);
-        state.open(Some("a".into()));
-        state.on_event(clip(0, true, "a"));
-        for opened in ["missing", "missing, too"] {
-            state.open(Some(opened.into()));
-            state.on_event(LoadEvent::Neighbours(Neighbours::default()));
-        }
-        assert_eq!(short(state.on_event(failed("missing"))), "failed: missing");
-        assert_eq!(again(&mut state), Some((entry, false)), "with its folder, once it is complete");
-        assert_eq!(
-            short(state.on_event(LoadEvent::Progress(Progress::default()))),
-            "",
-            "the failure is read"
-        );
-        // While it is loaded again, in turn.
-        state.open(Some("missing".into()));
-        state.on_event(failed("missing"));
-        assert!(again(&mut state).is_some());
-        assert_eq!(short(state.on_event(clip(0, true, "A"))), "Refine 0 A");
-        assert_eq!(short(state.on_event(LoadEvent::Done)), "idle");
-        assert!(state.take_request().is_none() && !state.is_loading());
-        // What is complete is not loaded again.
-        state.open(Some("missing".into()));
-        state.take_request();
-        state.on_event(failed("missing"));
-        assert!(state.take_request().is_none());
-        // In a folder that is known, a skip past a damaged clip goes on from there.
-        let folder = tempfile::tempdir().unwrap();
-        let [a, b, c] = ["a", "b", "c"].map(|stem| {
-            let path = folder.path().join(stem).with_extension("aarc");
-            std::fs::write(&path, "").unwrap();
-            path.to_str().unwrap().to_owned()
-        });
-        state.open(Some(a.clone()));
-        state.on_event(LoadEvent::Neighbours(Neighbours::find(Some(&a))));
-        state.on_event(clip(0, true, "a"));
-        state.skip(Direction::Forward);
-        state.on_event(LoadEvent::Neighbours(Neighbours::find(Some(&b))));
-        state.on_event(failed("damaged"));
-        assert_eq!(candidates(&mut state), Some(vec![0]));
-        assert_eq!(state.neighbours.get(Direction::Forward), Some(&c));
     }
 
     #[test]
