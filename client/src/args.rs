@@ -60,10 +60,10 @@ Examples:
 #[derive(Clone, Debug, Parser)]
 #[command(name = "aarc", version, long_version = VERSION.as_str(), after_long_help = AFTER_HELP)]
 pub struct Args {
-    /// Clips (.aarc) and playlists of clips (.json), as paths or as http:// or https:// URLs, and folders of clips: several
-    /// are one playlist [default: the built-in demo]. Built with the feature import, also the path of a field that aarc-studio package reads
-    /// (.ply, .spz, .sog, .splat and others), of a folder with one, or of a folder of numbered fields, one a frame; a folder
-    /// with clips plays the clips.
+    /// Clips (.aarc) and playlists of clips (.json), as paths or as http:// or https:// URLs, and folders of clips:
+    /// several are one playlist [default: the built-in demo]. Built with the feature formats, also the path of a field
+    /// that aarc-studio package reads (.ply, .spz, .sog, .splat and others), of a folder with one, or of a folder of
+    /// numbered fields, one a frame; a folder with clips plays the clips.
     ///
     /// A clip from a URL plays as soon as its first layer has arrived. Downloads are cached in
     /// $XDG_CACHE_HOME/aarc/clips and play from there without the network. The cache holds 512 MiB; the

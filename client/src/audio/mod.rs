@@ -13,8 +13,8 @@
 //! nothing is heard and the display's clock counts. `packets` decodes, `filler` keeps a ring of samples filled ahead, on
 //! the thread of `parts`, `output` is the callback of the device: it fades, places and measures, and neither locks nor
 //! allocates. `binaural` is a source as the ears of a head hear it, by the `responses` of a measured one, and `placing`
-//! applies it to samples. Only `device` names the audio library, and `alsa` loads what that needs on Linux. Without the feature `audio` there is the track alone,
-//! always empty.
+//! applies it to samples. Only `device` names the audio library, and `alsa` loads what that needs on Linux. Without the
+//! feature `audio` there is the track alone, always empty.
 
 #[cfg(all(
     feature = "audio",

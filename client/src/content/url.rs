@@ -5,7 +5,7 @@ use std::path::Path;
 use percent_encoding::{AsciiSet, CONTROLS, utf8_percent_encode};
 
 /// Characters that are percent-encoded before a URL is requested, as all beyond ASCII are: those that browsers encode in
-/// a path or in a query (WHATWG URL, 1.3), and others that no URL holds. So one URL has one spelling.
+/// a path or in a query (WHATWG URL, 1.3), and others that no URL holds. So spellings that browsers make one are one.
 const FORBIDDEN: &AsciiSet = &CONTROLS
     .add(b' ')
     .add(b'"')
@@ -18,8 +18,8 @@ const FORBIDDEN: &AsciiSet = &CONTROLS
     .add(b'|')
     .add(b'}');
 
-/// Characters that are percent-encoded in a path as it is on disk: also those that have a meaning in URLs.
-const RESERVED: &AsciiSet = &FORBIDDEN.add(b'#').add(b'%').add(b'?').add(b'\\');
+/// Characters that are percent-encoded in a path as it is on disk: also those that have a meaning in URLs, or to servers.
+const RESERVED: &AsciiSet = &FORBIDDEN.add(b'#').add(b'%').add(b'+').add(b'?').add(b'[').add(b'\\').add(b']');
 
 /// Why a URL of another scheme is not opened.
 pub(crate) const UNKNOWN_SCHEME: &str =
@@ -298,7 +298,7 @@ mod tests {
             ("//e//f.aarc", "https://h:8/e/f.aarc"),
             ("../../../a.aarc", "https://h:8/a.aarc"),
             ("./ä/100%.aarc", "https://h:8/shows/x%20y/%C3%A4/100%25.aarc"),
-            ("take (1)+it's.aarc", "https://h:8/shows/x%20y/take%20(1)+it%27s.aarc"),
+            ("take (1)+[it's].aarc", "https://h:8/shows/x%20y/take%20(1)%2B%5Bit%27s%5D.aarc"),
         ] {
             assert_eq!(joined(entry), url, "{entry}");
             #[cfg(any(feature = "net", feature = "xr"))]

@@ -53,8 +53,8 @@ pub(crate) const STATEMENTS: &[Statement] = &[
 /// Longest header: parsed JSON takes many times its text.
 const HEADER_MAX: u32 = 1 << 20;
 
-/// Most bytes of memory for a byte of the header: a number, `1,`, in a list that has just grown.
-const BYTES_PER_HEADER_BYTE: u64 = 48;
+/// Most bytes of memory for a byte of the header: an object within an object, `{"":`, whose map has a node for itself.
+const BYTES_PER_HEADER_BYTE: u64 = 128;
 
 /// Bytes per Gaussian.
 const ROW: usize = 64;

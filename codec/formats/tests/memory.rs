@@ -105,13 +105,14 @@ fn memory_is_bounded() {
     assert!(imported.unwrap_err().contains("a header of"));
     assert!(peak < long.len() + UNCOUNTED_BYTES, "{peak}");
 
-    // Keys that are not read: one whose value would take 32 bytes a number, and many.
+    // Keys that are not read: values that would take 32 bytes a number or 100 bytes a byte, and many.
     let numbers = format!(r#""lights": [{}1]"#, "1,".repeat(400_000));
     let keys: Vec<String> = (0..60_000).map(|k| format!("\"{k:x}\":0")).collect();
     let columns = r#""count": 1, "quats": {"files": ["a"]}, "scales": {"codebook": [], "files": ["a"]},
         "sh0": {"codebook": [], "files": ["a"]},
         "means": {"mins": [0, 0, 0], "maxs": [1, 1, 1], "files": ["a", "a"]}"#;
-    for more in [numbers, keys.join(",")] {
+    let objects = format!(r#""cameras": [{}0]"#, r#"{"":0},"#.repeat(100_000));
+    for more in [numbers, objects, keys.join(",")] {
         let header = format!(r#"[{{"type": "splat", "size": 64, {more}}}]"#);
         let length = (header.len() as u32).to_le_bytes();
         let splatv = [&[0x4b, 0x67, 0, 0][..], &length, header.as_bytes(), &[1; 64]].concat();

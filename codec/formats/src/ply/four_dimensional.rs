@@ -40,8 +40,11 @@ pub(super) fn read(vertex: &Table, budget: &mut ImportBudget) -> Result<Imported
     let [time, scale_t] = vertex.find(["t", name])?;
     let right = vertex.find(RIGHT)?;
     let times = (0..vertex.rows).map(|row| vertex.get(row, time)).filter(|time| time.is_finite());
-    let (first, last) = times.fold((0.0, 0.0), |(a, b): (f64, f64), time| (a.min(time), b.max(time)));
-    let span = Span::new(first, last);
+    let ends = times.fold(None, |ends: Option<(f64, f64)>, time| {
+        Some(ends.map_or((time, time), |(first, last)| (first.min(time), last.max(time))))
+    });
+    let (first, last) = ends.unwrap_or_default();
+    let span = Span::new(first.min(0.0), last.max(0.0));
     let mut temporal = budget.temporal(vertex.rows, 1)?;
     let Field { rotations, log_scales, .. } = &mut imported.field;
     for row in 0..vertex.rows {
@@ -89,8 +92,9 @@ impl Span {
         let units = [Span { start: 0.0, length: 1.0 }, Span { start: -0.5, length: 1.0 }];
         units.into_iter().find(holds).unwrap_or_else(|| {
             let within = Span { start: 0.0, length: (last / (1.0 + MARGIN)).round() };
-            // Fits move times: a margin of half the size is none.
-            if (first / within.length + MARGIN).abs() < 0.5 * MARGIN {
+            // Fits move times: a margin of half the size is none. A clip that is not of whole seconds may end later.
+            let is_margin = (first / within.length + MARGIN).abs() < 0.5 * MARGIN;
+            if is_margin && last <= within.length * (1.0 + 1.5 * MARGIN) {
                 return within;
             }
             let start = first.floor();

@@ -87,14 +87,20 @@ fn control(staging: &Path, architecture: &str) -> Result<String, Fault> {
     }
     let kilobytes = run(Command::new("du").args(["-k", "-s"]).arg(staging.join("usr")), "du")?;
     let kilobytes = kilobytes.split_whitespace().next().unwrap_or("0");
+    // Elsewhere, another linker than LLVM's may make the player need it.
+    const SOUND: &str = "libasound2 | libasound2t64";
+    let (needed, recommended) = match architecture {
+        "amd64" => (String::new(), format!("{SOUND}, ")),
+        _ => (format!(", {SOUND}"), String::new()),
+    };
     Ok(format!(
         "Package: aarc
 Version: {VERSION}
 Architecture: {architecture}
 Maintainer: the aarc authors <aarc@invalid>
 Installed-Size: {kilobytes}
-Depends: libc6 (>= {}.{}), libgcc-s1
-Recommends: libasound2 | libasound2t64, libvulkan1, mesa-vulkan-drivers, libx11-6, libx11-xcb1, libxcursor1, libxi6, libxkbcommon-x11-0, libwayland-client0
+Depends: libc6 (>= {}.{}), libgcc-s1{needed}
+Recommends: {recommended}libvulkan1, mesa-vulkan-drivers, libx11-6, libx11-xcb1, libxcursor1, libxi6, libxkbcommon-x11-0, libwayland-client0
 Suggests: ffmpeg, libopenxr-loader1
 Section: video
 Priority: optional
