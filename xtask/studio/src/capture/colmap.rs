@@ -20,9 +20,6 @@ use super::photo_paths::PhotoPath;
 /// Folders that may hold a model, or several, each in a folder of its own.
 const FOLDERS: [&str; 3] = ["sparse", ".", "colmap/sparse"];
 
-/// Folders above a model, as in `colmap/sparse/0`, that may be the capture's.
-const ABOVE: usize = 3;
-
 /// The model of a capture.
 pub(super) struct Model {
     folder: PathBuf,
@@ -48,16 +45,17 @@ pub(super) fn model(folder: &Path) -> Option<Model> {
     if others.is_empty() {
         return Some(Model { folder: folder.join(first), note: None });
     }
-    // Of a model that cannot be read, none are known.
-    let photographs = |name: &String| read_poses(&folder.join(name)).map_or(0, |poses| poses.len());
-    let counts: Vec<usize> = names.iter().map(photographs).collect();
+    let photographs = |name: &String| read_poses(&folder.join(name)).map(|poses| poses.len()).ok();
+    let counts: Vec<Option<usize>> = names.iter().map(photographs).collect();
     let most = (0..names.len()).rev().max_by_key(|i| counts[*i])?;
-    let others = (0..names.len()).filter(|i| *i != most);
-    let others: Vec<String> = others.map(|i| format!("{} ({})", names[i], counts[i])).collect();
+    let listed = |i: usize| match counts[i] {
+        Some(count) => format!("{} ({count})", names[i]),
+        None => format!("{} (cannot be read)", names[i]),
+    };
+    let others: Vec<String> = (0..names.len()).filter(|i| *i != most).map(listed).collect();
     let note = format!(
-        "{} is read, the COLMAP model with the most photographs ({}); there are others, too: {}",
-        names[most],
-        counts[most],
+        "{} is read, of the COLMAP models the one with the most photographs; the others: {}",
+        listed(most),
         others.join(", ")
     );
     Some(Model { folder: folder.join(&names[most]), note: Some(note) })
@@ -65,15 +63,6 @@ pub(super) fn model(folder: &Path) -> Option<Model> {
 
 fn is_model(path: &Path) -> bool {
     ["cameras.bin", "cameras.txt"].iter().any(|name| path.join(name).is_file())
-}
-
-/// The folder of the photographs of a model in `folder`: that folder or, of a model that was named itself, one above it.
-fn root(folder: &Path) -> &Path {
-    let has_images = |folder: &&Path| folder.join("images").is_dir();
-    match is_model(folder) {
-        true => folder.ancestors().take(1 + ABOVE).find(has_images).unwrap_or(folder),
-        false => folder,
-    }
 }
 
 /// Size, focal lengths and principal point, lens.
@@ -131,7 +120,6 @@ impl Pose {
 
 pub(super) fn open(folder: &Path, Model { folder: model, note }: Model) -> anyhow::Result<CaptureFiles> {
     let (cameras, poses) = (read_cameras(&model)?, read_poses(&model)?);
-    let folder = root(folder);
     let has_masks = folder.join("masks").is_dir();
     let mut builder = CaptureBuilder::new(folder);
     note.into_iter().for_each(|note| builder.note(note));

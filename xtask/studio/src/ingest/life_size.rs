@@ -40,7 +40,7 @@ pub(super) struct Measure {
 /// Metres per unit if the subject of the capture is `height_m` tall; `up` has length 1.
 ///
 /// # Errors
-/// [`Fault::Data`] if a photograph cannot be read, or the first frames do not show the whole subject in two cameras.
+/// [`Fault::Data`] if a photograph cannot be read, or no view of the first frames shows the whole subject.
 pub(super) fn metres_per_unit(
     capture_files: &CaptureFiles,
     up: [f64; 3],
@@ -50,11 +50,11 @@ pub(super) fn metres_per_unit(
         capture_files.capture.cameras.iter().map(|camera| camera.camera.width.max(camera.camera.height));
     let capture_files = capture_files.coarser((sides.max().unwrap_or(1) / SIDE).max(1));
     let mut heights = Vec::new();
-    let mut problem = AnchorError::NoFrames;
+    let mut problem = "no camera shows it from its lowest to its highest point".to_owned();
     for frame in 0..FRAMES.min(capture_files.capture.frames()) {
         match heights_in(views(&capture_files, frame)?, DVec3::from(up)) {
             Ok(found) => heights.extend(found),
-            Err(error) => problem = error,
+            Err(error) => problem = error.to_string(),
         }
     }
     match measure(heights.into_iter().filter(|height| *height > 0.0).collect()) {
@@ -137,7 +137,7 @@ fn edge(alpha: impl Fn(f64) -> Option<f64>) -> Option<f64> {
     Some(EDGE_MAX as f64)
 }
 
-/// Bilinear alpha of a photograph; `None` outside of the middles of its pixels.
+/// Bilinear alpha of a photograph; `None` outside of the middles of its pixels, and where a lens shows nothing.
 fn alpha(photograph: &Photograph, [x, y]: [f64; 2]) -> Option<f64> {
     let (left, top) = ((x - 0.5).floor(), (y - 0.5).floor());
     let [width, height] = [photograph.width, photograph.height].map(f64::from);
@@ -145,12 +145,16 @@ fn alpha(photograph: &Photograph, [x, y]: [f64; 2]) -> Option<f64> {
         return None;
     }
     let first = top as usize * photograph.width as usize + left as usize;
+    let below = first + photograph.width as usize;
+    if ![first, first + 1, below, below + 1].into_iter().all(|pixel| photograph.is_valid(pixel)) {
+        return None;
+    }
     let [u, v] = [x - 0.5 - left, y - 0.5 - top];
     let row = |at: usize| {
         let [a, b] = [at, at + 1].map(|pixel| f64::from(photograph.pixels[pixel][3]));
         a + u * (b - a)
     };
-    let (above, below) = (row(first), row(first + photograph.width as usize));
+    let (above, below) = (row(first), row(below));
     Some(above + v * (below - above))
 }
 
@@ -197,6 +201,12 @@ mod tests {
         assert_eq!(heights_in(views[..1].to_vec(), DVec3::Y), Err(AnchorError::OneView));
         let lying = measure(heights_in(views.clone(), DVec3::X).unwrap()).unwrap();
         assert!(lying.value < 1.2, "{lying:?}");
+        // Behind the edge of a lens, too.
+        let mut beyond = views.clone();
+        let photograph = &mut beyond[2].photograph;
+        photograph.valid = (0..96 * 96).map(|pixel| pixel >= 48 * 96).collect();
+        photograph.pixels[..48 * 96].fill([0; 4]);
+        assert_eq!(heights_in(beyond, DVec3::Y).unwrap().len(), 5);
         let AnchorView { camera, photograph, .. } = &mut views[2];
         photograph.pixels.drain(..48 * 96);
         (photograph.height, camera.height) = (48, 48);

@@ -64,7 +64,8 @@ impl Track {
         });
         read.map_err(|error| unreadable(&self.path, &error))?;
         let (values, _) = bytes.as_chunks::<2>();
-        for (sample, value) in samples[(first - from) as usize..].iter_mut().zip(values) {
+        let before = (first - from).clamp(0, count as i64) as usize;
+        for (sample, value) in samples[before..].iter_mut().zip(values) {
             *sample = f32::from(i16::from_le_bytes(*value));
         }
         Ok(samples)

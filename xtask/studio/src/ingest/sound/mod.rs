@@ -83,7 +83,7 @@ fn join(
         let [a, b] = pairs[next].cameras;
         let number = 1 + is_sought.iter().filter(|is_sought| **is_sought).count();
         say(&format!(
-            "the sound of {} is sought in that of {}, pair {number} of at most {}",
+            "the sound of {} and {} is compared block by block, pair {number} of at most {}",
             name(a),
             name(b),
             pairs.len()
@@ -161,7 +161,8 @@ mod tests {
             let error = synchronise(&tracks, &name, &mut say).unwrap_err().to_string();
             assert!(error.starts_with(&format!("camera {outside}: its sound is not that of")), "{error}");
             assert!(
-                said.len() == 3 && said[0].contains("camera 0 is sought in that of camera 1, pair 1"),
+                said.len() == 3
+                    && said[0].contains("camera 0 and camera 1 is compared block by block, pair 1"),
                 "{said:?}"
             );
         }
