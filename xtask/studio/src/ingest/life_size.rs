@@ -183,7 +183,6 @@ mod tests {
             let (mut views, height) = stage(cameras, size, frame);
             let error = |views: &[AnchorView]| {
                 let found = measure(heights_in(views.to_vec(), DVec3::Y).unwrap()).unwrap();
-                println!("{cameras} cameras of {size}, frame {frame}: {found:?} of {height}");
                 found.value / height - 1.0
             };
             assert!(error(&views).abs() < 0.01);
