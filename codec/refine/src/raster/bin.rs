@@ -36,8 +36,11 @@ impl Tiles {
     /// Bins `splats`, which are sorted front to back.
     pub(crate) fn new<T: Real>(splats: &[Splat<T>], width: u32, height: u32) -> Tiles {
         let (width, height) = (width as usize, height as usize);
+        // Each row of tiles looks at all splats, so at little of each.
+        let heights: Vec<[T; 2]> = splats.par_iter().map(Splat::heights).collect();
         let rows = (0..height.div_ceil(TILE)).into_par_iter();
-        let rows = rows.map(|row| TileRow::new(splats, row * TILE..height.min((row + 1) * TILE), width));
+        let rows =
+            rows.map(|row| TileRow::new(splats, &heights, row * TILE..height.min((row + 1) * TILE), width));
         Tiles { size: [width, height], across: width.div_ceil(TILE), rows: rows.collect() }
     }
 
@@ -60,15 +63,16 @@ impl Tiles {
 }
 
 impl TileRow {
-    /// The tiles that cover the rows `pixels`.
-    fn new<T: Real>(splats: &[Splat<T>], pixels: Range<usize>, width: usize) -> TileRow {
+    /// The tiles that cover the rows `pixels`; `heights` are those of the splats.
+    fn new<T: Real>(splats: &[Splat<T>], heights: &[[T; 2]], pixels: Range<usize>, width: usize) -> TileRow {
         let across = width.div_ceil(TILE);
         let half = T::from_f64(0.5);
         let (first, last) = (T::from_f64(pixels.start as f64) + half, T::from_f64(pixels.end as f64) - half);
         let mut spans = Vec::new();
         let mut starts = vec![0; across + 1];
-        for (index, splat) in splats.iter().enumerate() {
-            let Some([left, right]) = splat.span(first, last) else { continue };
+        let in_row = |[top, bottom]: &[T; 2]| *top <= last && *bottom >= first;
+        for (index, _) in heights.iter().enumerate().filter(|(_, heights)| in_row(heights)) {
+            let Some([left, right]) = splats[index].span(first, last) else { continue };
             let columns = pixels_between(left, right, width);
             if !columns.is_empty() {
                 let span = columns.start / TILE..columns.end.div_ceil(TILE);
@@ -92,6 +96,11 @@ impl TileRow {
 }
 
 impl<T: Real> Splat<T> {
+    /// Lowest and highest y of the ellipse.
+    fn heights(&self) -> [T; 2] {
+        [self.center[1] - self.half_extent[1], self.center[1] + self.half_extent[1]]
+    }
+
     /// Lowest and highest x of the ellipse between two values of y.
     fn span(&self, top: T, bottom: T) -> Option<[T; 2]> {
         let larger = |a: T, b: T| if a > b { a } else { b };

@@ -31,5 +31,5 @@ pub(crate) use rasterize::{
 };
 pub use real::Real;
 pub(crate) use sh::{basis, basis_backward};
-pub(crate) use sort::front_to_back;
+pub(crate) use sort::{SortKey, front_to_back};
 pub(crate) use vector::{add, cross, dot, matrix, scaled, transposed_times};

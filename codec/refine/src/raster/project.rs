@@ -14,6 +14,9 @@ use super::vector::{add, cross, dot, matrix, scaled, times, transposed_times};
 /// How far outside the image the Jacobian may be evaluated, as a fraction of tan(fov / 2).
 const MARGIN: f64 = 0.3;
 
+/// A little more than the largest [`Splat::q_max`], of an opacity of 1.
+const Q_LARGEST: f64 = 11.09;
+
 /// A Gaussian projected into the image. With `d` from its centre to a pixel's centre, the squared
 /// Mahalanobis distance is `q = inverse_variance[0] (d.x - shear d.y)^2 + inverse_variance[1] d.y^2`.
 #[derive(Clone, Copy, Debug)]
@@ -166,6 +169,23 @@ impl<T: Real> Projection<T> {
         (if distance > T::zero() { gaze.map(|x| x / distance) } else { [T::zero(); 3] }, distance)
     }
 
+    /// Whether a Gaussian with standard deviations of at most `scale` may reach a pixel of the image: a bound that needs no
+    /// axes.
+    pub(crate) fn may_reach(&self, Centered { view, .. }: &Centered<T>, scale: T) -> bool {
+        let [low, high] = self.limits;
+        (0..2).all(|axis| {
+            let at_center = view[axis] / view[2];
+            let slope = at_center.max(low[axis]).min(high[axis]);
+            let image = self.focal[axis] / view[2] * scale;
+            let variance = image * image * (T::one() + slope * slope) + T::from_f64(self.filter.variance());
+            let (center, half) = (
+                self.focal[axis] * at_center + self.principal[axis],
+                (T::from_f64(Q_LARGEST) * variance).sqrt(),
+            );
+            center + half > T::zero() && center - half < self.size[axis]
+        })
+    }
+
     /// Whether a splat may reach a pixel of the image.
     pub(crate) fn is_in_image(&self, splat: &Splat<T>) -> bool {
         (0..2).all(|axis| {
@@ -237,7 +257,7 @@ impl<T: Real> Projection<T> {
         if !is_visible {
             return None;
         }
-        let visible = T::from_f64(2.0 * libm::log(opacity.to_double() / ALPHA_MIN)).max(T::zero());
+        let visible = (T::from_f64(2.0) * (opacity / T::from_f64(ALPHA_MIN)).ln()).max(T::zero());
         // The margin exceeds the rounding error of the exponential.
         let q_max = visible + T::from_f64(256.0) * T::epsilon();
         let half_extent = [(q_max * xx).sqrt(), (q_max * yy).sqrt()];

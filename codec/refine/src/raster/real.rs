@@ -5,7 +5,7 @@
 //!
 //! Pictures decide the content of packages, so exponentials have the same bits on all machines.
 
-use std::f32::consts::LN_2;
+use std::f32::consts::{FRAC_1_SQRT_2, LN_2};
 use std::fmt::Debug;
 use std::ops::{AddAssign, SubAssign};
 
@@ -26,6 +26,9 @@ pub trait Real: FloatCore + AddAssign + SubAssign + Default + Debug + Send + Syn
     /// `e^x` to this precision, bit by bit the same on every machine and for any vector width, which
     /// the system's `exp` is not. 0 for `-inf`, NaN for NaN.
     fn exp(self) -> Self;
+
+    /// Natural logarithm of a positive, normal number, the same on every machine. In `f32`, within 5e-7 up to 400.
+    fn ln(self) -> Self;
 
     /// Factor of the exponents of [`Real::falloff`].
     const FALLOFF_SCALE: f64;
@@ -70,6 +73,20 @@ impl Real for f32 {
         // because it saturates NaN.
         let power = f32::from_bits((shifted.to_bits() << 23).wrapping_add(127 << 23));
         if self < -87.3 { 0.0 } else { mantissa * power }
+    }
+
+    /// `ln(x)` = n ln(2) + ln(m) with m between the roots of 1/2 and 2, and the series of the inverse hyperbolic tangent.
+    #[inline(always)]
+    fn ln(self) -> f32 {
+        // Halves of the exponent's range, so that the mantissa is about 1.
+        let bits = self.to_bits().wrapping_sub(FRAC_1_SQRT_2.to_bits());
+        let n = (bits as i32 >> 23) as f32;
+        let m = f32::from_bits((bits & 0x007f_ffff) + FRAC_1_SQRT_2.to_bits());
+        let s = (m - 1.0) / (m + 1.0);
+        let ss = s * s;
+        // The remainder is below 2^-29 for |s| <= 0.172.
+        let tail = ss * (1.0 / 3.0 + ss * (1.0 / 5.0 + ss * (1.0 / 7.0)));
+        n * LN_2 + 2.0 * (s + s * tail)
     }
 
     const FALLOFF_SCALE: f64 = std::f64::consts::LOG2_E;
@@ -136,6 +153,10 @@ impl Real for f64 {
         libm::exp(self)
     }
 
+    fn ln(self) -> f64 {
+        libm::log(self)
+    }
+
     const FALLOFF_SCALE: f64 = 1.0;
 
     /// The algorithm of `libm` reduces its argument to `x = k ln 2 + r` and evaluates a rational function of `r`. Where
@@ -187,6 +208,17 @@ mod tests {
         assert_eq!(0.0_f32.falloff(), 1.0);
         let least = [f32::NEG_INFINITY, -300.0, -126.0, f32::NAN].map(Real::falloff);
         assert_eq!(least, [2.0_f32.powi(-126); 4]);
+    }
+
+    #[test]
+    fn ln_has_the_precision_of_its_type() {
+        let mut worst = 0.0_f64;
+        for i in 1..=200_000 {
+            let x = i as f32 * 2e-3;
+            worst = worst.max((f64::from(Real::ln(x)) - libm::log(f64::from(x))).abs());
+        }
+        assert!(worst < 5e-7, "{worst:e}");
+        assert_eq!(Real::ln(1.0_f32), 0.0);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Stage `sort`: orders splats front to back.
 
-use crate::raster::{Splat, front_to_back};
+use crate::raster::{SortKey, Splat, front_to_back};
 
 /// Sort key of Gaussians.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -23,6 +23,7 @@ pub(crate) fn sort_by<S: Clone>(list: &mut Vec<S>, order: Order, splat: impl Fn(
         Order::Depth => splat.depth,
         Order::Radial => splat.distance,
     };
-    let indices = front_to_back(list.iter().map(|item| (false, distance(splat(item)))));
+    let keys = (0..).zip(&*list).map(|(index, item)| SortKey::new(false, distance(splat(item)), index));
+    let indices = front_to_back(keys.collect());
     *list = indices.into_iter().map(|index| list[index as usize].clone()).collect();
 }

@@ -48,7 +48,7 @@ pub(super) fn densify<T: Real>(
     }
     for row in first_half..sources.len() {
         halve(parameters, row, random);
-        bounds.project(parameters, row);
+        bounds.project(parameters.row_mut(row));
     }
     (cloned.len(), split.len())
 }

@@ -147,7 +147,7 @@ mod tests {
         let mut parameters = at(cross(0.0), vec![1.0; 7]);
         parameters.log_scales[3][1] = 40.0;
         parameters.log_scales[4][1] = bounds().log_scales[1] - 1e-3;
-        bounds().project(&mut parameters, 3);
+        bounds().project(parameters.row_mut(3));
         let found = floaters(&parameters, |_| false, &bounds());
         assert_eq!((0..7).filter(|row| found[*row]).collect::<Vec<_>>(), [3]);
         // A wall may.
@@ -163,7 +163,7 @@ mod tests {
         let bounds = bounds().around(&parameters);
         assert!(floaters(&parameters, |_| false, &bounds).iter().all(|found| !found));
         parameters.log_scales[4][1] = 40.0;
-        bounds.project(&mut parameters, 4);
+        bounds.project(parameters.row_mut(4));
         assert!(floaters(&parameters, |_| false, &bounds)[4]);
     }
 

@@ -58,7 +58,7 @@ pub(super) fn relocate<T: Real>(
         parameters.logits[row] = T::from_f64(libm::log(opacity / (1.0 - opacity)));
         let growth = T::from_f64(libm::log(growth));
         parameters.log_scales[row] = parameters.log_scales[row].map(|scale| scale + growth);
-        bounds.project(parameters, row);
+        bounds.project(parameters.row_mut(row));
         moments.clear(row);
     }
     *parameters = parameters.select(&sources);

@@ -10,6 +10,8 @@
 
 use std::ops::Range;
 
+use rayon::prelude::*;
+
 use super::lpips::Lpips;
 use super::ssim::{self, ssim_and_gradient};
 use crate::fit::views::Photograph;
@@ -110,7 +112,7 @@ fn comparable<T: Real>(image: &[[T; 4]], photograph: &Photograph) -> [Vec<[T; 4]
 /// target. They are computed where either `is_lit`: elsewhere both are black, which is equal, and no Gaussian was drawn
 /// that a gradient could move.
 fn photometric<T: Real>(
-    pair: impl Fn(usize) -> [[T; 4]; 2],
+    pair: impl Fn(usize) -> [[T; 4]; 2] + Sync,
     is_lit: impl Fn(usize) -> bool,
     count: usize,
     width: usize,
@@ -120,15 +122,14 @@ fn photometric<T: Real>(
     let Some(area) = Area::lit(is_lit, count, width) else { return Loss { value: 0.0, gradient } };
     // Windows at the border of the lit pixels reach this far beyond it.
     let area = area.grown(ssim::HALF, [width, count / width]);
-    let size = area.x.len() * area.y.len();
-    let [mut image, mut target] = [Vec::with_capacity(size), Vec::with_capacity(size)];
-    for y in area.y.clone() {
-        for [a, b] in area.x.clone().map(|x| pair(y * width + x)) {
-            image.push(a);
-            target.push(b);
-        }
-    }
-    let lit = photometric_whole(&image, &target, area.x.len(), size as f64 / count as f64, alpha_channels);
+    let (across, size) = (area.x.len(), area.x.len() * area.y.len());
+    let [mut image, mut target] = [vec![[T::zero(); 4]; size], vec![[T::zero(); 4]; size]];
+    let rows = image.par_chunks_mut(across).zip(target.par_chunks_mut(across)).zip(area.y.clone());
+    rows.for_each(|((image, target), y)| {
+        let pixels = image.iter_mut().zip(target).zip(area.x.clone());
+        pixels.for_each(|((image, target), x)| [*image, *target] = pair(y * width + x));
+    });
+    let lit = photometric_whole(&image, &target, across, size as f64 / count as f64, alpha_channels);
     for (row, y) in lit.gradient.chunks(area.x.len()).zip(area.y) {
         gradient[y * width..][area.x.clone()].copy_from_slice(row);
     }
@@ -144,25 +145,30 @@ fn photometric_whole<T: Real>(
     alpha_channels: f64,
 ) -> Loss<T> {
     let channels = (3 * image.len()) as f64 / part;
-    let mut absolute = 0.0;
     let (similarity, by_similarity) = ssim_and_gradient(image, target, width);
     let [l1_slope, ssim_slope] = [(1.0 - LAMBDA) / channels, LAMBDA * part].map(T::from_f64);
-    let pixel = |((a, b), by_ssim): ((&[T; 4], &[T; 4]), &[T; 3])| {
-        let mut pixel = [T::zero(); 4];
-        for c in 0..3 {
-            let difference = a[c] - b[c];
-            absolute += difference.abs().to_double();
-            // The sign, but 0 for 0.
-            let sign = if difference == T::zero() { difference } else { difference.signum() };
-            pixel[c] = l1_slope * sign - ssim_slope * by_ssim[c];
-        }
-        let difference = a[3] - b[3];
-        absolute += alpha_channels * difference.abs().to_double();
-        let sign = if difference == T::zero() { difference } else { difference.signum() };
-        pixel[3] = T::from_f64(alpha_channels) * l1_slope * sign;
-        pixel
+    // The sign, but 0 for 0.
+    let sign = |x: T| if x == T::zero() { x } else { x.signum() };
+    let pixel = |a: &[T; 4], b: &[T; 4], by_ssim: &[T; 3]| -> (f64, [T; 4]) {
+        let difference: [T; 4] = [0, 1, 2, 3].map(|c| a[c] - b[c]);
+        let [r, g, b, alpha] = difference.map(|x| x.abs().to_double());
+        let [by_r, by_g, by_b] = [0, 1, 2].map(|c| l1_slope * sign(difference[c]) - ssim_slope * by_ssim[c]);
+        let by_alpha = T::from_f64(alpha_channels) * l1_slope * sign(difference[3]);
+        (r + g + b + alpha_channels * alpha, [by_r, by_g, by_b, by_alpha])
     };
-    let gradient = image.iter().zip(target).zip(&by_similarity).map(pixel).collect();
+    let mut gradient = vec![[T::zero(); 4]; image.len()];
+    let rows = image.par_chunks(width).zip(target.par_chunks(width)).zip(by_similarity.par_chunks(width));
+    let absolute = gradient.par_chunks_mut(width).zip(rows).map(|(gradient, ((image, target), by_ssim))| {
+        let mut absolute = 0.0;
+        for (i, by) in gradient.iter_mut().enumerate() {
+            let (difference, by_pixel) = pixel(&image[i], &target[i], &by_ssim[i]);
+            absolute += difference;
+            *by = by_pixel;
+        }
+        absolute
+    });
+    // In the order of the rows, for any number of threads.
+    let absolute = absolute.collect::<Vec<f64>>().iter().sum::<f64>();
     let value = (1.0 - LAMBDA) * absolute / channels + LAMBDA * part * (1.0 - similarity);
     Loss { value, gradient }
 }

@@ -18,9 +18,9 @@ const SIGMA: f64 = 1.5;
 const C1: f64 = 0.01 * 0.01;
 const C2: f64 = 0.03 * 0.03;
 
-/// Moments per channel: means of both images, of their squares, of their product.
-const MOMENTS: usize = 5;
-/// Derivatives per channel: with respect to the first mean, the first mean square, the mean product.
+/// Moments per channel: means of both images, of the sum of their squares, of their product.
+const MOMENTS: usize = 4;
+/// Derivatives per channel: with respect to the first mean, the mean sum of squares, the mean product.
 const DERIVATIVES: usize = 3;
 
 /// Mean structural similarity of the colours of two images, over all pixels and three channels, and its
@@ -80,10 +80,15 @@ impl<T: Real> NullaryFnOnce for MomentRow<'_, T> {
         let mut padded = vec![T::zero(); width + 2 * HALF];
         for c in 0..3 {
             let (a, b) = (&channels_a[c * width..][..width], &channels_b[c * width..][..width]);
-            for (moment, [left, right]) in [[a, b], [b, a], [a, a], [b, b], [a, b]].into_iter().enumerate() {
+            for moment in 0..MOMENTS {
                 let inner = &mut padded[HALF..][..width];
                 for x in 0..width {
-                    inner[x] = if moment < 2 { left[x] } else { left[x] * right[x] };
+                    inner[x] = match moment {
+                        0 => a[x],
+                        1 => b[x],
+                        2 => a[x] * a[x] + b[x] * b[x],
+                        _ => a[x] * b[x],
+                    };
                 }
                 blur_along(&padded, window, &mut row[(3 * moment + c) * width..][..width]);
             }
@@ -125,14 +130,14 @@ impl<T: Real> NullaryFnOnce for CompareRow<'_, T> {
         let mut padded = vec![T::zero(); DERIVATIVES * (width + 2 * HALF)];
         let mut sum = 0.0;
         for c in 0..3 {
-            let [mean_a, mean_b, square_a, square_b, product] =
-                [0, 1, 2, 3, 4].map(|moment| &at[(3 * moment + c) * width..][..width]);
+            let [mean_a, mean_b, squares, product] =
+                [0, 1, 2, 3].map(|moment| &at[(3 * moment + c) * width..][..width]);
             let (by_mean, rest) = padded.split_at_mut(width + 2 * HALF);
             let (by_square, by_product) = rest.split_at_mut(width + 2 * HALF);
             let [inner_mean, inner_square, inner_product] =
                 [&mut *by_mean, &mut *by_square, &mut *by_product].map(|padded| &mut padded[HALF..][..width]);
             for x in 0..width {
-                let (similarity, by) = compare([mean_a[x], mean_b[x], square_a[x], square_b[x], product[x]]);
+                let (similarity, by) = compare([mean_a[x], mean_b[x], squares[x], product[x]]);
                 similarities[x] = similarity;
                 [inner_mean[x], inner_square[x], inner_product[x]] = by;
             }
@@ -180,11 +185,11 @@ impl<T: Real> NullaryFnOnce for GradientRow<'_, T> {
 
 /// Similarity of two windows by their moments, and its [`DERIVATIVES`].
 #[inline(always)]
-fn compare<T: Real>([mean_a, mean_b, square_a, square_b, product]: [T; MOMENTS]) -> (T, [T; DERIVATIVES]) {
+fn compare<T: Real>([mean_a, mean_b, squares, product]: [T; MOMENTS]) -> (T, [T; DERIVATIVES]) {
     let (c1, c2, two) = (T::from_f64(C1), T::from_f64(C2), T::from_f64(2.0));
     let (aa, bb, ab) = (mean_a * mean_a, mean_b * mean_b, mean_a * mean_b);
     let (luminance, structure) = (two * ab + c1, two * (product - ab) + c2);
-    let (luminances, structures) = (aa + bb + c1, (square_a - aa) + (square_b - bb) + c2);
+    let (luminances, structures) = (aa + bb + c1, (squares - (aa + bb)) + c2);
     let scale = T::one() / (luminances * structures);
     let similarity = luminance * structure * scale;
     let by_mean = two * mean_b * (structure - luminance) * scale

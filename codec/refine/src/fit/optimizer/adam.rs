@@ -4,10 +4,12 @@
 //! An image shows the Gaussians of a few frames. The others have no gradient; neither they nor their
 //! moments move. Bias correction therefore counts the gradients of each row, not the steps.
 
+use std::sync::LazyLock;
+
 use rayon::prelude::*;
 
 use super::{LearningRates, Moments};
-use crate::fit::parameters::{Bounds, Parameters};
+use crate::fit::parameters::{Bounds, COLUMNS, Carried, Parameters, row_of};
 use crate::raster::Real;
 
 pub(in crate::fit) const BETA1: f64 = 0.9;
@@ -16,18 +18,26 @@ pub(in crate::fit) const BETA2: f64 = 0.999;
 /// Gradients are means over many pixels, 1e-9 and less: the usual 1e-8 would dominate them.
 pub(in crate::fit) const EPSILON: f64 = 1e-15;
 
+/// Bias corrections of the first and the second moment after any number of gradients; after the last, they are 1 but for
+/// 1e-14.
+static CORRECTIONS: LazyLock<Vec<[f64; 2]>> = LazyLock::new(|| {
+    let after = |gradients: usize| [BETA1, BETA2].map(|beta| 1.0 / (1.0 - num_traits::pow(beta, gradients)));
+    (0..1 << 15).map(after).collect()
+});
+
 /// Rows per parallel task.
 const CHUNK: usize = 1024;
 
 /// The first of the columns of time, which are the last: window, motion and rotation rates.
 const TIME_COLUMN: usize = 5;
 
-/// The column of motion.
+/// The columns of the logarithms of the window widths, and of motion.
+const WIDTH_COLUMN: usize = 6;
 const MOTION_COLUMN: usize = 7;
 
 /// Moves `rows` against their gradients (row `i` of `gradient` is the gradient of `rows[i]`) and projects them
-/// into the bounds. Steps of carried rows are shorter by their [share](super::super::parameters::Carried::share). Skips
-/// rows whose gradient, or its square, is not finite; returns how many.
+/// into the bounds. Steps of carried rows are shorter by their [share](Carried::share). Skips rows whose gradient, or its
+/// square, is not finite; returns how many.
 ///
 /// # Panics
 /// If `rows` are not strictly ascending, or the shapes differ.
@@ -44,99 +54,52 @@ pub(in crate::fit) fn adam<T: Real>(
         rows.len() == gradient.len() && moments.visits.len() == parameters.len(),
         "a gradient for each row"
     );
-    let usable = usable(rows.len(), gradient);
-    let (corrections, of_time) = corrections(moments, rows, &usable);
-
-    // Before the widths step, as on a GPU.
-    let motion = motion_rates(parameters, rows, rates);
+    let by_column = rates.by_column(parameters);
     let order = parameters.motion_order;
-    let rates = rates.by_column(parameters);
-    let values = parameters.columns_mut().into_iter().zip(rates);
-    let moments = moments.first.columns_mut().into_iter().zip(moments.second.columns_mut());
-    let columns = values.zip(moments).zip(gradient.columns()).enumerate();
-    for (number, (((values, rates), (first, second)), gradient)) in columns {
-        let corrections = match &of_time {
-            Some(of_time) if number >= TIME_COLUMN => of_time,
-            _ => &corrections,
-        };
-        if values.is_empty() {
-            continue;
+    let step = |(chunk, mut part): (usize, Part<T>)| {
+        let first = chunk * CHUNK;
+        let before = |end: usize| rows.partition_point(|row| (*row as usize) < end);
+        let range = before(first)..before(first + CHUNK);
+        if range.is_empty() {
+            return 0;
         }
-        let column = Column { values, first, second };
-        // The compiler makes vectors of a row whose length it knows: rows of the columns up to degree 3.
-        match (number, rates.len()) {
-            (MOTION_COLUMN, _) => match order {
-                1 => step(column, rows, gradient, corrections, |i| by_axis::<T, 3>(&motion[i])),
-                2 => step(column, rows, gradient, corrections, |i| by_axis::<T, 6>(&motion[i])),
-                _ => step(column, rows, gradient, corrections, |i| by_axis::<T, 9>(&motion[i])),
-            },
-            (_, 1) => step_alike::<T, 1>(column, rows, gradient, corrections, &rates),
-            (_, 3) => step_alike::<T, 3>(column, rows, gradient, corrections, &rates),
-            (_, 4) => step_alike::<T, 4>(column, rows, gradient, corrections, &rates),
-            (_, 12) => step_alike::<T, 12>(column, rows, gradient, corrections, &rates),
-            (_, 27) => step_alike::<T, 27>(column, rows, gradient, corrections, &rates),
-            (_, 48) => step_alike::<T, 48>(column, rows, gradient, corrections, &rates),
-            (_, length) => unreachable!("no column has {length} numbers a row"),
+        let gradient = gradient.columns().map(|column| {
+            let per_row = column.len() / rows.len();
+            &column[per_row * range.start..per_row * range.end]
+        });
+        let rows: Vec<usize> = rows[range].iter().map(|row| *row as usize - first).collect();
+        let usable = usable(rows.len(), &gradient);
+        part.step(&rows, &gradient, &usable, &by_column, |log_width| by_power(rates, order, log_width));
+        for (row, _) in rows.iter().zip(&usable).filter(|(_, usable)| **usable) {
+            bounds.project(row_of(
+                part.values.each_mut().map(|column| &mut **column),
+                part.visits.len(),
+                *row,
+            ));
         }
-    }
-    for (row, _) in rows.iter().zip(&usable).filter(|(_, usable)| **usable) {
-        bounds.project(parameters, *row as usize);
-    }
-    usable.iter().filter(|usable| !**usable).count()
+        usable.iter().filter(|usable| !**usable).count()
+    };
+    Part::split(parameters, moments).into_par_iter().enumerate().map(step).sum()
 }
 
-/// Whether each row of `gradient`, of `count`, and its square are finite.
-fn usable<T: Real>(count: usize, gradient: &Parameters<T>) -> Vec<bool> {
+/// Whether each of `count` rows of a gradient, and its square, are finite.
+fn usable<T: Real>(count: usize, gradient: &[&[T]; COLUMNS]) -> Vec<bool> {
     let mut usable = vec![true; count];
-    for column in gradient.columns().into_iter().filter(|column| !column.is_empty()) {
-        let per_row = column.len() / count;
-        usable.par_chunks_mut(CHUNK).zip(column.par_chunks(CHUNK * per_row)).for_each(|(usable, column)| {
-            for (usable, row) in usable.iter_mut().zip(column.chunks_exact(per_row)) {
-                // 0 times x is 0 for a finite x, else NaN: a sum without branches.
-                *usable &= row.iter().fold(T::zero(), |sum, g| sum + *g * *g * T::zero()) == T::zero();
-            }
-        });
+    for column in gradient.iter().filter(|column| !column.is_empty()) {
+        for (usable, row) in usable.iter_mut().zip(column.chunks_exact(column.len() / count)) {
+            // 0 times x is 0 for a finite x, else NaN: a sum without branches.
+            *usable &= row.iter().fold(T::zero(), |sum, g| sum + *g * *g * T::zero()) == T::zero();
+        }
     }
     usable
 }
 
-/// Bias corrections of the first and the second moment of each row; `None` where it is skipped.
-type Corrections<T> = Vec<Option<[T; 2]>>;
-
-/// Counts the gradients of `rows` and returns their bias corrections, and in a fit that goes on from an earlier one those
-/// of the columns of time apart. The first correction has the share of the row, because a factor of it is one of the step.
-fn corrections<T: Real>(
-    moments: &mut Moments<T>,
-    rows: &[u32],
-    usable: &[bool],
-) -> (Corrections<T>, Option<Corrections<T>>) {
-    let correction = |(row, usable): (&u32, &bool)| {
-        let visits = &mut moments.visits[*row as usize];
-        *visits = visits.saturating_add(u32::from(*usable));
-        let correction = |beta: f64| T::from_f64(1.0 / (1.0 - num_traits::pow(beta, *visits as usize)));
-        usable.then(|| [correction(BETA1), correction(BETA2)])
-    };
-    let all: Corrections<T> = rows.iter().zip(usable).map(correction).collect();
-    if moments.carried.is_empty() {
-        return (all, None);
+/// The rates of the motion of a row with a window of this width, by power of time.
+fn by_power<T: Real>(rates: &LearningRates, order: u8, log_width: T) -> [T; 3] {
+    match order {
+        0 => [T::zero(); 3],
+        _ => rates.motion(log_width.to_double()).map(T::from_f64),
     }
-    let shared = |share: fn(&Moments<T>, usize) -> f32| -> Corrections<T> {
-        let of_row = |(correction, row): (&Option<[T; 2]>, &u32)| {
-            let share = T::from_f64(share(moments, *row as usize).into());
-            correction.map(|[first, second]| [share * first, second])
-        };
-        all.iter().zip(rows).map(of_row).collect()
-    };
-    (shared(Moments::share), Some(shared(Moments::share_of_time)))
-}
-
-/// The rates of the motion of `rows`, by power of time.
-fn motion_rates<T: Real>(parameters: &Parameters<T>, rows: &[u32], rates: &LearningRates) -> Vec<[T; 3]> {
-    if parameters.motion_order == 0 {
-        return Vec::new();
-    }
-    let of_row = |row: &u32| rates.motion(parameters.log_widths[*row as usize].to_double()).map(T::from_f64);
-    rows.par_iter().map(of_row).collect()
 }
 
 /// The rates of the first `N` coefficients of motion, from their rates by power.
@@ -144,7 +107,115 @@ fn by_axis<T: Real, const N: usize>(by_power: &[T; 3]) -> [T; N] {
     std::array::from_fn(|k| by_power[k / 3])
 }
 
-/// One column of the parameters with its moments.
+/// Bias corrections of the first and the second moment of each row; `None` where it is skipped.
+type Corrections<T> = Vec<Option<[T; 2]>>;
+
+/// Consecutive rows of the parameters, with their moments.
+struct Part<'a, T> {
+    values: [&'a mut [T]; COLUMNS],
+    first: [&'a mut [T]; COLUMNS],
+    second: [&'a mut [T]; COLUMNS],
+    visits: &'a mut [u32],
+    /// Empty in a fit that goes on from no other.
+    carried: &'a [Carried],
+}
+
+impl<'a, T: Real> Part<'a, T> {
+    /// Splits all rows into chunks of [`CHUNK`].
+    fn split(parameters: &'a mut Parameters<T>, moments: &'a mut Moments<T>) -> Vec<Part<'a, T>> {
+        let count = parameters.len();
+        let lengths = || (0..count).step_by(CHUNK).map(|first| CHUNK.min(count - first));
+        let Moments { first, second, visits, carried } = moments;
+        let moments = first.parts_mut(lengths()).into_iter().zip(second.parts_mut(lengths()));
+        let of_rows = visits.chunks_mut(CHUNK).enumerate().map(|(chunk, visits)| {
+            let first = (chunk * CHUNK).min(carried.len());
+            (visits, &carried[first..carried.len().min(first + CHUNK)])
+        });
+        let parts = parameters.parts_mut(lengths()).into_iter().zip(moments).zip(of_rows);
+        parts
+            .map(|((values, (first, second)), (visits, carried))| Part {
+                values,
+                first,
+                second,
+                visits,
+                carried,
+            })
+            .collect()
+    }
+
+    /// Steps the `usable` of these rows; row `i` of `gradient` is the gradient of `rows[i]`. `motion` is the rates of a
+    /// window's motion.
+    fn step(
+        &mut self,
+        rows: &[usize],
+        gradient: &[&[T]; COLUMNS],
+        usable: &[bool],
+        rates: &[Vec<T>; COLUMNS],
+        motion: impl Fn(T) -> [T; 3],
+    ) {
+        let (corrections, of_time) = self.corrections(rows, usable);
+        // Before the widths step, as on a GPU.
+        let widths = &self.values[WIDTH_COLUMN];
+        let motion: Vec<[T; 3]> = match widths.is_empty() {
+            true => vec![motion(T::zero()); rows.len()],
+            false => rows.iter().map(|row| motion(widths[*row])).collect(),
+        };
+        let columns = self.values.iter_mut().zip(&mut self.first).zip(&mut self.second);
+        for (number, (((values, first), second), (gradient, rates))) in
+            columns.zip(gradient.iter().zip(rates)).enumerate()
+        {
+            if values.is_empty() {
+                continue;
+            }
+            let corrections = match &of_time {
+                Some(of_time) if number >= TIME_COLUMN => of_time,
+                _ => &corrections,
+            };
+            let column = Column { values, first, second };
+            // The compiler makes vectors of a row whose length it knows: rows of the columns up to degree 3.
+            match (number, rates.len()) {
+                (MOTION_COLUMN, _) => match gradient.len() / rows.len() {
+                    3 => step(column, rows, gradient, corrections, |i| by_axis::<T, 3>(&motion[i])),
+                    6 => step(column, rows, gradient, corrections, |i| by_axis::<T, 6>(&motion[i])),
+                    _ => step(column, rows, gradient, corrections, |i| by_axis::<T, 9>(&motion[i])),
+                },
+                (_, 1) => step_alike::<T, 1>(column, rows, gradient, corrections, rates),
+                (_, 3) => step_alike::<T, 3>(column, rows, gradient, corrections, rates),
+                (_, 4) => step_alike::<T, 4>(column, rows, gradient, corrections, rates),
+                (_, 12) => step_alike::<T, 12>(column, rows, gradient, corrections, rates),
+                (_, 27) => step_alike::<T, 27>(column, rows, gradient, corrections, rates),
+                (_, 48) => step_alike::<T, 48>(column, rows, gradient, corrections, rates),
+                (_, length) => unreachable!("no column has {length} numbers a row"),
+            }
+        }
+    }
+
+    /// Counts the gradients of `rows` and returns their bias corrections, and in a fit that goes on from an earlier one the
+    /// corrections for the columns of time apart. The first correction has the share of the row, because a factor of it is
+    /// one of the step.
+    fn corrections(&mut self, rows: &[usize], usable: &[bool]) -> (Corrections<T>, Option<Corrections<T>>) {
+        let correction = |(row, usable): (&usize, &bool)| {
+            let visits = &mut self.visits[*row];
+            *visits = visits.saturating_add(u32::from(*usable));
+            let corrections = CORRECTIONS[(*visits as usize).min(CORRECTIONS.len() - 1)];
+            usable.then(|| corrections.map(T::from_f64))
+        };
+        let all: Corrections<T> = rows.iter().zip(usable).map(correction).collect();
+        if self.carried.is_empty() {
+            return (all, None);
+        }
+        let shared = |share: fn(Carried) -> f32| -> Corrections<T> {
+            let of_row = |(correction, row): (&Option<[T; 2]>, &usize)| {
+                let share = T::from_f64(share(self.carried[*row]).into());
+                correction.map(|[first, second]| [share * first, second])
+            };
+            all.iter().zip(rows).map(of_row).collect()
+        };
+        (shared(Carried::share_of_rates), Some(shared(Carried::share_of_time)))
+    }
+}
+
+/// One column of consecutive rows with its moments.
 struct Column<'a, T> {
     values: &'a mut [T],
     first: &'a mut [T],
@@ -154,7 +225,7 @@ struct Column<'a, T> {
 /// Steps a column of `N` numbers per row, whose rates are the same in each row.
 fn step_alike<T: Real, const N: usize>(
     column: Column<T>,
-    rows: &[u32],
+    rows: &[usize],
     gradient: &[T],
     corrections: &[Option<[T; 2]>],
     rates: &[T],
@@ -166,33 +237,28 @@ fn step_alike<T: Real, const N: usize>(
 /// Steps a column of `N` numbers per row: row `i` of `rows` at `rates(i)`.
 fn step<T: Real, const N: usize>(
     Column { values, first, second }: Column<T>,
-    rows: &[u32],
+    rows: &[usize],
     gradient: &[T],
     corrections: &[Option<[T; 2]>],
-    rates: impl Fn(usize) -> [T; N] + Sync,
+    rates: impl Fn(usize) -> [T; N],
 ) {
     let [beta1, beta2, epsilon] = [BETA1, BETA2, EPSILON].map(T::from_f64);
     let [rest1, rest2] = [T::from_f64(1.0 - BETA1), T::from_f64(1.0 - BETA2)];
-    let gradient = gradient.as_chunks::<N>().0;
-    let moments = first.as_chunks_mut::<N>().0.par_chunks_mut(CHUNK);
-    let moments = moments.zip(second.as_chunks_mut::<N>().0.par_chunks_mut(CHUNK));
-    let chunks = values.as_chunks_mut::<N>().0.par_chunks_mut(CHUNK).zip(moments).enumerate();
-    chunks.for_each(|(chunk, (values, (first, second)))| {
-        let begin = chunk * CHUNK;
-        let before = |end: usize| rows.partition_point(|row| (*row as usize) < end);
-        for i in before(begin)..before(begin + CHUNK) {
-            let Some([bias1, bias2]) = corrections[i] else { continue };
-            let (row, g, rates) = (rows[i] as usize - begin, &gradient[i], rates(i));
-            // Copies: the compiler knows that they do not overlap.
-            let (mut value, mut mean, mut square) = (values[row], first[row], second[row]);
-            for k in 0..N {
-                mean[k] = beta1 * mean[k] + rest1 * g[k];
-                square[k] = beta2 * square[k] + rest2 * g[k] * g[k];
-                value[k] -= rates[k] * (mean[k] * bias1) / ((square[k] * bias2).sqrt() + epsilon);
-            }
-            (values[row], first[row], second[row]) = (value, mean, square);
+    let [values, first, second] = [values, first, second].map(|column| column.as_chunks_mut::<N>().0);
+    for (i, ((row, g), correction)) in
+        rows.iter().zip(gradient.as_chunks::<N>().0).zip(corrections).enumerate()
+    {
+        let Some([bias1, bias2]) = correction else { continue };
+        let rates = rates(i);
+        // Copies: the compiler knows that they do not overlap.
+        let (mut value, mut mean, mut square) = (values[*row], first[*row], second[*row]);
+        for k in 0..N {
+            mean[k] = beta1 * mean[k] + rest1 * g[k];
+            square[k] = beta2 * square[k] + rest2 * g[k] * g[k];
+            value[k] -= rates[k] * (mean[k] * *bias1) / ((square[k] * *bias2).sqrt() + epsilon);
         }
-    });
+        (values[*row], first[*row], second[*row]) = (value, mean, square);
+    }
 }
 
 #[cfg(test)]
@@ -295,7 +361,7 @@ mod tests {
 
     #[test]
     fn steps_of_carried_rows_are_shorter_and_what_stands_still_keeps_its_time() {
-        use crate::fit::parameters::{Carried, STATIC_SHARE};
+        use crate::fit::parameters::STATIC_SHARE;
         let mut all = parameters::<f64>(3);
         let mut moments = Moments::new(&all);
         moments.carried = vec![

@@ -3,8 +3,13 @@
 //! The player pays for the pixels that a Gaussian covers, seen or not. The images say nothing about the size of one
 //! that is nearly hidden or nearly transparent, so without this term, most of the fragments show next to nothing.
 
+use rayon::prelude::*;
+
 use crate::fit::parameters::Parameters;
 use crate::raster::Real;
+
+/// Rows per parallel task at least.
+const CHUNK: usize = 1024;
 
 /// Adds the gradient of `weight` times the sum, over `rows`, of `ab + bc + ca` for the standard deviations `a, b, c`;
 /// row `i` of `gradient` is the gradient of `rows[i]`. `weight` is per squared unit of the capture.
@@ -18,13 +23,13 @@ pub(in crate::fit) fn add_fragment_term<T: Real>(
     weight: f64,
 ) {
     let weight = T::from_f64(weight);
-    for (gradient, row) in gradient.log_scales.iter_mut().zip(rows) {
+    gradient.log_scales.par_iter_mut().zip(rows).with_min_len(CHUNK).for_each(|(gradient, row)| {
         let scales = parameters.log_scales[*row as usize].map(T::exp);
         let sum = scales[0] + scales[1] + scales[2];
         for (by, scale) in gradient.iter_mut().zip(scales) {
             *by += weight * scale * (sum - scale);
         }
-    }
+    });
 }
 
 #[cfg(test)]

@@ -40,16 +40,6 @@ impl<T: Real> Moments<T> {
         }
     }
 
-    /// Factor of the learning rates of a row, 0 to 1.
-    pub(in crate::fit) fn share(&self, row: usize) -> f32 {
-        self.carried.get(row).map_or(1.0, |carried| carried.share_of_rates())
-    }
-
-    /// That of its window, motion and rotation rates.
-    pub(in crate::fit) fn share_of_time(&self, row: usize) -> f32 {
-        self.carried.get(row).map_or(1.0, |carried| carried.share_of_time())
-    }
-
     /// Whether a row stands still and is always on.
     pub(in crate::fit) fn is_static(&self, row: usize) -> bool {
         self.carried.get(row).is_some_and(|carried| carried.is_static)

@@ -6,7 +6,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::columns::{LOGIT_MAX, Parameters};
+use super::columns::{COLUMNS, LOGIT_MAX, Parameters};
 use super::timeline::Timeline;
 use crate::raster::Real;
 
@@ -72,22 +72,22 @@ impl Bounds {
         self
     }
 
-    /// Clamps a row to the bounds. A quaternion without a direction becomes the identity. NaN stays.
-    pub(in crate::fit) fn project<T: Real>(&self, parameters: &mut Parameters<T>, row: usize) {
-        let within = |x: T, [least, greatest]: [f64; 2]| {
-            if x.is_nan() { x } else { x.max(T::from_f64(least)).min(T::from_f64(greatest)) }
+    /// Clamps a row, given by its [columns](Parameters::columns), to the bounds. A quaternion without a direction becomes
+    /// the identity. NaN stays.
+    pub(in crate::fit) fn project<T: Real>(&self, row: [&mut [T]; COLUMNS]) {
+        let [_, rotation, log_scales, logit, _, tau, log_width, ..] = row;
+        let clamp = |column: &mut [T], [least, greatest]: [f64; 2]| {
+            for x in column.iter_mut().filter(|x| !x.is_nan()) {
+                *x = x.max(T::from_f64(least)).min(T::from_f64(greatest));
+            }
         };
-        parameters.log_scales[row] = parameters.log_scales[row].map(|x| within(x, self.log_scales));
-        parameters.logits[row] = within(parameters.logits[row], [-LOGIT_MAX, LOGIT_MAX]);
-        if let Some(tau) = parameters.tau.get_mut(row) {
-            *tau = within(*tau, self.tau);
-        }
-        if let Some(width) = parameters.log_widths.get_mut(row) {
-            *width = within(*width, self.log_widths);
-        }
-        let norm = parameters.rotations[row].iter().map(|x| x.to_double().powi(2)).sum::<f64>().sqrt();
+        clamp(log_scales, self.log_scales);
+        clamp(logit, [-LOGIT_MAX, LOGIT_MAX]);
+        clamp(tau, self.tau);
+        clamp(log_width, self.log_widths);
+        let norm = rotation.iter().map(|x| x.to_double().powi(2)).sum::<f64>().sqrt();
         if norm < NORM_MIN {
-            parameters.rotations[row] = [T::one(), T::zero(), T::zero(), T::zero()];
+            rotation.copy_from_slice(&[T::one(), T::zero(), T::zero(), T::zero()]);
         }
     }
 }
@@ -113,7 +113,7 @@ mod tests {
     fn a_row_is_clamped() {
         let bounds = Bounds::new(10.0, Timeline::even(9));
         let mut parameters = row();
-        bounds.project(&mut parameters, 0);
+        bounds.project(parameters.row_mut(0));
         let [a, b, c] = parameters.log_scales[0].map(f64::exp);
         assert!((a - 1e-3).abs() < 1e-12 && (b - 1.0).abs() < 1e-12 && (c - (-1.0_f64).exp()).abs() < 1e-12);
         assert_eq!(
@@ -123,17 +123,17 @@ mod tests {
         assert_eq!(parameters.rotations[0], [1.0, 0.0, 0.0, 0.0]);
         assert_eq!(parameters.centers[0], row().centers[0]);
         parameters.tau[0] = 12.0;
-        bounds.project(&mut parameters, 0);
+        bounds.project(parameters.row_mut(0));
         assert_eq!(parameters.tau[0], 8.5);
         let projected = parameters.clone();
-        bounds.project(&mut parameters, 0);
+        bounds.project(parameters.row_mut(0));
         assert_eq!(parameters, projected);
     }
 
     #[test]
     fn a_scene_without_time_has_no_windows() {
         let mut parameters = Parameters { tau: Vec::new(), log_widths: Vec::new(), ..row() };
-        Bounds::new(1.0, Timeline::even(1)).project(&mut parameters, 0);
+        Bounds::new(1.0, Timeline::even(1)).project(parameters.row_mut(0));
         assert_eq!(parameters.logits[0], -7.0);
     }
 

@@ -281,6 +281,31 @@ impl<T: Real> Parameters<T> {
         ]
     }
 
+    /// [`columns_mut`](Parameters::columns_mut), split into parts of these numbers of rows.
+    ///
+    /// # Panics
+    /// If there are fewer rows.
+    pub(in crate::fit) fn parts_mut(
+        &mut self,
+        lengths: impl Iterator<Item = usize>,
+    ) -> Vec<[&mut [T]; COLUMNS]> {
+        let count = self.len().max(1);
+        let mut rest = self.columns_mut();
+        let per_row = rest.each_ref().map(|column| column.len() / count);
+        let part = |rows: usize| {
+            std::array::from_fn(|i| {
+                rest[i].split_off_mut(..rows * per_row[i]).expect("columns have all rows")
+            })
+        };
+        lengths.map(part).collect()
+    }
+
+    /// The columns of a row.
+    pub(in crate::fit) fn row_mut(&mut self, row: usize) -> [&mut [T]; COLUMNS] {
+        let count = self.len();
+        row_of(self.columns_mut(), count, row)
+    }
+
     /// Whether all numbers of a row are finite.
     pub(in crate::fit) fn is_finite(&self, row: usize) -> bool {
         self.all_in_row(row, |x| x.is_finite())
@@ -294,6 +319,18 @@ impl<T: Real> Parameters<T> {
             column[row * per_row..(row + 1) * per_row].iter().all(|x| predicate(*x))
         })
     }
+}
+
+/// A row of the columns of `count` rows.
+pub(in crate::fit) fn row_of<T>(
+    columns: [&mut [T]; COLUMNS],
+    count: usize,
+    row: usize,
+) -> [&mut [T]; COLUMNS] {
+    columns.map(|column| {
+        let per_row = column.len() / count;
+        &mut column[row * per_row..(row + 1) * per_row]
+    })
 }
 
 #[cfg(test)]

@@ -10,9 +10,9 @@ mod timeline;
 pub(super) use bounds::{Bounds, NORM_MIN};
 pub use carried::Carried;
 pub(super) use carried::{STATIC_SHARE, keep_limits};
-pub(super) use columns::COLUMNS;
 #[cfg(feature = "gpu")]
 pub(super) use columns::LOGIT_MAX;
 pub use columns::Parameters;
+pub(super) use columns::{COLUMNS, row_of};
 pub(super) use extent::scene_extent;
 pub use timeline::Timeline;

@@ -1,6 +1,7 @@
 //! Stage `project`: evaluates Gaussians at the frame and projects them into the image.
 
 use codec::{ALPHA_MIN, sh_coefficients};
+use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 
 use crate::fit::parameters::{NORM_MIN, Parameters};
@@ -12,7 +13,7 @@ use crate::raster::{Projected, Projection, Real, add, scaled};
 const FADED: f64 = 11.1;
 
 /// Rows per parallel task.
-const CHUNK: usize = 256;
+pub(super) const CHUNK: usize = 256;
 
 /// A projected Gaussian with the intermediate results that its gradient needs.
 #[derive(Clone, Debug)]
@@ -52,17 +53,27 @@ impl<T: Real> Instant<T> {
         Instant { projection, time: T::from_f64(view.time) }
     }
 
-    /// The Gaussians that reach a pixel, in the order of their rows.
-    pub(super) fn project_all(&self, parameters: &Parameters<T>) -> Vec<GaussianTrace<T>> {
-        let chunks = (0..parameters.len().div_ceil(CHUNK)).into_par_iter();
+    /// The Gaussians that reach a pixel, in the order of their rows: a list for each [`CHUNK`] of rows.
+    pub(super) fn project_all(&self, arch: Arch, parameters: &Parameters<T>) -> Vec<Vec<GaussianTrace<T>>> {
         let project = |chunk: usize| {
-            let rows = chunk * CHUNK..parameters.len().min((chunk + 1) * CHUNK);
-            let mut traces = Vec::with_capacity(rows.len());
-            traces
-                .extend(rows.filter_map(|row| self.project(parameters, row, self.window(parameters, row)?)));
+            let first = chunk * CHUNK;
+            let rows = first..parameters.len().min(first + CHUNK);
+            let faded = match parameters.tau.is_empty() {
+                true => [false; CHUNK],
+                false => {
+                    let (tau, log_widths) =
+                        (&parameters.tau[rows.clone()], &parameters.log_widths[rows.clone()]);
+                    arch.dispatch(Faded { time: self.time, tau, log_widths })
+                }
+            };
+            let mut traces = Vec::with_capacity(faded[..rows.len()].iter().filter(|faded| !**faded).count());
+            for row in rows.filter(|row| !faded[row - first]) {
+                let window = self.window(parameters, row);
+                traces.extend(window.and_then(|window| self.project(parameters, row, window)));
+            }
             traces
         };
-        chunks.map(project).collect::<Vec<_>>().into_iter().flatten().collect()
+        (0..parameters.len().div_ceil(CHUNK)).into_par_iter().map(project).collect()
     }
 
     /// The window of a Gaussian; `None` if it is invisible at the frame.
@@ -73,10 +84,6 @@ impl<T: Real> Instant<T> {
             None => (T::zero(), one),
         };
         let since_in_widths = since / width;
-        // Most Gaussians of a long clip end here: the fading alone makes them invisible.
-        if since_in_widths * since_in_widths > T::from_f64(FADED) {
-            return None;
-        }
         let fading = (-T::from_f64(0.5) * since_in_widths * since_in_widths).exp();
         let logit = parameters.logits[row];
         let opacity = fading / (one + (-logit).exp());
@@ -94,13 +101,39 @@ impl<T: Real> Instant<T> {
         window: Window<T>,
     ) -> Option<GaussianTrace<T>> {
         let center = self.projection.center(position(parameters, row, window.since), window.opacity)?;
+        let [a, b, c] = parameters.log_scales[row];
+        if !self.projection.may_reach(&center, a.max(b).max(c).exp()) {
+            return None;
+        }
         let (rotation, length) = rotation(parameters, row, window.since)?;
-        let scales = parameters.log_scales[row].map(T::exp);
+        let scales = [a, b, c].map(T::exp);
         let count = sh_coefficients(parameters.sh_degree);
         let coefficients = &parameters.sh[row * count..(row + 1) * count];
         let projected = self.projection.project(row as u32, center, rotation, scales, coefficients)?;
         let is_in_image = self.projection.is_in_image(&projected.splat);
         is_in_image.then_some(GaussianTrace { projected, window, rotation, length, scales })
+    }
+}
+
+/// Finds the Gaussians, at most a [`CHUNK`], that their fading alone makes invisible: most of a long clip.
+struct Faded<'a, T> {
+    time: T,
+    tau: &'a [T],
+    log_widths: &'a [T],
+}
+
+impl<T: Real> NullaryFnOnce for Faded<'_, T> {
+    type Output = [bool; CHUNK];
+
+    #[inline(always)]
+    fn call(self) -> [bool; CHUNK] {
+        let mut faded = [false; CHUNK];
+        let windows = self.tau.iter().zip(self.log_widths);
+        for (faded, (tau, log_width)) in faded.iter_mut().zip(windows) {
+            let since_in_widths = (self.time - *tau) / log_width.exp();
+            *faded = since_in_widths * since_in_widths > T::from_f64(FADED);
+        }
+        faded
     }
 }
 

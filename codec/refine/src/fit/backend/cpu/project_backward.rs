@@ -4,7 +4,7 @@
 use codec::sh_coefficients;
 use rayon::prelude::*;
 
-use super::project::{GaussianTrace, Instant, Window};
+use super::project::{CHUNK, GaussianTrace, Instant, Window};
 use super::rasterize_backward::SplatGradient;
 use crate::fit::backend::Gradient;
 use crate::fit::cameras::ViewGradient;
@@ -15,12 +15,10 @@ use crate::raster::{
     transposed_times,
 };
 
-/// Gaussians per parallel task.
-const CHUNK: usize = 256;
-
-/// The gradient with respect to the parameters of the rendered Gaussians. `places` are their indices in `d_splats`.
+/// The gradient with respect to the parameters of the rendered Gaussians, from the gradients of their splats. `traces` and
+/// `places` are as in a [`ForwardPass`](super::ForwardPass).
 pub(super) fn project_backward<T: Real>(
-    traces: &[GaussianTrace<T>],
+    traces: &[Vec<GaussianTrace<T>>],
     places: &[u32],
     d_splats: &[SplatGradient<T>],
     parameters: &Parameters<T>,
@@ -28,20 +26,23 @@ pub(super) fn project_backward<T: Real>(
     detach_tau: bool,
 ) -> Gradient<T> {
     let Instant { projection, .. } = Instant::new(view, parameters);
-    let mut values = parameters.zeros(traces.len());
-    let mut screen = vec![T::zero(); traces.len()];
-    let chunks = Rows::chunks(&mut values, &mut screen).into_par_iter();
-    let chunks = chunks.zip(traces.par_chunks(CHUNK)).zip(places.par_chunks(CHUNK));
-    let write_chunks = chunks.map(|((mut rows, chunk), places)| {
+    let mut values = parameters.zeros(d_splats.len());
+    let mut screen = vec![T::zero(); d_splats.len()];
+    let columns = values.parts_mut(traces.iter().map(Vec::len));
+    let mut rest = &mut screen[..];
+    let screens = traces.iter().map(|traces| rest.split_off_mut(..traces.len()).expect("a number for each"));
+    let chunks =
+        columns.into_par_iter().zip(screens.collect::<Vec<_>>()).zip(traces).zip(places.par_chunks(CHUNK));
+    let write_chunks = chunks.map(|(((mut columns, screen), traces), places)| {
         let (mut non_finite, mut by_view) = (0, ByView::default());
-        for (row, (trace, place)) in chunk.iter().zip(places).enumerate() {
+        for (row, (trace, place)) in traces.iter().zip(places).enumerate() {
             let d_splat = &d_splats[*place as usize];
             let (gradient, by) = gaussian(&projection, parameters, trace, d_splat, detach_tau);
             let [x, y] = [0, 1].map(|axis| d_splat.center[axis] * projection.size[axis] * T::from_f64(0.5));
             let norm = (x * x + y * y).sqrt();
             if gradient.is_finite() && norm.is_finite() {
-                rows.write(row, &gradient);
-                rows.screen[row] = norm;
+                gradient.write(&mut columns, traces.len(), row);
+                screen[row] = norm;
                 by_view.add(&by);
             } else {
                 non_finite += 1;
@@ -54,7 +55,7 @@ pub(super) fn project_backward<T: Real>(
         non_finite += of_chunk;
         by_view.add(&by);
     }
-    let rows = traces.iter().map(|trace| trace.projected.splat.row).collect();
+    let rows = traces.iter().flatten().map(|trace| trace.projected.splat.row).collect();
     Gradient { rows, values, screen, view: by_view.in_camera(&projection), non_finite }
 }
 
@@ -87,41 +88,6 @@ impl<T: Real> ByView<T> {
     }
 }
 
-/// Mutable access to some rows of a gradient.
-struct Rows<'a, T> {
-    /// As [`Parameters::columns_mut`].
-    columns: [&'a mut [T]; COLUMNS],
-    /// Numbers per row in each column.
-    per_row: [usize; COLUMNS],
-    screen: &'a mut [T],
-}
-
-impl<'a, T: Real> Rows<'a, T> {
-    /// Splits a gradient into chunks of [`CHUNK`] rows.
-    fn chunks(values: &'a mut Parameters<T>, screen: &'a mut [T]) -> Vec<Rows<'a, T>> {
-        let count = values.len();
-        let columns = values.columns_mut();
-        let per_row = columns.each_ref().map(|column| column.len() / count.max(1));
-        let mut rest = columns;
-        screen
-            .chunks_mut(CHUNK)
-            .map(|screen| {
-                let rows = screen.len();
-                let columns = std::array::from_fn(|i| {
-                    rest[i].split_off_mut(..rows * per_row[i]).expect("columns have all rows")
-                });
-                Rows { columns, per_row, screen }
-            })
-            .collect()
-    }
-
-    fn write(&mut self, row: usize, gradient: &GaussianGradient<T>) {
-        for ((column, per_row), values) in self.columns.iter_mut().zip(self.per_row).zip(gradient.columns()) {
-            column[row * per_row..][..per_row].copy_from_slice(&values[..per_row]);
-        }
-    }
-}
-
 /// The gradient with respect to the parameters of one Gaussian; 0 in absent columns.
 #[derive(Default)]
 struct GaussianGradient<T> {
@@ -150,6 +116,14 @@ impl<T: Real> GaussianGradient<T> {
             self.motion.as_flattened(),
             &self.rotation_rate,
         ]
+    }
+
+    /// Writes it to a row of the columns of `count` rows.
+    fn write(&self, columns: &mut [&mut [T]; COLUMNS], count: usize, row: usize) {
+        for (column, values) in columns.iter_mut().zip(self.columns()) {
+            let per_row = column.len() / count;
+            column[row * per_row..][..per_row].copy_from_slice(&values[..per_row]);
+        }
     }
 
     fn is_finite(&self) -> bool {

@@ -2,25 +2,26 @@
 //! starts from.
 
 use pulp::Arch;
+use rayon::prelude::*;
 
-use super::project::{GaussianTrace, Instant};
+use super::project::{CHUNK, GaussianTrace, Instant};
 use super::project_backward::project_backward;
 use super::rasterize_backward::rasterize_backward;
 use crate::fit::backend::Gradient;
 use crate::fit::parameters::Parameters;
 use crate::fit::views::{FrameView, RenderedImage};
-use crate::raster::{DrawnSplat, Real, Splat, Tiles, front_to_back, rasterize};
+use crate::raster::{DrawnSplat, Projected, Real, SortKey, Splat, Tiles, front_to_back, rasterize};
 
 /// A rendered image with the intermediate results of its forward pass.
 #[derive(Clone, Debug)]
 pub struct ForwardPass<T> {
     /// The image.
     pub image: RenderedImage<T>,
-    /// In the order of their rows.
-    pub(super) traces: Vec<GaussianTrace<T>>,
+    /// In the order of their rows, a list for each [`CHUNK`] of rows.
+    pub(super) traces: Vec<Vec<GaussianTrace<T>>>,
     /// Front to back.
     pub(super) splats: Vec<Splat<T>>,
-    /// Index in `splats` of each Gaussian.
+    /// Index in `splats` of Gaussian `i` of list `c`, at `c * CHUNK + i`.
     pub(super) places: Vec<u32>,
     pub(super) tiles: Tiles,
     /// Per tile, the splats drawn, front to back.
@@ -30,12 +31,22 @@ pub struct ForwardPass<T> {
 /// Renders Gaussians over black. The camera satisfies [`codec::Camera::check`]. No pixel is NaN, for any
 /// parameters.
 pub fn render<T: Real>(parameters: &Parameters<T>, view: &FrameView) -> ForwardPass<T> {
-    let traces = Instant::new(view, parameters).project_all(parameters);
+    let traces = Instant::new(view, parameters).project_all(Arch::new(), parameters);
     // A plate is behind all others.
-    let keys = traces.iter().map(|trace| &trace.projected.splat);
-    let order = front_to_back(keys.map(|splat| (parameters.is_behind(splat.row as usize), splat.depth)));
-    let splats: Vec<Splat<T>> = order.iter().map(|index| traces[*index as usize].projected.splat).collect();
-    let mut places = vec![0; order.len()];
+    let keys = traces.par_iter().enumerate().flat_map_iter(|(chunk, traces)| {
+        (chunk * CHUNK..).zip(traces).map(
+            |(index, GaussianTrace { projected: Projected { splat, .. }, .. })| {
+                SortKey::new(parameters.is_behind(splat.row as usize), splat.depth, index as u32)
+            },
+        )
+    });
+    let order = front_to_back(keys.collect());
+    let splat = |index: &u32| {
+        let index = *index as usize;
+        traces[index / CHUNK][index % CHUNK].projected.splat
+    };
+    let splats: Vec<Splat<T>> = order.par_iter().map(splat).collect();
+    let mut places = vec![0; traces.len() * CHUNK];
     for (place, index) in (0..).zip(order) {
         places[index as usize] = place;
     }

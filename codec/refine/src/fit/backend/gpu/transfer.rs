@@ -43,14 +43,17 @@ pub(super) fn upload(device: &Device, to: &PerGaussian, state: &TrainingState) {
             offset += column.len() as u64 * WORD;
         }
     }
-    let statistics_of = |row: usize| Statistics {
-        screen_gradient: screen_gradients.sums[row],
-        images: screen_gradients.images[row],
-        visits: moments.visits[row],
-        is_usable: 0,
-        share: moments.share(row),
-        share_of_time: moments.share_of_time(row),
-        is_behind: parameters.is_behind(row).into(),
+    let statistics_of = |row: usize| {
+        let carried = moments.carried.get(row).copied().unwrap_or(Carried::NONE);
+        Statistics {
+            screen_gradient: screen_gradients.sums[row],
+            images: screen_gradients.images[row],
+            visits: moments.visits[row],
+            is_usable: 0,
+            share: carried.share_of_rates(),
+            share_of_time: carried.share_of_time(),
+            is_behind: parameters.is_behind(row).into(),
+        }
     };
     let statistics: Vec<Statistics> = (0..parameters.len()).map(statistics_of).collect();
     device.write(&to.statistics, 0, &statistics);
