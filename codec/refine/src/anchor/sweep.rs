@@ -69,9 +69,8 @@ const RANGE_THICKNESS: f64 = 0.05;
 /// A photograph prepared for comparison.
 pub(super) struct SweptView {
     pub(super) pinhole: Pinhole,
-    /// Brightness over black.
-    luma: Vec<f32>,
-    /// Of each pixel, what makes the brightness at `(u, v)` from its middle, each 0 to 1: the factors of 1, u, v and u v.
+    /// Of each pixel, what makes the brightness over black at `(u, v)` from its middle, each 0 to 1: the factors of 1, u, v
+    /// and u v.
     bilinear: Vec<Vec4>,
     pub(super) subject: Vec<bool>,
     spans: Vec<[f32; 2]>,
@@ -156,7 +155,7 @@ pub(super) fn shrunk(pinhole: &Pinhole, photograph: &Photograph, size: u32) -> S
         subject.push(2 * subject_pixels > factor * factor);
     }
     let bilinear = bilinear(&luma, width as usize);
-    SweptView { pinhole, luma, bilinear, subject, spans: Vec::new(), neighbors: Vec::new() }
+    SweptView { pinhole, bilinear, subject, spans: Vec::new(), neighbors: Vec::new() }
 }
 
 /// The factors of [`SweptView::bilinear`] of a picture `width` pixels wide; beyond its edges, it goes on as it ends.
@@ -205,7 +204,7 @@ impl Patch {
             for u in (x - PATCH_HALF).max(0)..(x + PATCH_HALF + 1).min(width) {
                 let at = (v * width + u) as usize;
                 if view.subject[at] {
-                    pixels.push((Vec3::new(u as f32 + 0.5, v as f32 + 0.5, 1.0), view.luma[at]));
+                    pixels.push((Vec3::new(u as f32 + 0.5, v as f32 + 0.5, 1.0), view.bilinear[at].x));
                 }
             }
         }
@@ -480,14 +479,7 @@ mod tests {
         let camera = &ring(1, 3.0, 5)[0];
         let pinhole = Pinhole { size: [width as u32, height as u32], ..Pinhole::new(camera) };
         let bilinear = bilinear(&luma, width);
-        let view = SweptView {
-            pinhole,
-            bilinear,
-            subject: vec![],
-            spans: vec![],
-            neighbors: vec![],
-            luma: luma.clone(),
-        };
+        let view = SweptView { pinhole, bilinear, subject: vec![], spans: vec![], neighbors: vec![] };
         let expected = |x: f32, y: f32| {
             let weight = |pixel: usize| {
                 let [dx, dy] = [x - (pixel % width) as f32, y - (pixel / width) as f32];

@@ -36,7 +36,7 @@ impl Tiles {
     /// Bins `splats`, which are sorted front to back.
     pub(crate) fn new<T: Real>(splats: &[Splat<T>], width: u32, height: u32) -> Tiles {
         let (width, height) = (width as usize, height as usize);
-        // Each row of tiles looks at all splats, so at little of each.
+        // Every row of tiles goes through all splats, so it reads two numbers of each.
         let heights: Vec<[T; 2]> = splats.par_iter().map(Splat::heights).collect();
         let rows = (0..height.div_ceil(TILE)).into_par_iter();
         let rows =

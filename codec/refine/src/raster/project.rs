@@ -14,8 +14,9 @@ use super::vector::{add, cross, dot, matrix, scaled, times, transposed_times};
 /// How far outside the image the Jacobian may be evaluated, as a fraction of tan(fov / 2).
 const MARGIN: f64 = 0.3;
 
-/// A little more than the largest [`Splat::q_max`], of an opacity of 1.
-const Q_LARGEST: f64 = 11.09;
+/// More than the largest [`Splat::q_max`], of an opacity of 1, by what rotations of cameras are allowed to be off and by
+/// rounding.
+const Q_LARGEST: f64 = 11.12;
 
 /// A Gaussian projected into the image. With `d` from its centre to a pixel's centre, the squared
 /// Mahalanobis distance is `q = inverse_variance[0] (d.x - shear d.y)^2 + inverse_variance[1] d.y^2`.
@@ -170,18 +171,15 @@ impl<T: Real> Projection<T> {
     }
 
     /// Whether a Gaussian with standard deviations of at most `scale` may reach a pixel of the image: a bound that needs no
-    /// axes.
+    /// axes. False for NaN.
     pub(crate) fn may_reach(&self, Centered { view, .. }: &Centered<T>, scale: T) -> bool {
-        let [low, high] = self.limits;
+        let [at_center, slope] = self.slopes(*view);
         (0..2).all(|axis| {
-            let at_center = view[axis] / view[2];
-            let slope = at_center.max(low[axis]).min(high[axis]);
             let image = self.focal[axis] / view[2] * scale;
-            let variance = image * image * (T::one() + slope * slope) + T::from_f64(self.filter.variance());
-            let (center, half) = (
-                self.focal[axis] * at_center + self.principal[axis],
-                (T::from_f64(Q_LARGEST) * variance).sqrt(),
-            );
+            let variance =
+                image * image * (T::one() + slope[axis] * slope[axis]) + T::from_f64(self.filter.variance());
+            let center = self.focal[axis] * at_center[axis] + self.principal[axis];
+            let half = (T::from_f64(Q_LARGEST) * variance).sqrt();
             center + half > T::zero() && center - half < self.size[axis]
         })
     }
@@ -202,15 +200,19 @@ impl<T: Real> Projection<T> {
         }
     }
 
-    /// The footprint of scaled axes at `view`.
-    fn footprint(&self, view: [T; 3], axes: &[[T; 3]; 3]) -> Footprint<T> {
-        let [x, y, z] = view;
+    /// x/z and y/z of a point in camera space, and those at which the Jacobian is evaluated.
+    fn slopes(&self, [x, y, z]: [T; 3]) -> [[T; 2]; 2] {
         let [low, high] = self.limits;
         let at_center = [x / z, y / z];
-        let slope = [0, 1].map(|axis| at_center[axis].max(low[axis]).min(high[axis]));
+        [at_center, [0, 1].map(|axis| at_center[axis].max(low[axis]).min(high[axis]))]
+    }
+
+    /// The footprint of scaled axes at `view`.
+    fn footprint(&self, view: [T; 3], axes: &[[T; 3]; 3]) -> Footprint<T> {
+        let [at_center, slope] = self.slopes(view);
         // Rows of the Jacobian times the axes.
-        let images =
-            [0, 1].map(|axis| scaled(add(axes[axis], scaled(axes[2], -slope[axis])), self.focal[axis] / z));
+        let image = |axis: usize| add(axes[axis], scaled(axes[2], -slope[axis]));
+        let images = [0, 1].map(|axis| scaled(image(axis), self.focal[axis] / view[2]));
         let added = T::from_f64(self.filter.variance());
         let [x_image, y_image] = images;
         let (xx, yy) = (dot(x_image, x_image), dot(y_image, y_image));
@@ -258,7 +260,7 @@ impl<T: Real> Projection<T> {
             return None;
         }
         let visible = (T::from_f64(2.0) * (opacity / T::from_f64(ALPHA_MIN)).ln()).max(T::zero());
-        // The margin exceeds the rounding error of the exponential.
+        // The margin exceeds the rounding errors of logarithm and exponential.
         let q_max = visible + T::from_f64(256.0) * T::epsilon();
         let half_extent = [(q_max * xx).sqrt(), (q_max * yy).sqrt()];
         Some(Splat {
@@ -289,4 +291,42 @@ pub(crate) fn slope_limits(camera: &Camera) -> [[f64; 2]; 2] {
         [0, 1].map(|axis| -principal[axis] / focal[axis] - margin(axis)),
         [0, 1].map(|axis| (size[axis] - principal[axis]) / focal[axis] + margin(axis)),
     ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Gaussians around cameras with the principal point in the middle and aside: what is in the image, the bound keeps, and
+    /// of the rest it drops most.
+    #[test]
+    fn what_may_not_reach_the_image_does_not() {
+        let mut random = fastrand::Rng::with_seed(3);
+        let mut signed = |scale: f64| scale * (2.0 * random.f64() - 1.0);
+        let (mut dropped, mut outside) = (0, 0);
+        for (filter, aside) in PixelFilter::ALL.into_iter().flat_map(|filter| [(filter, 0.0), (filter, 40.0)])
+        {
+            let mut camera = Camera::look_at([0.0, 0.0, -3.0], [0.0; 3], [0.0, -1.0, 0.0], 0.8, 96, 64);
+            camera.k[0][2] += aside;
+            let projection = Projection::<f32>::new(&camera, filter, 0.0);
+            for _ in 0..4000 {
+                let world = [(); 3].map(|()| signed(4.0) as f32);
+                let Some(center) = projection.center(world, 1.0) else { continue };
+                let scales = [(); 3].map(|()| libm::exp(signed(2.5) - 2.0) as f32);
+                let q = [(); 4].map(|()| signed(1.0));
+                let length = q.iter().map(|x| x * x).sum::<f64>().sqrt();
+                let rotation = q.map(|x| (x / length) as f32);
+                let Some(projected) = projection.project(0, center, rotation, scales, &[[0.0_f32; 3]]) else {
+                    continue;
+                };
+                let may_reach = projection.may_reach(&center, scales.into_iter().fold(0.0, f32::max));
+                let is_in_image = projection.is_in_image(&projected.splat);
+                assert!(may_reach || !is_in_image, "{world:?} {scales:?}");
+                (dropped, outside) = (dropped + u32::from(!may_reach), outside + u32::from(!is_in_image));
+            }
+        }
+        assert!(outside > 1000 && 2 * dropped > outside, "{dropped} of {outside}");
+        let largest = 2.0 * libm::log(1.0 / ALPHA_MIN) + 256.0 * f64::from(f32::EPSILON);
+        assert!(Q_LARGEST > 1.002 * largest, "cameras may be off by 0.001 in each product of their rows");
+    }
 }

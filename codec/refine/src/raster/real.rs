@@ -3,7 +3,7 @@
 //! Fits compute in `f32`. The reference, and tests that compare gradients with finite differences, compute in `f64`, in the
 //! same code.
 //!
-//! Pictures decide the content of packages, so exponentials have the same bits on all machines.
+//! Pictures decide the content of packages, so exponentials and logarithms have the same bits on all machines.
 
 use std::f32::consts::{FRAC_1_SQRT_2, LN_2};
 use std::fmt::Debug;
@@ -11,8 +11,8 @@ use std::ops::{AddAssign, SubAssign};
 
 use num_traits::float::FloatCore;
 
-/// `f32` or `f64`. Generic code uses the functions of this trait; on a concrete type, the inherent `exp`
-/// hides [`Real::exp`].
+/// `f32` or `f64`. Generic code uses the functions of this trait; on a concrete type, the inherent `exp` and `ln` hide
+/// [`Real::exp`] and [`Real::ln`].
 pub trait Real: FloatCore + AddAssign + SubAssign + Default + Debug + Send + Sync + 'static {
     /// Rounds to this precision.
     fn from_f64(x: f64) -> Self;
@@ -27,7 +27,7 @@ pub trait Real: FloatCore + AddAssign + SubAssign + Default + Debug + Send + Syn
     /// the system's `exp` is not. 0 for `-inf`, NaN for NaN.
     fn exp(self) -> Self;
 
-    /// Natural logarithm of a positive, normal number, the same on every machine. In `f32`, within 5e-7 up to 400.
+    /// Natural logarithm of a positive, normal number, the same on every machine. In `f32`, within 5e-7 from 1/400 to 400.
     fn ln(self) -> Self;
 
     /// Factor of the exponents of [`Real::falloff`].
@@ -78,13 +78,13 @@ impl Real for f32 {
     /// `ln(x)` = n ln(2) + ln(m) with m between the roots of 1/2 and 2, and the series of the inverse hyperbolic tangent.
     #[inline(always)]
     fn ln(self) -> f32 {
-        // Halves of the exponent's range, so that the mantissa is about 1.
+        // Relative to the bits of the root of 1/2, so that m is between the roots.
         let bits = self.to_bits().wrapping_sub(FRAC_1_SQRT_2.to_bits());
         let n = (bits as i32 >> 23) as f32;
         let m = f32::from_bits((bits & 0x007f_ffff) + FRAC_1_SQRT_2.to_bits());
         let s = (m - 1.0) / (m + 1.0);
         let ss = s * s;
-        // The remainder is below 2^-29 for |s| <= 0.172.
+        // The remainder is below 2^-25 for |s| <= 0.172.
         let tail = ss * (1.0 / 3.0 + ss * (1.0 / 5.0 + ss * (1.0 / 7.0)));
         n * LN_2 + 2.0 * (s + s * tail)
     }

@@ -11,6 +11,7 @@ pub(crate) struct SortKey(u128);
 impl SortKey {
     /// The key of a splat at a distance, which is not NaN.
     pub(crate) fn new<T: Real>(is_behind: bool, distance: T, index: u32) -> SortKey {
+        debug_assert!(!distance.is_nan(), "distances of splats are numbers");
         // Of -0 and 0, which are equal, 0.
         let bits = (distance.to_double() + 0.0).to_bits();
         // Integers in the order of the numbers.

@@ -103,11 +103,24 @@ struct Transforms {
     /// Up direction of the world.
     up: Option<[f64; 3]>,
     /// Values of `file_path` in nerfstudio's splits.
-    train_filenames: Option<BTreeSet<String>>,
-    val_filenames: Option<BTreeSet<String>>,
-    test_filenames: Option<BTreeSet<String>>,
+    train_filenames: Option<BTreeSet<ListedName>>,
+    val_filenames: Option<BTreeSet<ListedName>>,
+    test_filenames: Option<BTreeSet<ListedName>>,
     #[serde(flatten)]
     others: OtherKeys,
+}
+
+/// A picture's path however it is spelled: with `./` before it, or with Windows' separators.
+#[derive(Deserialize, PartialEq, Eq, PartialOrd, Ord)]
+#[cfg_attr(test, derive(serde::Serialize))]
+#[serde(from = "String")]
+struct ListedName(String);
+
+impl From<String> for ListedName {
+    fn from(path: String) -> ListedName {
+        let slashed = path.replace('\\', "/");
+        ListedName(slashed.trim_start_matches("./").to_owned())
+    }
 }
 
 #[derive(Deserialize)]
@@ -170,12 +183,10 @@ impl Transforms {
     /// Whether the file holds a frame out from fitting.
     fn is_held(&self, frame: &Frame) -> bool {
         let Transforms { train_filenames, val_filenames, test_filenames, .. } = self;
+        let name = ListedName::from(frame.file_path.clone());
         match train_filenames {
-            Some(train) => !train.contains(&frame.file_path),
-            None => [val_filenames, test_filenames]
-                .into_iter()
-                .flatten()
-                .any(|held| held.contains(&frame.file_path)),
+            Some(train) => !train.contains(&name),
+            None => [val_filenames, test_filenames].into_iter().flatten().any(|held| held.contains(&name)),
         }
     }
 }
@@ -501,17 +512,24 @@ pub(super) mod tests {
 
     #[test]
     fn splits_of_nerfstudio_are_held() {
-        let held = |splits: &str| {
-            let file = format!(r#"{{{splits}, "frames": [{FRAME}}}]}}"#);
+        let held_as = |name: &str, splits: &str| {
+            let frame = FRAME.replace(r#""a""#, &format!(r#""{name}""#));
+            let file = format!(r#"{{{splits}, "frames": [{frame}}}]}}"#);
             let transforms: Transforms = serde_json::from_str(&file).unwrap();
             transforms.is_held(&transforms.frames[0])
         };
+        let held = |splits: &str| held_as("a", splits);
         assert!(
             held(r#""train_filenames": ["b"]"#)
                 && !held(r#""train_filenames": ["a"], "val_filenames": ["a"]"#)
         );
         assert!(held(r#""val_filenames": ["a"]"#) && held(r#""test_filenames": ["a"]"#));
         assert!(!held(r#""test_filenames": ["b"]"#));
+        assert!(
+            held(r#""test_filenames": ["./a"]"#) && held(r#""val_filenames": [".\\a"]"#),
+            "the same file"
+        );
+        assert!(held_as("./a", r#""test_filenames": ["a"]"#));
     }
 
     #[test]

@@ -130,7 +130,7 @@ fn photometric<T: Real>(
         pixels.for_each(|((image, target), x)| [*image, *target] = pair(y * width + x));
     });
     let lit = photometric_whole(&image, &target, across, size as f64 / count as f64, alpha_channels);
-    for (row, y) in lit.gradient.chunks(area.x.len()).zip(area.y) {
+    for (row, y) in lit.gradient.chunks(across).zip(area.y) {
         gradient[y * width..][area.x.clone()].copy_from_slice(row);
     }
     Loss { value: lit.value, gradient }
@@ -149,8 +149,8 @@ fn photometric_whole<T: Real>(
     let [l1_slope, ssim_slope] = [(1.0 - LAMBDA) / channels, LAMBDA * part].map(T::from_f64);
     // The sign, but 0 for 0.
     let sign = |x: T| if x == T::zero() { x } else { x.signum() };
-    let pixel = |a: &[T; 4], b: &[T; 4], by_ssim: &[T; 3]| -> (f64, [T; 4]) {
-        let difference: [T; 4] = [0, 1, 2, 3].map(|c| a[c] - b[c]);
+    let pixel = |image: &[T; 4], target: &[T; 4], by_ssim: &[T; 3]| -> (f64, [T; 4]) {
+        let difference: [T; 4] = [0, 1, 2, 3].map(|c| image[c] - target[c]);
         let [r, g, b, alpha] = difference.map(|x| x.abs().to_double());
         let [by_r, by_g, by_b] = [0, 1, 2].map(|c| l1_slope * sign(difference[c]) - ssim_slope * by_ssim[c]);
         let by_alpha = T::from_f64(alpha_channels) * l1_slope * sign(difference[3]);

@@ -18,8 +18,8 @@ pub(in crate::fit) const BETA2: f64 = 0.999;
 /// Gradients are means over many pixels, 1e-9 and less: the usual 1e-8 would dominate them.
 pub(in crate::fit) const EPSILON: f64 = 1e-15;
 
-/// Bias corrections of the first and the second moment after any number of gradients; after the last, they are 1 but for
-/// 1e-14.
+/// Bias corrections of the first and the second moment, by number of gradients. The last entry serves all greater numbers:
+/// it is 1 to within 1e-14.
 static CORRECTIONS: LazyLock<Vec<[f64; 2]>> = LazyLock::new(|| {
     let after = |gradients: usize| [BETA1, BETA2].map(|beta| 1.0 / (1.0 - num_traits::pow(beta, gradients)));
     (0..1 << 15).map(after).collect()
@@ -54,8 +54,8 @@ pub(in crate::fit) fn adam<T: Real>(
         rows.len() == gradient.len() && moments.visits.len() == parameters.len(),
         "a gradient for each row"
     );
+    assert!(rows.last().is_none_or(|row| (*row as usize) < parameters.len()), "rows of the parameters");
     let by_column = rates.by_column(parameters);
-    let order = parameters.motion_order;
     let step = |(chunk, mut part): (usize, Part<T>)| {
         let first = chunk * CHUNK;
         let before = |end: usize| rows.partition_point(|row| (*row as usize) < end);
@@ -69,7 +69,9 @@ pub(in crate::fit) fn adam<T: Real>(
         });
         let rows: Vec<usize> = rows[range].iter().map(|row| *row as usize - first).collect();
         let usable = usable(rows.len(), &gradient);
-        part.step(&rows, &gradient, &usable, &by_column, |log_width| by_power(rates, order, log_width));
+        part.step(&rows, &gradient, &usable, &by_column, |log_width| {
+            rates.motion(log_width.to_double()).map(T::from_f64)
+        });
         for (row, _) in rows.iter().zip(&usable).filter(|(_, usable)| **usable) {
             bounds.project(row_of(
                 part.values.each_mut().map(|column| &mut **column),
@@ -92,14 +94,6 @@ fn usable<T: Real>(count: usize, gradient: &[&[T]; COLUMNS]) -> Vec<bool> {
         }
     }
     usable
-}
-
-/// The rates of the motion of a row with a window of this width, by power of time.
-fn by_power<T: Real>(rates: &LearningRates, order: u8, log_width: T) -> [T; 3] {
-    match order {
-        0 => [T::zero(); 3],
-        _ => rates.motion(log_width.to_double()).map(T::from_f64),
-    }
 }
 
 /// The rates of the first `N` coefficients of motion, from their rates by power.
@@ -143,8 +137,8 @@ impl<'a, T: Real> Part<'a, T> {
             .collect()
     }
 
-    /// Steps the `usable` of these rows; row `i` of `gradient` is the gradient of `rows[i]`. `motion` is the rates of a
-    /// window's motion.
+    /// Steps the `usable` of these rows; row `i` of `gradient` is the gradient of `rows[i]`. `motion` gives the rates
+    /// of motion, by power of time, for the logarithm of a window's width.
     fn step(
         &mut self,
         rows: &[usize],
@@ -156,8 +150,8 @@ impl<'a, T: Real> Part<'a, T> {
         let (corrections, of_time) = self.corrections(rows, usable);
         // Before the widths step, as on a GPU.
         let widths = &self.values[WIDTH_COLUMN];
-        let motion: Vec<[T; 3]> = match widths.is_empty() {
-            true => vec![motion(T::zero()); rows.len()],
+        let motion: Vec<[T; 3]> = match self.values[MOTION_COLUMN].is_empty() {
+            true => Vec::new(),
             false => rows.iter().map(|row| motion(widths[*row])).collect(),
         };
         let columns = self.values.iter_mut().zip(&mut self.first).zip(&mut self.second);
@@ -360,6 +354,38 @@ mod tests {
     }
 
     #[test]
+    fn any_number_of_gradients_has_a_correction() {
+        let mut all = parameters::<f64>(3);
+        let mut moments = Moments::new(&all);
+        moments.visits = vec![32_766, 40_000, u32::MAX];
+        let mut gradient = all.zeros(3);
+        gradient.logits.fill(1.0);
+        run(&mut all, &mut moments, &[0, 1, 2], &gradient);
+        assert_eq!(moments.visits, [32_767, 40_001, u32::MAX]);
+        // Without a correction: 0.1 over the root of 0.001.
+        let step = 0.05 * 0.1 / 0.001_f64.sqrt();
+        assert!(all.logits.iter().all(|logit| (logit + step).abs() < 1e-12), "{:?}", all.logits);
+    }
+
+    #[test]
+    fn a_static_field_moves() {
+        let timed = parameters::<f64>(2);
+        let mut all = Parameters {
+            tau: Vec::new(),
+            log_widths: Vec::new(),
+            motion_order: 0,
+            motion: Vec::new(),
+            rotation_rates: Vec::new(),
+            ..timed
+        };
+        let mut moments = Moments::new(&all);
+        let mut gradient = all.zeros(1);
+        gradient.logits[0] = 1.0;
+        assert_eq!(run(&mut all, &mut moments, &[1], &gradient), 0);
+        assert_eq!((all.logits[0], all.logits[1] < 0.0), (0.0, true));
+    }
+
+    #[test]
     fn steps_of_carried_rows_are_shorter_and_what_stands_still_keeps_its_time() {
         use crate::fit::parameters::STATIC_SHARE;
         let mut all = parameters::<f64>(3);
@@ -426,6 +452,8 @@ mod tests {
         for (g, row) in gradient.centers.iter_mut().zip(&rows) {
             *g = [*row as f32 - 2500.0, 0.0, 1e-7];
         }
+        moments.carried =
+            (0..5000).map(|i| Carried { share: 1.0 / (1 + i % 7) as f32, ..Carried::NONE }).collect();
         let (mut one, mut one_moments) = (all.select(&[4001]), moments.select(&[4001]));
         let at = rows.iter().position(|row| *row == 4001).unwrap();
         for _ in 0..3 {

@@ -66,7 +66,7 @@ impl<T: Real> Instant<T> {
                     arch.dispatch(Faded { time: self.time, tau, log_widths })
                 }
             };
-            let mut traces = Vec::with_capacity(faded[..rows.len()].iter().filter(|faded| !**faded).count());
+            let mut traces = Vec::new();
             for row in rows.filter(|row| !faded[row - first]) {
                 let window = self.window(parameters, row);
                 traces.extend(window.and_then(|window| self.project(parameters, row, window)));

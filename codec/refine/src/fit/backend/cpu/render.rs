@@ -10,7 +10,7 @@ use super::rasterize_backward::rasterize_backward;
 use crate::fit::backend::Gradient;
 use crate::fit::parameters::Parameters;
 use crate::fit::views::{FrameView, RenderedImage};
-use crate::raster::{DrawnSplat, Projected, Real, SortKey, Splat, Tiles, front_to_back, rasterize};
+use crate::raster::{DrawnSplat, Real, SortKey, Splat, Tiles, front_to_back, rasterize};
 
 /// A rendered image with the intermediate results of its forward pass.
 #[derive(Clone, Debug)]
@@ -34,11 +34,10 @@ pub fn render<T: Real>(parameters: &Parameters<T>, view: &FrameView) -> ForwardP
     let traces = Instant::new(view, parameters).project_all(Arch::new(), parameters);
     // A plate is behind all others.
     let keys = traces.par_iter().enumerate().flat_map_iter(|(chunk, traces)| {
-        (chunk * CHUNK..).zip(traces).map(
-            |(index, GaussianTrace { projected: Projected { splat, .. }, .. })| {
-                SortKey::new(parameters.is_behind(splat.row as usize), splat.depth, index as u32)
-            },
-        )
+        (chunk * CHUNK..).zip(traces).map(|(index, trace)| {
+            let splat = &trace.projected.splat;
+            SortKey::new(parameters.is_behind(splat.row as usize), splat.depth, index as u32)
+        })
     });
     let order = front_to_back(keys.collect());
     let splat = |index: &u32| {

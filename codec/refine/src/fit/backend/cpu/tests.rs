@@ -5,14 +5,15 @@ use pulp::Arch;
 
 use super::project::Instant;
 use super::rasterize_backward::rasterize_backward;
-use super::{ForwardPass, render};
+use super::{Cpu, ForwardPass, render};
 use crate::capture::Response;
-use crate::fit::backend::Gradient;
+use crate::fit::backend::{Backend, Gradient, StepConfig, TrainingState};
 use crate::fit::cameras::{CAMERA_NUMBERS, Learned, Rig, respond, respond_backward};
 use crate::fit::fixtures::{
     COLUMN_NAMES, EXTREME_FRAMES, TIMELINE, around_the_camera, camera, cloud, weights, with_extreme_numbers,
 };
-use crate::fit::parameters::Parameters;
+use crate::fit::optimizer::LearningRates;
+use crate::fit::parameters::{Bounds, Parameters};
 use crate::fit::views::{FrameView, Photograph, RenderedImage, TrainingView};
 use crate::raster::{Real, naive, rasterize};
 
@@ -389,7 +390,7 @@ fn results_do_not_depend_on_threads() {
         pool.install(|| {
             let forward = render(&parameters, &view);
             let gradient = forward.backward(&parameters, &view, &weights(forward.image.pixels.len()), false);
-            (forward.image, gradient)
+            (forward.image, gradient, stepped(&parameters, &view))
         })
     };
     let one = on(1);
@@ -397,10 +398,57 @@ fn results_do_not_depend_on_threads() {
     assert_eq!(one, on(4));
 }
 
+/// The state after two steps towards a gray photograph, and their losses.
+fn stepped(parameters: &Parameters<f32>, view: &FrameView) -> (TrainingState, [f64; 2]) {
+    let (width, height) = (view.camera.width, view.camera.height);
+    let pixels = vec![[90, 90, 90, 255]; (width * height) as usize];
+    let photograph = Photograph { width, height, pixels, valid: Vec::new() };
+    let config = StepConfig {
+        rates: LearningRates::new(1.0, TIMELINE, parameters),
+        bounds: Bounds::new(1.0, TIMELINE),
+        detach_tau: true,
+        fragment_weight: 1e-3,
+        response: None,
+        lpips: None,
+    };
+    let mut backend = Cpu::default();
+    backend.load(parameters.clone().into()).unwrap();
+    let losses = [(); 2].map(|()| backend.step(view, &photograph, &config).unwrap().loss);
+    (backend.store().unwrap(), losses)
+}
+
+/// Three Gaussians far apart among rows that have faded.
+#[test]
+fn gradients_find_their_rows_among_many() {
+    let alone = smooth(1, 2, true);
+    let rows = [3, 300, 700];
+    let source = |row: usize| rows.iter().position(|at| *at == row).unwrap_or(0);
+    let mut among = alone.select(&(0..900).map(source).collect::<Vec<_>>());
+    for row in (0..900).filter(|row| !rows.contains(row)) {
+        among.tau[row] = -100.0;
+    }
+    let camera = camera(40, 30);
+    let view = FrameView { camera: &camera, time: 4.0 };
+    let gradient = |parameters: &Parameters<f64>| {
+        let forward = render(parameters, &view);
+        let gradient = forward.backward(parameters, &view, &weights(forward.image.pixels.len()), false);
+        (forward.image.pixels, gradient)
+    };
+    let ((image, expected), (found_image, found)) = (gradient(&alone), gradient(&among));
+    assert_eq!((image, expected.rows), (found_image, vec![0, 1, 2]));
+    assert_eq!(
+        (found.rows, found.values, found.screen),
+        (vec![3, 300, 700], expected.values, expected.screen)
+    );
+}
+
 #[test]
 fn results_do_not_depend_on_the_vector_width() {
     let parameters = Parameters::<f32>::from_field(&cloud(13, 500, 0), TIMELINE);
     let camera = camera(77, 53);
+    let instant = Instant::new(&FrameView { camera: &camera, time: 4.0 }, &parameters);
+    let projected = |arch| format!("{:?}", instant.project_all(arch, &parameters));
+    assert_eq!(projected(Arch::Scalar), projected(Arch::new()));
     let ForwardPass { image: picture, splats, tiles, drawn, .. } =
         render(&parameters, &FrameView { camera: &camera, time: 4.0 });
     let on = |arch| {
