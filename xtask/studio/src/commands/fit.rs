@@ -81,7 +81,7 @@ pub struct Args {
 /// The options of a fit to any capture, which `report --fit` shares.
 #[derive(clap::Args, Clone, Debug)]
 pub(super) struct FitOptions {
-    /// Number of steps; by default 5600 per training frame, at most 96000, and 10000 for whole photographs with a plate
+    /// Number of steps; by default 5600 per training frame, at most 96000, and 13000 for whole photographs with a plate
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
     steps: Option<u64>,
     /// Number of Gaussians below which pruning stops, and approximate number at the start; by default 12000

@@ -87,7 +87,7 @@ pub struct Args {
           value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
     refine: Option<u64>,
     /// Weight of the area that Gaussians cover in the loss of the refinement, 0 to 1: a headset pays for it. By default as `fit`
-    /// has it: 0.001, or 0.0015 for whole photographs
+    /// has it: 0.001, or 0.0025 for whole photographs
     #[arg(long, value_name = "W", requires = "refine", value_parser = fragment_weight)]
     fragment_weight: Option<f64>,
     /// Folder of that capture; SCENE itself by default

@@ -138,7 +138,7 @@ fn a_killed_fit_resumes_with_the_same_result() {
     );
 
     for (contents, what) in [
-        (&b"aarcfit\x0b and then nonsense"[..], "the checkpoint is damaged"),
+        (&b"aarcfit\x0c and then nonsense"[..], "the checkpoint is damaged"),
         (b"aarcfit\x08 of an earlier program", "no checkpoint of this version; remove it"),
     ] {
         fs::write(folder.join("field.checkpoint"), contents).unwrap();

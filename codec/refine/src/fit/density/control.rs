@@ -23,7 +23,9 @@ const WARM_UP: usize = 5;
 
 /// Percentage of the steps at which densification ends: `LONG`, or `SHORT` if the number of Gaussians
 /// has not settled, that is if it grew by more than `GROWTH` percent from `EARLY` to `SHORT` percent of
-/// the steps. `LONG` and `SHORT` are the paper's; it does not define settling.
+/// the steps. `LONG` and `SHORT` are the paper's; it does not define settling. For a room it is `SHORT`: its number
+/// reaches the cap in a tenth of the steps, and the rest is worth more after the thinning. Held cameras of
+/// panoptic-basketball at 320x180, 4000 steps: 29.96 dB with 70 %, 30.20 with 50, 30.17 with 35, 30.12 with 25.
 const LONG: usize = 70;
 const SHORT: usize = 35;
 const EARLY: usize = 25;
@@ -40,6 +42,8 @@ pub(in crate::fit) struct DensityControl {
     pub(in crate::fit) floor: usize,
     /// Densification makes at most this many Gaussians.
     pub(in crate::fit) cap: usize,
+    /// Whether densification ends early, whether or not the number has settled.
+    pub(in crate::fit) ends_early: bool,
 }
 
 /// The state of capacity control between steps. A fit that was saved with it continues as if it had not
@@ -61,14 +65,14 @@ impl DensityState {
     pub(in crate::fit) fn new(gaussians: usize, seed: u64) -> DensityState {
         DensityState { screen_gradients: ScreenGradients::zeros(gaussians), seed, early: None, settled: None }
     }
-
-    /// Percentage of the steps at which densification ends.
-    fn end(&self) -> usize {
-        if self.settled == Some(false) { SHORT } else { LONG }
-    }
 }
 
 impl DensityControl {
+    /// Percentage of the steps at which densification ends.
+    fn end(&self, state: &DensityState) -> usize {
+        if self.ends_early || state.settled == Some(false) { SHORT } else { LONG }
+    }
+
     /// Whether a control is due after `step` of `steps` steps, with `count` Gaussians. Call it after
     /// every step: it also watches whether the count settles.
     pub(in crate::fit) fn is_due(
@@ -84,7 +88,7 @@ impl DensityControl {
         if let (true, Some(early)) = (reached(SHORT), state.early) {
             state.settled.get_or_insert(count * 100 <= early * (100 + GROWTH));
         }
-        let is_over = reached(state.end());
+        let is_over = reached(self.end(state));
         let interval = self.interval.max(1);
         self.rule != DensityRule::Fixed
             && !is_over
@@ -95,7 +99,7 @@ impl DensityControl {
     /// Whether densification ends with `step` of `steps` steps, by a rule that leaves out what shows little, and steps
     /// are left after it. Call it after [`is_due`](Self::is_due), which is then false.
     pub(in crate::fit) fn is_ending(&self, state: &DensityState, [step, steps]: [usize; 2]) -> bool {
-        let reached = |step: usize| step * 100 >= steps * state.end();
+        let reached = |step: usize| step * 100 >= steps * self.end(state);
         self.rule == DensityRule::Floor && step < steps && reached(step) && !reached(step - 1)
     }
 

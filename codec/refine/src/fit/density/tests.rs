@@ -7,7 +7,7 @@ use crate::fit::optimizer::{LearningRates, Moments, adam};
 use crate::fit::parameters::{Bounds, Parameters, Timeline};
 
 const CONTROL: DensityControl =
-    DensityControl { rule: DensityRule::Floor, interval: 100, floor: 0, cap: 1000 };
+    DensityControl { rule: DensityRule::Floor, interval: 100, floor: 0, cap: 1000, ends_early: false };
 
 /// A step at which a control is due, and the number of steps.
 const DUE: [usize; 2] = [1000, 10_000];
@@ -188,13 +188,15 @@ fn the_cap_admits_the_highest_gradients() {
 
 #[test]
 fn controls_come_at_intervals_until_densification_ends() {
-    let due = |step: usize, settled: Option<bool>| {
+    let due = |control: DensityControl, settled: Option<bool>| {
         let mut state = DensityState { early: Some(8), settled, ..DensityState::new(8, 0) };
-        CONTROL.is_due(&mut state, 8, [step, 10_000])
+        let at = [400, 500, 550, 3400, 3500, 6900, 7000, 9900];
+        at.map(|step| control.is_due(&mut state, 8, [step, 10_000]))
     };
-    let at = [400, 500, 550, 3400, 3500, 6900, 7000, 9900];
-    assert_eq!(at.map(|step| due(step, None)), [false, true, false, true, true, true, false, false]);
-    assert_eq!(at.map(|step| due(step, Some(false))), [false, true, false, true, false, false, false, false]);
+    let short = [false, true, false, true, false, false, false, false];
+    assert_eq!(due(CONTROL, Some(true)), [false, true, false, true, true, true, false, false]);
+    assert_eq!(due(CONTROL, Some(false)), short);
+    assert_eq!(due(DensityControl { ends_early: true, ..CONTROL }, Some(true)), short);
 }
 
 #[test]
@@ -206,6 +208,8 @@ fn densification_ends_once_and_only_by_the_rule_that_thins() {
     };
     assert_eq!(ends(DensityRule::Floor, None, 1000), [700]);
     assert_eq!(ends(DensityRule::Floor, Some(false), 1001), [351]);
+    let control = DensityControl { ends_early: true, ..CONTROL };
+    assert!(control.is_ending(&DensityState::new(8, 0), [350, 1000]));
     assert!(ends(DensityRule::Floor, Some(true), 3).is_empty(), "no step is left after it");
     for rule in [DensityRule::Paper, DensityRule::Relocate, DensityRule::Fixed] {
         assert!(ends(rule, None, 1000).is_empty(), "{rule:?}");

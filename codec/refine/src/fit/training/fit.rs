@@ -43,7 +43,8 @@ pub struct FitSettings {
     /// none. See [`FRAGMENT_WEIGHT`].
     pub fragment_weight: f64,
     /// Whether still Gaussians that show least for the pixels that they cover are left out when densification by
-    /// [`DensityRule::Floor`] ends. A room loses next to nothing by it; an object a quarter of a dB.
+    /// [`DensityRule::Floor`] ends, which it then does early. A room loses next to nothing by it; an object a quarter of a
+    /// dB.
     pub thins: bool,
     /// Seed of all random numbers.
     pub seed: u64,
@@ -107,6 +108,7 @@ impl Fit {
                 interval: INTERVAL,
                 floor: settings.floor,
                 cap: settings.cap.unwrap_or(CAP * settings.floor.max(parameters.len())),
+                ends_early: settings.thins,
             },
             density: DensityState::new(parameters.len(), settings.seed),
             initial_count: parameters.len(),
