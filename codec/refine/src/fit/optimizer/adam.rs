@@ -56,7 +56,7 @@ pub(in crate::fit) fn adam<T: Real>(
     );
     assert!(rows.last().is_none_or(|row| (*row as usize) < parameters.len()), "rows of the parameters");
     let by_column = rates.by_column(parameters);
-    let step = |(chunk, mut part): (usize, Part<T>)| {
+    let step = |(chunk, mut part): (usize, RowChunk<T>)| {
         let first = chunk * CHUNK;
         let before = |end: usize| rows.partition_point(|row| (*row as usize) < end);
         let range = before(first)..before(first + CHUNK);
@@ -81,7 +81,7 @@ pub(in crate::fit) fn adam<T: Real>(
         }
         usable.iter().filter(|usable| !**usable).count()
     };
-    Part::split(parameters, moments).into_par_iter().enumerate().map(step).sum()
+    RowChunk::split(parameters, moments).into_par_iter().enumerate().map(step).sum()
 }
 
 /// Whether each of `count` rows of a gradient, and its square, are finite.
@@ -105,7 +105,7 @@ fn by_axis<T: Real, const N: usize>(by_power: &[T; 3]) -> [T; N] {
 type Corrections<T> = Vec<Option<[T; 2]>>;
 
 /// Consecutive rows of the parameters, with their moments.
-struct Part<'a, T> {
+struct RowChunk<'a, T> {
     values: [&'a mut [T]; COLUMNS],
     first: [&'a mut [T]; COLUMNS],
     second: [&'a mut [T]; COLUMNS],
@@ -114,9 +114,9 @@ struct Part<'a, T> {
     carried: &'a [Carried],
 }
 
-impl<'a, T: Real> Part<'a, T> {
+impl<'a, T: Real> RowChunk<'a, T> {
     /// Splits all rows into chunks of [`CHUNK`].
-    fn split(parameters: &'a mut Parameters<T>, moments: &'a mut Moments<T>) -> Vec<Part<'a, T>> {
+    fn split(parameters: &'a mut Parameters<T>, moments: &'a mut Moments<T>) -> Vec<RowChunk<'a, T>> {
         let count = parameters.len();
         let lengths = || (0..count).step_by(CHUNK).map(|first| CHUNK.min(count - first));
         let Moments { first, second, visits, carried } = moments;
@@ -127,7 +127,7 @@ impl<'a, T: Real> Part<'a, T> {
         });
         let parts = parameters.parts_mut(lengths()).into_iter().zip(moments).zip(of_rows);
         parts
-            .map(|((values, (first, second)), (visits, carried))| Part {
+            .map(|((values, (first, second)), (visits, carried))| RowChunk {
                 values,
                 first,
                 second,
