@@ -69,8 +69,8 @@ const RANGE_THICKNESS: f64 = 0.05;
 /// A photograph prepared for comparison.
 pub(super) struct SweptView {
     pub(super) pinhole: Pinhole,
-    /// Of each pixel, what makes the brightness over black at `(u, v)` from its middle, each 0 to 1: the factors of 1, u, v
-    /// and u v.
+    /// Brightness over black at `(u, v)` from the middle of each pixel, with u and v from 0 to 1: the factors of 1, u, v and
+    /// u v.
     bilinear: Vec<Vec4>,
     pub(super) subject: Vec<bool>,
     spans: Vec<[f32; 2]>,
@@ -178,7 +178,7 @@ impl SweptView {
     /// Bilinear brightness at four places in the picture, columns and rows from the middle of the first pixel.
     #[inline(always)]
     fn brightness(&self, x: Vec4, y: Vec4) -> Vec4 {
-        // The pixel to the left and above or, at the middle of one, that pixel or the one before it.
+        // The pixel whose middle is to the left and above. Exactly at a middle, rounding may choose the pixel before it.
         let left = (x - 0.5).max(Vec4::ZERO) + WHOLE - WHOLE;
         let top = (y - 0.5).max(Vec4::ZERO) + WHOLE - WHOLE;
         let (u, v) = (x - left, y - top);

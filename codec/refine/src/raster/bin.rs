@@ -16,7 +16,7 @@ pub(crate) const TILE: usize = 16;
 /// The tiles of an image, row by row.
 #[derive(Clone, Debug)]
 pub(crate) struct Tiles {
-    /// Of the image, in pixels.
+    /// Width and height of the image in pixels.
     pub(crate) size: [usize; 2],
     /// Tiles per row.
     pub(crate) across: usize,
@@ -63,7 +63,7 @@ impl Tiles {
 }
 
 impl TileRow {
-    /// The tiles that cover the rows `pixels`; `heights` are those of the splats.
+    /// The row of tiles over these rows of pixels, given the [heights](Splat::heights) of all splats.
     fn new<T: Real>(splats: &[Splat<T>], heights: &[[T; 2]], pixels: Range<usize>, width: usize) -> TileRow {
         let across = width.div_ceil(TILE);
         let half = T::from_f64(0.5);

@@ -67,9 +67,9 @@ pub struct Args {
     /// Seconds of a part of a field folder, and of the grid of its segments; --steps and --gaussians are of a part
     #[arg(long, value_name = "S", value_parser = part_seconds, conflicts_with = "list")]
     split: Option<f64>,
-    /// Fit only these parts of a field folder, of which other machines fit the others: even ones each by itself, then odd
-    /// ones each between two of these, or a range A..B one after another. --shard deals even or odd ones out. The last
-    /// process completes the folder
+    /// Fit only these parts of a field folder, while other machines fit the rest: even parts, each by itself; then odd
+    /// parts, each between two even ones; or the parts A to B - 1, one after another. --shard deals out even or odd parts.
+    /// The last process completes the folder
     #[arg(long, value_name = "even|odd|A..B", group = "shared", requires = "out")]
     segments: Option<Segments>,
     #[command(flatten)]
@@ -85,8 +85,8 @@ pub(super) struct FitOptions {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
     steps: Option<u64>,
     /// Number of Gaussians below which pruning stops, and approximate number at the start; by default 12000
-    /// per training frame, at most 200000, for whole photographs 2000 and 60000 beside those of the plate; fewer for
-    /// photographs below 512x375
+    /// per training frame, at most 200000; for whole photographs 2000 per training frame, at most 60000, beside the
+    /// Gaussians of the plate; fewer for photographs below 512x375
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
     gaussians: Option<u32>,
     /// How Gaussians are added and removed
@@ -103,8 +103,8 @@ pub(super) struct FitOptions {
     /// cameras disagree about colours. A file .cameras.json is written beside the field, where `eval` and `package --refine` find it
     #[arg(long, value_enum, value_name = "PART[,PART..]|none", value_delimiter = ',')]
     learn: Vec<Learn>,
-    /// Whether a plate is fitted: a static field of what is behind the subject, a file .plate.ply beside the field, where
-    /// all commands find it. Photographs without masks get mattes for it
+    /// Whether a plate is fitted: a static field of what is behind the subject. It becomes a file .plate.ply beside the
+    /// field, where all commands find it. Photographs without masks get mattes for it
     #[arg(long, value_enum, value_name = "WHEN", default_value_t = PlateWhen::Auto)]
     pub(super) plate: PlateWhen,
     #[arg(long = "set", value_name = "KEY=VALUE", value_parser = fit_setting, help = fit_setting::HELP)]

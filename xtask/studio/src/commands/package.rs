@@ -68,14 +68,14 @@ pub struct Args {
     #[arg(long, value_name = "N", value_parser = budget)]
     budget: Option<NonZeroUsize>,
     /// Ranking that selects Gaussians for a budget: auto tries all, with and without the topology floor, and
-    /// takes the one whose package looks most like the whole field
+    /// takes the ranking whose package looks most like the whole field
     #[arg(long, value_name = "auto|NAME", default_value = "auto", value_parser = rank)]
     rank: Rank,
     /// Prune by the ranking alone, although limbs may break off
     #[arg(long, requires = "pruned")]
     no_floor: bool,
-    /// Most fragments to keep, as a fraction of those of the retained Gaussians, 0.01 to 1: leaves out the Gaussians
-    /// that show least for the pixels that they cover
+    /// Most fragments to keep, as a fraction of the fragments of the retained Gaussians, 0.01 to 1: leaves out the
+    /// Gaussians that show least for the pixels that they cover
     #[arg(long, value_name = "FRACTION", value_parser = fragments, conflicts_with = "prefix_quality")]
     fragments: Option<f64>,
     /// Fit the colours of the retained Gaussians to pictures of the whole field

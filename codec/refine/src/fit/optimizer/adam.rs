@@ -69,15 +69,9 @@ pub(in crate::fit) fn adam<T: Real>(
         });
         let rows: Vec<usize> = rows[range].iter().map(|row| *row as usize - first).collect();
         let usable = usable(rows.len(), &gradient);
-        part.step(&rows, &gradient, &usable, &by_column, |log_width| {
-            rates.motion(log_width.to_double()).map(T::from_f64)
-        });
+        part.step(&rows, &gradient, &usable, rates, &by_column);
         for (row, _) in rows.iter().zip(&usable).filter(|(_, usable)| **usable) {
-            bounds.project(row_of(
-                part.values.each_mut().map(|column| &mut **column),
-                part.visits.len(),
-                *row,
-            ));
+            bounds.project(row_of(&mut part.values, part.visits.len(), *row));
         }
         usable.iter().filter(|usable| !**usable).count()
     };
@@ -137,26 +131,27 @@ impl<'a, T: Real> RowChunk<'a, T> {
             .collect()
     }
 
-    /// Steps the `usable` of these rows; row `i` of `gradient` is the gradient of `rows[i]`. `motion` gives the rates
-    /// of motion, by power of time, for the logarithm of a window's width.
+    /// Steps the `usable` of these rows; row `i` of `gradient` is the gradient of `rows[i]`, and `by_column` are the
+    /// [`rates`](LearningRates::by_column) of each column.
     fn step(
         &mut self,
         rows: &[usize],
         gradient: &[&[T]; COLUMNS],
         usable: &[bool],
-        rates: &[Vec<T>; COLUMNS],
-        motion: impl Fn(T) -> [T; 3],
+        rates: &LearningRates,
+        by_column: &[Vec<T>; COLUMNS],
     ) {
         let (corrections, of_time) = self.corrections(rows, usable);
         // Before the widths step, as on a GPU.
         let widths = &self.values[WIDTH_COLUMN];
+        let by_power = |row: &usize| rates.motion(widths[*row].to_double()).map(T::from_f64);
         let motion: Vec<[T; 3]> = match self.values[MOTION_COLUMN].is_empty() {
             true => Vec::new(),
-            false => rows.iter().map(|row| motion(widths[*row])).collect(),
+            false => rows.iter().map(by_power).collect(),
         };
         let columns = self.values.iter_mut().zip(&mut self.first).zip(&mut self.second);
         for (number, (((values, first), second), (gradient, rates))) in
-            columns.zip(gradient.iter().zip(rates)).enumerate()
+            columns.zip(gradient.iter().zip(by_column)).enumerate()
         {
             if values.is_empty() {
                 continue;

@@ -52,10 +52,8 @@ impl<T: Real> Moments<T> {
 
     /// Resets a row to zeros.
     pub(in crate::fit) fn clear(&mut self, row: usize) {
-        let rows = self.visits.len();
-        for column in self.first.columns_mut().into_iter().chain(self.second.columns_mut()) {
-            let per_row = column.len() / rows;
-            column[row * per_row..(row + 1) * per_row].fill(T::zero());
+        for numbers in self.first.row_mut(row).into_iter().chain(self.second.row_mut(row)) {
+            numbers.fill(T::zero());
         }
         self.visits[row] = 0;
     }

@@ -4,6 +4,8 @@
 //! opacities are logits, widths and scales are logarithms, and time is in intervals (see [`Timeline`]), so
 //! that a motion coefficient is a length: the distance that a Gaussian moves within an interval.
 
+use std::ops::Range;
+
 use codec::{Field, MOTION_ORDER_MAX, PixelFilter, SH_DEGREE_MAX, Temporal, sh_coefficients};
 use serde::{Deserialize, Serialize};
 
@@ -303,7 +305,10 @@ impl<T: Real> Parameters<T> {
     /// The columns of a row.
     pub(in crate::fit) fn row_mut(&mut self, row: usize) -> [&mut [T]; COLUMNS] {
         let count = self.len();
-        row_of(self.columns_mut(), count, row)
+        self.columns_mut().map(|column| {
+            let range = row_range(column.len(), count, row);
+            &mut column[range]
+        })
     }
 
     /// Whether all numbers of a row are finite.
@@ -314,22 +319,27 @@ impl<T: Real> Parameters<T> {
     /// Whether all numbers of a row satisfy `predicate`.
     pub(in crate::fit) fn all_in_row(&self, row: usize, predicate: impl Fn(T) -> bool) -> bool {
         let count = self.len();
-        self.columns().iter().all(|column| {
-            let per_row = column.len() / count;
-            column[row * per_row..(row + 1) * per_row].iter().all(|x| predicate(*x))
-        })
+        self.columns()
+            .iter()
+            .all(|column| column[row_range(column.len(), count, row)].iter().all(|x| predicate(*x)))
     }
 }
 
+/// Where the numbers of a row are in a column of this length and `count` rows.
+fn row_range(length: usize, count: usize, row: usize) -> Range<usize> {
+    let per_row = length / count;
+    row * per_row..(row + 1) * per_row
+}
+
 /// A row of the columns of `count` rows.
-pub(in crate::fit) fn row_of<T>(
-    columns: [&mut [T]; COLUMNS],
+pub(in crate::fit) fn row_of<'a, T>(
+    columns: &'a mut [&mut [T]; COLUMNS],
     count: usize,
     row: usize,
-) -> [&mut [T]; COLUMNS] {
-    columns.map(|column| {
-        let per_row = column.len() / count;
-        &mut column[row * per_row..(row + 1) * per_row]
+) -> [&'a mut [T]; COLUMNS] {
+    columns.each_mut().map(|column| {
+        let range = row_range(column.len(), count, row);
+        &mut column[range]
     })
 }
 

@@ -8,7 +8,7 @@ use super::project::{CHUNK, GaussianTrace, Instant, Window};
 use super::rasterize_backward::SplatGradient;
 use crate::fit::backend::Gradient;
 use crate::fit::cameras::ViewGradient;
-use crate::fit::parameters::{COLUMNS, Parameters};
+use crate::fit::parameters::{COLUMNS, Parameters, row_of};
 use crate::fit::views::FrameView;
 use crate::raster::{
     Footprint, Projected, Projection, Real, Splat, add, basis, basis_backward, cross, dot, matrix, scaled,
@@ -120,9 +120,8 @@ impl<T: Real> GaussianGradient<T> {
 
     /// Writes it to a row of the columns of `count` rows.
     fn write(&self, columns: &mut [&mut [T]; COLUMNS], count: usize, row: usize) {
-        for (column, values) in columns.iter_mut().zip(self.columns()) {
-            let per_row = column.len() / count;
-            column[row * per_row..][..per_row].copy_from_slice(&values[..per_row]);
+        for (to, values) in row_of(columns, count, row).into_iter().zip(self.columns()) {
+            to.copy_from_slice(&values[..to.len()]);
         }
     }
 
