@@ -1,5 +1,7 @@
 //! The player's modules that its transfers use for messages, and to measure a server.
 
+#[path = "../../../client/src/content/digest.rs"]
+mod digest;
 #[path = "../../../client/src/content/progress.rs"]
 #[allow(dead_code, unreachable_pub, reason = "the player uses the rest")]
 mod progress;
@@ -7,6 +9,7 @@ mod progress;
 #[allow(dead_code, unreachable_pub, reason = "the player uses the rest")]
 mod url;
 
+pub(crate) use digest::digest;
 pub use progress::Progress;
 pub(crate) use progress::Traffic;
-pub(crate) use url::redacted;
+pub(crate) use url::{redacted, request_url};
