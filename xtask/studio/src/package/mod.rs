@@ -35,7 +35,6 @@ pub use take::{SegmentReport, SegmentSources, TakeReport, package_take};
 #[cfg(feature = "measure")]
 pub(crate) use views::recolor_views;
 pub(crate) use views::{
-    CODED_SIZE, Places, blind_viewpoints, compared_views, render_scene, rounding_views, views_of,
-    visibility_views,
+    CODED_SIZE, blind_viewpoints, compared_views, rate_views, render_scene, rounding_views, visibility_views,
 };
 pub(crate) use visible::{VisibleScene, check_repairs, visible, visible_scene};

@@ -43,10 +43,10 @@ pub(crate) const CODED_SIZE: (u32, u32) = (640, 480);
 /// Camera placement: steps aside in degrees, whether the viewpoint itself is used, and rotation of the places where people
 /// stand relative to the angle between them.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Places {
-    pub(crate) aside: f64,
-    pub(crate) viewpoint: bool,
-    pub(crate) turn: f64,
+struct Places {
+    aside: f64,
+    viewpoint: bool,
+    turn: f64,
 }
 
 /// Placement of the steering views.
@@ -55,8 +55,8 @@ const STEERING_PLACES: Places = Places { aside: 10.0, viewpoint: false, turn: 0.
 /// Placement of the judging views. Only they include the viewpoints themselves, where playing starts.
 const JUDGING_PLACES: Places = Places { aside: 6.0, viewpoint: true, turn: 0.5 };
 
-/// Placement of the views that measure what is reported of a selection, and of a scene that states no viewpoint; they
-/// choose nothing.
+/// Placement of the views that measure what is reported of a selection, of a scene that states no viewpoint, and of rate and
+/// distortion; they choose nothing.
 const REPORTED_PLACES: Places = Places { aside: 3.0, viewpoint: false, turn: 0.75 };
 
 /// Placements of the views for joint rounding, apart from the placements of the steering and the judging views.
@@ -64,8 +64,8 @@ const ROUNDING_PLACES: [Places; 5] = [
     Places { aside: 8.0, viewpoint: false, turn: 0.25 },
     Places { aside: 7.0, viewpoint: false, turn: 0.125 },
     Places { aside: 9.0, viewpoint: false, turn: 0.375 },
-    Places { aside: 5.0, viewpoint: false, turn: 0.6875 },
-    Places { aside: 4.0, viewpoint: false, turn: 0.8125 },
+    Places { aside: 5.0, viewpoint: false, turn: 0.625 },
+    Places { aside: 4.0, viewpoint: false, turn: 0.875 },
 ];
 
 /// Views that rank Gaussians, in small pictures.
@@ -120,6 +120,11 @@ pub(crate) fn reported_views(scene: &Scene, field: &Field, size: (u32, u32)) -> 
     (!states_viewpoints(scene)).then(|| views_of(scene, field, REPORTED_PLACES, size, COMPARED))
 }
 
+/// At most `count` views that measure rate and distortion, in pictures of this `size`.
+pub(crate) fn rate_views(scene: &Scene, field: &Field, size: (u32, u32), count: usize) -> Vec<PosedView> {
+    views_of(scene, field, REPORTED_PLACES, size, count)
+}
+
 /// Seconds between the instants at which Gaussians are looked for from where people stand, and most parts of a clip with four
 /// of these instants each.
 const UNSEEN_STEP_S: f64 = 0.1;
@@ -148,13 +153,7 @@ fn stand_points(scene: &Scene) -> Vec<Camera> {
 /// At most `count` views of a field that show enough of it, alternately from the source's viewpoints and from
 /// all around. A dynamic field gets an instant for each view, because a few shared instants miss Gaussians
 /// that live for a few frames. If no view shows enough, the views of the last group. Never empty.
-pub(crate) fn views_of(
-    scene: &Scene,
-    field: &Field,
-    places: Places,
-    size: (u32, u32),
-    count: usize,
-) -> Vec<PosedView> {
+fn views_of(scene: &Scene, field: &Field, places: Places, size: (u32, u32), count: usize) -> Vec<PosedView> {
     let groups = camera_groups(scene, places, size);
     let mut views: Vec<PosedView> = match field.temporal {
         Some(_) => {
@@ -292,7 +291,7 @@ mod tests {
     }
 
     #[test]
-    fn no_view_steers_rounds_and_judges() {
+    fn views_that_steer_round_judge_and_report_are_apart() {
         let mut scene = ring(16);
         for is_dynamic in [false, true] {
             let temporal = codec::Temporal { tau: vec![0.5], s: vec![0.4], ..Default::default() };
@@ -302,9 +301,20 @@ mod tests {
             let expected = if is_dynamic { ROUNDING } else { 2 * AROUND * ROUNDING_PLACES.len() };
             assert_eq!(rounding.len(), expected);
             let position = |view: &PosedView| view.camera.position();
-            for others in [visibility_views(&scene, field, SIZE), compared_views(&scene, field, SIZE)] {
-                assert!(others.iter().all(|a| rounding.iter().all(|b| position(a) != position(b))));
+            let roles = [
+                &rounding,
+                &visibility_views(&scene, field, SIZE),
+                &compared_views(&scene, field, SIZE),
+                &whole_views(&scene, field),
+            ];
+            for (i, views) in roles.iter().enumerate() {
+                for others in &roles[..i] {
+                    assert!(others.iter().all(|a| views.iter().all(|b| position(a) != position(b))));
+                }
             }
+            let reported: Vec<_> = whole_views(&scene, field).iter().map(position).collect();
+            let rated = rate_views(&scene, field, SIZE, STEERING);
+            assert!(rated.iter().all(|view| reported.contains(&position(view))), "rates are reported");
             let mut positions: Vec<_> = rounding.iter().map(|view| (position(view), view.t)).collect();
             positions.sort_by(|a, b| a.partial_cmp(b).unwrap());
             positions.dedup();
