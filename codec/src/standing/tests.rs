@@ -225,6 +225,17 @@ fn a_room_is_seen_from_its_middle() {
 fn odd_fields_get_places_and_an_opening() {
     let one: Vec<Row> = vec![([1.0, 2.0, 3.0], 0.1)];
     let small = ([0.0; 3], 0.01);
+    let tunnel = (0..COUNT).map(|i| {
+        let (sin, cos) = libm::sincos(2.4 * i as f64);
+        ([2.0 * cos, 2.0 * sin, 40.0 * i as f64 / COUNT as f64], 0.15)
+    });
+    // Houses of 8 x 20 x 8 every 20 units.
+    let mut random = numbers(5);
+    let city = (0..COUNT).map(|i| {
+        let [x, y, z] = [8.0, 20.0, 8.0].map(|side| side * random());
+        let [east, north] = [i % 5, i / 5 % 5].map(|house| 20.0 * house as f64);
+        ([east + if x < 4.0 { 0.0 } else { 8.0 }, y, north + z], 0.5)
+    });
     let two = [ball(COUNT, 1.0), placed(&ball(COUNT, 100.0), 1.0, [300.0, 0.0, 0.0])].concat();
     let mut transparent = field(&ball(100, 1.0));
     transparent.opacities.fill(0.0);
@@ -241,6 +252,8 @@ fn odd_fields_get_places_and_an_opening() {
         ("a millionth", field(&placed(&ball(50, 1.0), 1e-6, [0.0; 3]))),
         ("only a sky", field(&sky(COUNT, 1000.0))),
         ("two subjects", field(&two)),
+        ("a tunnel", field(&tunnel.collect::<Vec<Row>>())),
+        ("a city block", field(&city.collect::<Vec<Row>>())),
         ("transparent", transparent),
         ("between the instants", brief),
         ("extreme", extreme),

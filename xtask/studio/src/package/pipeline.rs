@@ -186,6 +186,11 @@ mod tests {
 
     /// A ball of radius 1 in a closed room of radius 10.
     fn ball_in_a_room() -> Field {
+        ball_within(10.0, -1.0)
+    }
+
+    /// A ball of radius 1 within a sphere of this radius, from this share of the radius upwards; y points down.
+    fn ball_within(sphere: f64, bottom: f64) -> Field {
         let mut state = 7u64;
         let mut random = move || {
             state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
@@ -193,8 +198,10 @@ mod tests {
         };
         let mut field = Field::default();
         for row in 0..2 * COUNT {
-            let (radius, scale) = if row < COUNT { (libm::cbrt(random()), 0.06_f64) } else { (10.0, 0.6) };
-            let y = 2.0 * random() - 1.0;
+            let is_ball = row < COUNT;
+            let (radius, scale) =
+                if is_ball { (libm::cbrt(random()), 0.06) } else { (sphere, 0.06 * sphere) };
+            let y = if is_ball { 2.0 * random() - 1.0 } else { -bottom - (1.0 - bottom) * random() };
             let (sin, cos) = libm::sincos(std::f64::consts::TAU * random());
             let level = (1.0 - y * y).sqrt();
             let at = [level * cos, y, level * sin];
@@ -209,15 +216,24 @@ mod tests {
     }
 
     #[test]
-    fn a_room_without_a_viewpoint_is_packaged_for_who_stands_in_it() {
-        let scene = Scene::made("room", ball_in_a_room(), ClipInfo::default());
+    fn rooms_and_skies_without_a_viewpoint_are_packaged_for_who_stands_in_them() {
+        for (sphere, bottom, distance) in
+            [(10.0, -1.0, 1.2), (100.0, -1.0, 1.2), (30.0, 0.0, 3.5), (100.0, 0.0, 3.5)]
+        {
+            check_from_within(ball_within(sphere, bottom), distance);
+        }
+    }
+
+    /// Packages a field, and looks at it from this distance of its middle.
+    fn check_from_within(field: Field, distance: f64) {
+        let scene = Scene::made("room", field, ClipInfo::default());
         let coding = Coding::ToQuality { quality_db: QUALITY_DB, joint_rounds: 0 };
         let settings = PackageSettings { coding, ..PackageSettings::default() };
         let Package { bytes, report } = package(&scene, &settings).unwrap();
         let clip = codec::decode(&bytes, &Limits::default()).unwrap();
         let view = |i: u32| {
             let (sin, cos) = libm::sincos(f64::from(i) * 1.3);
-            let [position, up] = [[1.2 * cos, 0.2, 1.2 * sin], [0.0, -1.0, 0.0]];
+            let [position, up] = [[distance * cos, 0.2, distance * sin], [0.0, -1.0, 0.0]];
             PosedView { camera: Camera::look_at(position, [0.0; 3], up, 0.9, 160, 120), t: 0.0 }
         };
         let whole = RenderScene::from(&scene.subject.field);
