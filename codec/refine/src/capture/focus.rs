@@ -35,9 +35,7 @@ impl Focus {
         let count = axes.len().max(1) as f64;
         let middle = axes.iter().map(|axis| axis.position).sum::<DVec3>() / count;
         let distances = |from: DVec3| axes.iter().map(move |axis| axis.position.distance(from));
-        let is_seen =
-            |point: &DVec3| axes.iter().all(|axis| (*point - axis.position).dot(axis.forward) > 0.0);
-        let center = nearest_to_axes(axes).filter(is_seen).or_else(|| {
+        let center = nearest_to_axes(axes).filter(|point| is_ahead(*point, axes)).or_else(|| {
             let forward = axes.iter().map(|axis| axis.forward).sum::<DVec3>() / count;
             Some(middle + FAR_FROM_RIG * median(distances(middle).collect())? * forward)
         })?;
@@ -50,6 +48,17 @@ impl Focus {
     pub fn near(&self) -> f64 {
         (NEAR_SHARE * self.distance).min(NEAREST_SHARE * self.nearest)
     }
+}
+
+/// The point nearest to the optical axes of `cameras`, by least squares; `None` where these are nearly parallel, or the point
+/// is behind one of them.
+pub fn common_point<'a>(cameras: impl IntoIterator<Item = &'a Camera>) -> Option<DVec3> {
+    let axes: Vec<Axis> = cameras.into_iter().map(Axis::new).collect();
+    nearest_to_axes(&axes).filter(|point| point.is_finite() && is_ahead(*point, &axes))
+}
+
+fn is_ahead(point: DVec3, axes: &[Axis]) -> bool {
+    axes.iter().all(|axis| (point - axis.position).dot(axis.forward) > 0.0)
 }
 
 /// The optical axis of a camera.

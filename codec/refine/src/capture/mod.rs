@@ -12,8 +12,8 @@ mod split;
 use codec::Camera;
 
 use crate::image::Image;
-pub use focus::Focus;
 pub(crate) use focus::{Axis, nearest_to_axes};
+pub use focus::{Focus, common_point};
 pub use lens::Lens;
 pub use response::Response;
 pub use split::{Holdout, Split, SplitError};

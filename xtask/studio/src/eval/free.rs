@@ -6,6 +6,7 @@
 
 use codec::Camera;
 use glam::{DMat3, DQuat, DVec3};
+use refine::capture::common_point;
 use refine::image::Image;
 use refine::reference::{self, Order};
 
@@ -146,7 +147,7 @@ impl Rig<'_> {
 
 /// Views from above, below and near the place between the first camera and its nearest neighbour in direction.
 fn views(cameras: &[&Camera]) -> Option<[Camera; 3]> {
-    let target = common_point(cameras)?;
+    let target = common_point(cameras.iter().copied())?;
     let up: DVec3 = cameras.iter().map(|camera| -axis(camera, 1)).sum();
     let up = up.try_normalize()?;
     let offset = |camera: &Camera| DVec3::from(camera.position()) - target;
@@ -178,29 +179,6 @@ fn axis(camera: &Camera, row: usize) -> DVec3 {
     DVec3::new(x, y, z)
 }
 
-/// The point nearest to the lines of sight of all cameras, by least squares; `None` where they are
-/// nearly parallel, or it lies behind the first.
-fn common_point(cameras: &[&Camera]) -> Option<DVec3> {
-    let (mut across, mut sum) = (DMat3::ZERO, DVec3::ZERO);
-    for camera in cameras {
-        let forward = axis(camera, 2);
-        // Projects onto the plane across the line of sight.
-        let outer = DMat3::from_cols(forward * forward.x, forward * forward.y, forward * forward.z);
-        let part = DMat3::IDENTITY - outer;
-        across += part;
-        sum += part * DVec3::from(camera.position());
-    }
-    let count = cameras.len() as f64;
-    let scaled = across * (1.0 / count.max(1.0));
-    // 0 for parallel lines, 8 / 27 for lines from all around.
-    if scaled.determinant() < 1e-4 {
-        return None;
-    }
-    let point = scaled.inverse() * (sum / count);
-    let ahead = (point - DVec3::from(cameras[0].position())).dot(axis(cameras[0], 2));
-    Some(point).filter(|point| point.is_finite() && ahead > 0.0)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -217,7 +195,7 @@ mod tests {
     fn views_look_at_the_subject_from_elsewhere() {
         let ring = ring(8);
         let cameras: Vec<&Camera> = ring.iter().collect();
-        let target = common_point(&cameras).unwrap();
+        let target = common_point(cameras.iter().copied()).unwrap();
         assert!(target.distance(DVec3::new(0.0, 0.9, 0.2)) < 1e-9, "{target}");
         let views = views(&cameras).unwrap();
         let places = [0, 1, 2].map(|i: usize| DVec3::from(views[i].position()));
