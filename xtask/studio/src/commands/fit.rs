@@ -184,6 +184,7 @@ pub(super) fn by_default(
     fn runtime(backend: &mut dyn Backend) -> FitRuntime<'_> {
         FitRuntime { backend, lpips: None, checkpoint_every: fit::CHECKPOINT_EVERY }
     }
+    announce(plan, capture_files, backend);
     let mut capture_files = capture_files.clone();
     let mut views = load_training_views(&plan.start_files(&capture_files), plan.holdout)?;
     let plate = fit_plate(plan, &mut capture_files, &mut views, runtime(backend), out)?;
@@ -400,10 +401,7 @@ fn fit_capture(args: &Args, out: &Path) -> anyhow::Result<FitResult> {
     let plan = plan(args, args.options.plan(&capture_files, holdout, plate)?)?;
     fit::check_checkpoint(&plan, out)?;
     let mut backend = args.options.backend.open()?;
-    if plan.plate == PlatePlan::Fitted && backend.peak_device_bytes().is_none() {
-        let cores = available_parallelism().map_or(1, NonZero::get);
-        eprintln!("note: {}", plan.describe_whole(&capture_files, cores));
-    }
+    announce(&plan, &capture_files, &*backend);
     let runtime = args.options.runtime(&mut *backend, lpips.as_ref());
     let mut views = load_training_views(&plan.start_files(&capture_files), holdout)?;
     let plate = fit_plate(&plan, &mut capture_files, &mut views, runtime, out)?;
@@ -421,6 +419,15 @@ fn fit_capture(args: &Args, out: &Path) -> anyhow::Result<FitResult> {
         None
     });
     Ok(FitResult { plan, fitted, splits, fragments_per_lit_pixel, held_cameras })
+}
+
+/// Says in a line what a fit of whole photographs does and, on the CPU, how long it takes.
+fn announce(plan: &FitPlan, capture_files: &CaptureFiles, backend: &dyn Backend) {
+    if plan.plate == PlatePlan::Fitted {
+        let is_cpu = backend.peak_device_bytes().is_none();
+        let cores = is_cpu.then(|| available_parallelism().map_or(1, NonZero::get));
+        eprintln!("note: {}", plan.describe_whole(capture_files, cores));
+    }
 }
 
 /// Compares the field that was written to `out` with a few photographs of held cameras, as `eval` does: with the plate behind
@@ -452,13 +459,17 @@ fn held_cameras(
 /// a field goes on as that was fitted, and other starts than an anchor at surfaces are of the whole scene.
 fn plate_plan(args: &Args, capture_files: &mut CaptureFiles, holdout: Holdout) -> anyhow::Result<PlatePlan> {
     let is_whole = matches!(args.anchor, Anchor::Depths(_) | Anchor::None);
-    match args.options.plate {
-        PlateWhen::Auto if capture_files.has_mattes() && args.from.is_some() => {
-            let from = args.from.as_ref().map(|from| Input::load(from)).transpose()?;
-            Ok(if from.is_some_and(|from| from.has_plate()) { PlatePlan::Fitted } else { PlatePlan::Mattes })
+    let has_plate = |from: &Path| Input::load(from).map(|input| input.has_plate());
+    match (args.options.plate, &args.from) {
+        (PlateWhen::Auto, Some(from)) if capture_files.has_mattes() => {
+            Ok(if has_plate(from)? { PlatePlan::Fitted } else { PlatePlan::Mattes })
         }
-        PlateWhen::Auto if is_whole || args.from.is_some() => PlateWhen::Off.find(capture_files, holdout),
-        when => when.find(capture_files, holdout),
+        (PlateWhen::On, Some(from)) if !has_plate(from)? => bail!(Fault::Usage(format!(
+            "--plate on: {} has no plate to go on from; leave --plate out, or fit without --from",
+            from.display()
+        ))),
+        (PlateWhen::Auto, from) if is_whole || from.is_some() => PlateWhen::Off.find(capture_files, holdout),
+        (when, _) => when.find(capture_files, holdout),
     }
 }
 
@@ -549,7 +560,7 @@ fn plan(args: &Args, plan: FitPlan) -> anyhow::Result<FitPlan> {
         (None, Anchor::Hull) => FitStart::Hull,
         (None, Anchor::None) => FitStart::Scatter,
     };
-    Ok(FitPlan { start, ..plan })
+    Ok(plan.starting_from(start))
 }
 
 /// Fits a field folder to a capture.

@@ -6,7 +6,7 @@ use clap::ValueEnum;
 use codec::{ClipInfo, Field};
 use program::{Fault, output};
 use refine::capture::Holdout;
-use refine::fit::Rig;
+use refine::fit::{Learned, Rig};
 
 use crate::capture::CaptureFiles;
 use crate::fields::{FitRecord, fitted_field_file, import};
@@ -81,7 +81,10 @@ pub(super) fn fit_plate(
     }
     if let FitStart::Field(from, _) = &plan.start {
         let plate = Input::load(Path::new(from))?.plate().cloned();
-        return Ok(plate.map(|field| FittedPlate { field, learned: plan.learned }));
+        // Gains that were learned with it are learned further.
+        let is_known = views.responses.iter().any(|response| !response.is_neutral());
+        let gains = plan.learned.gains || (plan.asks_for_gains() && is_known);
+        return Ok(plate.map(|field| FittedPlate { field, learned: Learned { gains, ..plan.learned } }));
     }
     let path = plate_path(out);
     if path.is_file() && fit::has_checkpoint(out) {
@@ -101,7 +104,6 @@ pub(super) fn fit_plate(
     }
     let plate = fitted.fit.to_field();
     write_plate(&path, &plate, &fit::clip_info(capture_files, &[(&plate, [0.0, 1.0])], None))?;
-    fit::remove_checkpoint(&path)?;
     let learned = fitted.fit.rig().map_or(plan.learned, Rig::learned);
     Ok(Some(FittedPlate { field: plate, learned }))
 }

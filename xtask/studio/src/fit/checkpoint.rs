@@ -7,6 +7,7 @@ use program::Fault;
 use refine::fit::Fit;
 use serde::{Deserialize, Serialize};
 
+use super::Fitted;
 use super::log::{Density, LogEntry};
 use super::plan::FitPlan;
 use super::stored::{Magic, Unstored, store, stored};
@@ -60,7 +61,7 @@ impl Checkpoint {
             Unstored::Version => bad("no checkpoint of this version".into()),
             Unstored::Damaged => damaged(),
         })?;
-        if !checkpoint.fit.is_consistent() || checkpoint.fit.is_done() {
+        if !checkpoint.fit.is_consistent() {
             return Err(damaged());
         }
         match checkpoint.plan == *plan {
@@ -70,6 +71,13 @@ impl Checkpoint {
                 path.display()
             ))),
         }
+    }
+
+    /// The checkpoint of a fit after its last step.
+    pub(super) fn of_finished(plan: &FitPlan, fitted: &Fitted) -> Checkpoint {
+        let entries = fitted.entries.clone();
+        let seconds = entries.last().map_or(0.0, |entry| entry.seconds);
+        Checkpoint { plan: plan.clone(), fit: fitted.fit.clone(), seconds, entries, tally: Tally::default() }
     }
 
     /// Writes the checkpoint to `path`, whole or not at all, and durably.

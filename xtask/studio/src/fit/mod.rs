@@ -227,7 +227,7 @@ fn fit_from(
         fit,
         entries,
         resumed_at,
-        ms_per_step: 1e3 * step_time.as_secs_f64() / (plan.steps - resumed_at) as f64,
+        ms_per_step: 1e3 * step_time.as_secs_f64() / (plan.steps - resumed_at).max(1) as f64,
         backend: backend.name(),
         peak_device_bytes: backend.peak_device_bytes(),
     }))

@@ -194,6 +194,12 @@ impl FitPlan {
         FitPlan { coarse, ..self }
     }
 
+    /// This plan, from `start`. A field has the large shapes already: its photographs stay as large as they are.
+    pub fn starting_from(self, start: FitStart) -> FitPlan {
+        let coarse = if matches!(start, FitStart::Field(..)) { Coarse::NONE } else { self.coarse };
+        FitPlan { start, coarse, ..self }
+    }
+
     /// Number of steps of the plate.
     pub fn plate_steps(&self) -> u64 {
         match self.start {
@@ -214,8 +220,8 @@ impl FitPlan {
         self.asks_for_gains() || (is_learned && self.plate == PlatePlan::Fitted)
     }
 
-    /// What a fit of whole photographs does, in a line, and how long that takes on so many cores.
-    pub fn describe_whole(&self, capture_files: &CaptureFiles, cores: usize) -> String {
+    /// What a fit of whole photographs does, in a line, and how long that takes if it is on so many cores.
+    pub fn describe_whole(&self, capture_files: &CaptureFiles, cores: Option<usize>) -> String {
         let size = |factor: u32| {
             let cameras = capture_files.capture.cameras.iter().map(|camera| &camera.camera);
             let largest = cameras.max_by_key(|camera| u64::from(camera.width) * u64::from(camera.height));
@@ -227,18 +233,20 @@ impl FitPlan {
         let pixels = largest_photograph(capture_files);
         let of_small = (self.plate_steps() + coarse) as f64 * (pixels / f64::from(factor * factor));
         let of_large = (self.steps - coarse) as f64 * pixels;
-        let minutes = (of_small + of_large) * CORE_S_A_PIXEL / cores as f64 / 60.0;
+        let time = cores.map_or(String::new(), |cores| {
+            let minutes = (of_small + of_large) * CORE_S_A_PIXEL / cores as f64 / 60.0;
+            let minutes = count(minutes.max(1.0).round() as usize, "minute");
+            format!("; about {minutes} on {}", count(cores, "core"))
+        });
         let first = match coarse {
             0 => String::new(),
             _ => format!(", the first {coarse} at {}", size(factor)),
         };
         format!(
-            "whole photographs of {}: {} steps for what stands still, then {} together with what moves{first}; about {} on {}",
+            "whole photographs of {}: {} steps for what stands still, then {} together with what moves{first}{time}",
             size(1),
             self.plate_steps(),
             self.steps,
-            count(minutes.max(1.0).round() as usize, "minute"),
-            count(cores, "core"),
         )
     }
 

@@ -9,6 +9,7 @@ use refine::anchor::Mirror;
 use refine::capture::{Holdout, PhotoId};
 use refine::fit::{Learned, Photograph, Timeline, TrainingView};
 
+use super::checkpoint::{self, Checkpoint};
 use super::plan::{Coarse, FitPlan, FitStart, default_gaussians};
 use super::strangers::name_strangers;
 use super::training_views::{TrainingViews, responses};
@@ -24,7 +25,7 @@ const FRAMES: usize = 4;
 /// the other fit starts from.
 ///
 /// # Errors
-/// Those of [`fit`]; [`Fault::Data`] if a plate cannot be read.
+/// Those of [`fit`]; [`Fault::Data`] if a plate cannot be read, [`Fault::Usage`] if its checkpoint cannot be written.
 pub fn fit_plate(
     plan: &FitPlan,
     capture_files: &CaptureFiles,
@@ -50,7 +51,10 @@ pub fn fit_plate(
     let views = views(&small)?;
     let FitRuntime { backend, lpips, checkpoint_every } = runtime;
     let runtime = FitRuntime { backend: &mut *backend, lpips, checkpoint_every };
-    let fitted = fit(&plan, &small, &views, None, runtime, &plate_path(out), on_progress)?;
+    let path = plate_path(out);
+    let fitted = fit(&plan, &small, &views, None, runtime, &path, on_progress)?;
+    // A fit that is killed before the other one has a checkpoint starts there.
+    Checkpoint::of_finished(&plan, &fitted).save(&checkpoint::path_for(&path))?;
     // The plate is fitted: it is not lost to a question about it.
     let named = name_strangers(&fitted.fit, &views, &capture_files.capture.cameras, backend);
     named

@@ -3,6 +3,7 @@
 use std::fs;
 use std::path::Path;
 
+use crate::small_stage::kill_when;
 use crate::tool::{Outcome, aarc_studio, ffmpeg, has_ffmpeg};
 use refine::capture::Holdout;
 use serde_json::Value;
@@ -37,6 +38,20 @@ fn studio_of(perturbations: Perturbations) -> TempDir {
 
 fn run(folder: &Path, arguments: &str) -> Outcome {
     aarc_studio(folder, &arguments.split(' ').collect::<Vec<_>>())
+}
+
+/// From now on, the capture asks a fit to learn nothing of its cameras.
+fn ask_for_nothing(folder: &Path) {
+    edit_manifest(folder, |line| !line.contains("\"learn\""));
+}
+
+/// Keeps the lines of the capture's manifest that `stays` keeps; at least one goes.
+fn edit_manifest(folder: &Path, stays: impl Fn(&str) -> bool) {
+    let path = folder.join("studio/capture.json");
+    let manifest = fs::read_to_string(&path).unwrap();
+    let lines: Vec<&str> = manifest.lines().filter(|line| stays(line)).collect();
+    assert!(lines.len() < manifest.lines().count(), "{manifest}");
+    fs::write(&path, lines.join("\n")).unwrap();
 }
 
 /// PSNR of the whole pictures and of the subject.
@@ -118,6 +133,63 @@ fn what_moves_is_fitted_in_front_of_a_plate() {
     let stderr = run(folder, "fit studio --from b.ply -o b.ply --plate off --steps 20").success().stderr;
     assert!(stderr.contains("b.plate.ply is drawn behind b.ply"), "{stderr}");
     assert!(folder.join("b.plate.ply").exists());
+    let error = run(folder, "fit studio --from a.ply -o d.ply --plate on --steps 20").error(2);
+    assert!(error.contains("--plate on: a.ply has no plate to go on from"), "{error}");
+}
+
+/// It is killed while the plate is fitted, right after, and while both are fitted together.
+#[test]
+fn a_killed_fit_with_a_plate_resumes_with_the_same_result() {
+    if !has_ffmpeg() {
+        return;
+    }
+    let folder = studio();
+    let folder = folder.path();
+    let line = "fit studio -o a.ply --steps 600 --gaussians 600 --sh-degree 0";
+    run(folder, line).success();
+    let files = ["a.ply", "a.plate.ply", "a.cameras.json"];
+    let read = || files.map(|file| fs::read(folder.join(file)).unwrap());
+    let uninterrupted = read();
+    files.iter().for_each(|file| fs::remove_file(folder.join(file)).unwrap());
+    fs::remove_file(folder.join("a.fit.csv")).unwrap();
+    let args: Vec<&str> = line.split(' ').chain(["--set", "checkpoint-every=0.02"]).collect();
+    let [plate, both] = ["a.plate.checkpoint", "a.checkpoint"].map(|file| folder.join(file));
+    kill_when(folder, &args, || plate.exists());
+    assert!(!folder.join("a.plate.ply").exists() && !both.exists());
+    kill_when(folder, &args, || folder.join("a.plate.ply").exists());
+    assert!(!folder.join("a.ply").exists() && plate.exists(), "the plate is not lost");
+    let fitted = fs::read(folder.join("a.plate.ply")).unwrap();
+    kill_when(folder, &args, || both.exists());
+    assert!(!folder.join("a.ply").exists() && fs::read(folder.join("a.plate.ply")).unwrap() == fitted);
+    run(folder, line).success();
+    assert!(read() == uninterrupted, "the same files, bit by bit");
+    assert!(!plate.exists() && !both.exists());
+}
+
+#[test]
+fn cameras_and_plates_that_are_wrong_are_named() {
+    if !has_ffmpeg() {
+        return;
+    }
+    let folder = studio();
+    let folder = folder.path();
+    let short = "fit studio -o a.ply --steps 4 --gaussians 600";
+    let stderr = run(folder, short).success().stderr;
+    assert!(!stderr.contains("differ from the plate"), "{stderr}");
+    let plate = |camera: &str| folder.join(format!("studio/plates/{camera}.png"));
+    fs::rename(plate("00"), plate("swapped")).unwrap();
+    fs::rename(plate("03"), plate("00")).unwrap();
+    fs::rename(plate("swapped"), plate("03")).unwrap();
+    let stderr = run(folder, short).success().stderr;
+    assert!(stderr.contains("note: all photographs of cameras 00, 03 differ from the plate in"), "{stderr}");
+
+    // One camera has its lid on.
+    edit_manifest(folder, |line| !line.contains("\"plates\""));
+    let rig = folder.join("rig");
+    ffmpeg(&rig, "-i 01.mp4 -vf lutyuv=y=18:u=128:v=128 -c:v libx264 -crf 8 -pix_fmt yuv420p black.mp4");
+    fs::rename(rig.join("black.mp4"), rig.join("01.mp4")).unwrap();
+    let stderr = run(folder, short).success().stderr;
+    assert!(stderr.contains("note: next to nothing is seen by camera 01"), "{stderr}");
 }
 
 #[test]
@@ -129,9 +201,7 @@ fn parts_and_takes_of_a_capture_have_its_mattes() {
     let folder = folder.path();
     // Plates are of the whole capture, so a few frames of it are enough; from an odd one on, the held ones are even.
     let manifest = fs::read_to_string(folder.join("studio/capture.json")).unwrap();
-    let unstated = manifest.replace("  \"plates\": \"plates/{camera}.png\",\n", "");
-    assert_ne!(manifest, unstated);
-    fs::write(folder.join("studio/capture.json"), unstated).unwrap();
+    edit_manifest(folder, |line| !line.contains("\"plates\""));
     let json =
         run(folder, &format!("fit studio -o part.ply --frames 3..8 --holdout odd --json {FIT}")).json();
     assert!(json["plate_gaussians"].as_u64().unwrap() > 300, "{json}");
@@ -153,9 +223,8 @@ fn colours_that_are_learned_start_from_measured_gains() {
     }
     let folder = studio_of(Perturbations { noise: 1.0, exposure: 0.4, ..Perturbations::NONE });
     let folder = folder.path();
-    let greens = |learn: &str| {
-        let stderr =
-            run(folder, &format!("fit studio -o a.ply --steps 4 --gaussians 600{learn}")).success().stderr;
+    let greens = || {
+        let stderr = run(folder, "fit studio -o a.ply --steps 4 --gaussians 600").success().stderr;
         let cameras: Value =
             serde_json::from_slice(&fs::read(folder.join("a.cameras.json")).unwrap()).unwrap();
         let greens = cameras["cameras"].as_array().unwrap().iter();
@@ -163,14 +232,16 @@ fn colours_that_are_learned_start_from_measured_gains() {
             greens.map(|camera| camera["response"]["color"][1][1].as_f64().unwrap()).collect();
         (stderr, greens)
     };
-    let (_, by_default) = greens(" --learn gains");
     let spread = |greens: &[f64]| {
         greens.iter().copied().fold(f64::MIN, f64::max) / greens.iter().copied().fold(f64::MAX, f64::min)
     };
-    assert!(spread(&by_default) > 1.3, "{by_default:?}");
     // A rig's capture asks for colours and offsets.
-    let (stderr, colors) = greens("");
+    let (stderr, colors) = greens();
     assert!(stderr.contains("a transform of colours and vignette of each are learned"), "{stderr}");
+    ask_for_nothing(folder);
+    let (stderr, by_default) = greens();
+    assert!(stderr.contains("gain, offset and vignette of each are learned"), "{stderr}");
+    assert!(spread(&by_default) > 1.3, "{by_default:?}");
     assert!(by_default.iter().zip(&colors).all(|(a, b)| (a - b).abs() < 0.02), "{by_default:?} {colors:?}");
 }
 
