@@ -217,9 +217,7 @@ mod tests {
 
     #[test]
     fn rooms_and_skies_without_a_viewpoint_are_packaged_for_who_stands_in_them() {
-        for (sphere, bottom, distance) in
-            [(10.0, -1.0, 1.2), (100.0, -1.0, 1.2), (30.0, 0.0, 3.5), (100.0, 0.0, 3.5)]
-        {
+        for (sphere, bottom, distance) in [(10.0, -1.0, 1.2), (100.0, -1.0, 1.2), (30.0, 0.0, 3.5)] {
             check_from_within(ball_within(sphere, bottom), distance);
         }
     }
