@@ -67,12 +67,13 @@ pub(super) fn hints(ply: &Ply) -> Result<Hints, String> {
             _ => hints.comments.push((key.into(), value.into())),
         }
     }
-    hints.up = hints.up.or_else(|| foreign(ply, UP).and_then(|value| normalized(numbers(value)?)));
+    hints.up = hints.up.or_else(|| foreign_up(ply));
     Ok(hints)
 }
 
-/// Brush's comment on the up axis: its letter, whose sign is open, or three numbers.
-const UP: &str = "Vertical axis";
+/// The comment on the up axis as nerfstudio spells it: its letter, after which up points. Brush writes `Vertical axis: y`
+/// whatever the axes of the capture are, and others three numbers.
+const UP: &str = "Vertical Axis";
 
 /// Brush's comment on the filter: `default` or `mip`.
 const RENDER_MODE: &str = "SplatRenderMode";
@@ -80,12 +81,35 @@ const RENDER_MODE: &str = "SplatRenderMode";
 /// Postshot's comment on the filter: 0 or 1.
 const ANTIALIASED: &str = "antialiased";
 
-/// The value of another program's comment.
-fn foreign<'p>(ply: &'p Ply, key: &str) -> Option<&'p str> {
+/// A comment of another program with this key, in any case: the key as the file spells it, and its value.
+fn foreign<'p>(ply: &'p Ply, key: &str) -> Option<(&'p str, &'p str)> {
     ply.comments.iter().find_map(|comment| {
-        let value = comment.strip_prefix(key)?;
-        value.starts_with([' ', ':']).then(|| value.trim_start_matches([' ', ':']).trim_end())
+        let (spelled, value) = comment.split_at_checked(key.len())?;
+        let is_it = spelled.eq_ignore_ascii_case(key) && value.starts_with([' ', ':']);
+        is_it.then(|| (spelled, value.trim_start_matches([' ', ':']).trim_end()))
     })
+}
+
+/// The value of a comment of another program, in lower case.
+fn foreign_word(ply: &Ply, key: &str) -> Option<String> {
+    foreign(ply, key).map(|(_, value)| value.to_ascii_lowercase())
+}
+
+/// The up axis that a comment of another program states.
+fn foreign_up(ply: &Ply) -> Option<[f32; 3]> {
+    let (spelled, value) = foreign(ply, UP)?;
+    let letter = || (spelled == UP).then(|| axis(value)).flatten();
+    numbers(value).and_then(normalized).or_else(letter)
+}
+
+/// The unit vector of an axis by its letter, with or without a sign.
+fn axis(value: &str) -> Option<[f32; 3]> {
+    let (sign, letter) = match value.strip_prefix('-') {
+        Some(letter) => (-1.0, letter),
+        None => (1.0, value.strip_prefix('+').unwrap_or(value)),
+    };
+    let axis = ["x", "y", "z"].iter().position(|name| letter.eq_ignore_ascii_case(name))?;
+    Some(std::array::from_fn(|k| if k == axis { sign } else { 0.0 }))
 }
 
 /// The filter of a file.
@@ -107,7 +131,8 @@ pub(super) fn filter(ply: &Ply) -> Result<Filter, String> {
         return Ok(Filter { filter, assumed: None });
     }
     let mip = |assumed: String| Filter { filter: PixelFilter::Mip, assumed: Some(assumed) };
-    Ok(match (foreign(ply, RENDER_MODE), foreign(ply, ANTIALIASED)) {
+    let (mode, flag) = (foreign_word(ply, RENDER_MODE), foreign_word(ply, ANTIALIASED));
+    Ok(match (mode.as_deref(), flag.as_deref()) {
         (Some("mip"), _) => mip(format!("drawn with the mip filter, as its comment {RENDER_MODE} says")),
         (_, Some("1" | "true")) => mip(ASSUMED_VARIANCE.into()),
         (Some("default") | None, Some("0" | "false") | None) => Filter::default(),
@@ -126,8 +151,8 @@ pub(super) fn filter(ply: &Ply) -> Result<Filter, String> {
 
 /// The comment of another program that would change what is drawn and cannot be used.
 pub(super) fn unread(ply: &Ply) -> Option<String> {
-    let value = foreign(ply, UP).filter(|value| numbers::<3>(value).and_then(normalized).is_none())?;
-    Some(format!("its comment {UP}: {value} does not say which way is up"))
+    let (spelled, value) = foreign(ply, UP).filter(|_| foreign_up(ply).is_none())?;
+    Some(format!("its comment {spelled}: {value} does not say which way is up"))
 }
 
 /// The comments on a clip. Rust prints the shortest digits that read back as the same number.

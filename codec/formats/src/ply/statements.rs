@@ -19,6 +19,9 @@ pub(crate) const STATEMENTS: &[Statement] = &[
     honoured("comment aarc", "metadata of a [field file](FIELD.md)"),
     honoured("comment SplatRenderMode", "Brush: the filter"),
     honoured("comment antialiased", "Postshot: the filter, without its variance"),
-    honoured("comment Vertical axis", "Brush: the up axis, if it is a vector; a letter is noted"),
+    honoured(
+        "comment Vertical Axis",
+        "nerfstudio: the up axis, a letter or a vector; Brush's letter, which is always y, is noted",
+    ),
     ignored("any other comment, obj_info", "free text"),
 ];
