@@ -194,7 +194,10 @@ fn sections<'a>(bytes: &'a [u8], header: &Header) -> Result<Vec<Section<'a>>, St
     for (number, of_section) in headers.chunks_exact(SECTION_HEADER).enumerate() {
         let degree = u32_at(of_section, 40) as u16;
         if degree > SH_DEGREE_MAX.into() {
-            return Err(format!(".ksplat section {number}: SH degree {degree}"));
+            return Err(format!(
+                ".ksplat section {number}: SH degree {degree}, and at most {SH_DEGREE_MAX} is read; export the field in another \
+                 format"
+            ));
         }
         let sh_degree = degree as u8;
         let mut take = |count: u32, size: usize| {
@@ -207,7 +210,8 @@ fn sections<'a>(bytes: &'a [u8], header: &Header) -> Result<Vec<Section<'a>>, St
         let center_bytes = usize::from(u32_at(of_section, 20) as u16);
         if center_bytes != 12 && header.compression > 0 {
             return Err(format!(
-                ".ksplat section {number}: centres of buckets of {center_bytes} bytes, not 12"
+                ".ksplat section {number}: centres of buckets of {center_bytes} bytes, and 12 are read; export the field in \
+                 another format"
             ));
         }
         let centers = take(u32_at(of_section, 12), center_bytes);

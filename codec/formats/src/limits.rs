@@ -65,7 +65,7 @@ impl ImportBudget {
         self.spend(bytes)?;
         let mut vec = Vec::new();
         vec.try_reserve_exact(count)
-            .map_err(|_| format!("the system has no {bytes} bytes of memory left"))?;
+            .map_err(|_| format!("the system has no {bytes} bytes of memory left; close other programs"))?;
         Ok(vec)
     }
 

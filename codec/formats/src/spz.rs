@@ -132,7 +132,10 @@ impl Header {
         }
         if header.sh_degree > 4 || header.fractional_bits > COORDINATE_BITS {
             let Header { sh_degree, fractional_bits, .. } = header;
-            return Err(format!("SPZ header: SH degree {sh_degree}, {fractional_bits} binary places"));
+            return Err(format!(
+                "SPZ header: SH degree {sh_degree}, {fractional_bits} binary places, and at most 4 and \
+                 {COORDINATE_BITS} are read; export it as a .ply"
+            ));
         }
         let plain = header.gaussians as u64 * header.strides().iter().sum::<usize>() as u64;
         ImportBudget::check_ratio(file_size as u64, plain)
@@ -272,7 +275,7 @@ fn read_v2_v3(mut source: impl Read, file_size: usize, budget: &mut ImportBudget
     let header = read_up_to(&mut source, HEADER, budget)?;
     let header = Header::parse(&header, file_size)?;
     if header.version == 4 {
-        return Err("SPZ version 4 inside gzip".into());
+        return Err("SPZ of version 4 inside gzip; unpack it with `gunzip`, or export it without".into());
     }
     let mut arrays = <[Vec<u8>; 6]>::default();
     for (array, stride) in arrays.iter_mut().zip(header.strides()) {

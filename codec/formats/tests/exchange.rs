@@ -367,7 +367,7 @@ fn compressed_ksplat_is_relative_to_its_buckets() {
         (vec![(20, 3)], "compression 3"),
         (vec![(7, 255)], "announces 4278190081 sections"),
         (vec![(4096 + 40, 4)], "SH degree 4"),
-        (vec![(4096 + 20, 8)], "8 bytes, not 12"),
+        (vec![(4096 + 20, 8)], "of 8 bytes, and 12 are read"),
     ] {
         let mut bytes = bytes.clone();
         change.into_iter().for_each(|(at, value)| bytes[at] = value);

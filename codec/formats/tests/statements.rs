@@ -389,9 +389,7 @@ fn spz(version: u32, extensions: &[(u32, &[u8])]) -> Vec<u8> {
         .collect();
     if version == 3 {
         plain.extend(records);
-        let mut gzip = GzEncoder::new(Vec::new(), Compression::default());
-        gzip.write_all(&plain).unwrap();
-        return gzip.finish().unwrap();
+        return gzip(&plain);
     }
     let (head, arrays) = plain.split_at(16);
     let mut file = head.to_vec();
@@ -500,6 +498,34 @@ fn text_and_noise_are_no_field() {
     assert_eq!(import_bytes("a.splat", &point).unwrap().field.len(), 1);
 }
 
+/// A glTF whose buffer is there.
+fn gltf_with_buffer(uri: &str) -> String {
+    let bytes = write_glb(&field(2, 0, None, false), &info()).unwrap();
+    let length = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
+    let mut json: serde_json::Value = serde_json::from_slice(&bytes[20..20 + length]).unwrap();
+    json["buffers"][0]["uri"] = uri.into();
+    json.to_string()
+}
+
+/// The header of an SPZ without Gaussians.
+fn spz_head(version: u8, sh_degree: u8) -> Vec<u8> {
+    [b"NGSP".as_slice(), &[version, 0, 0, 0, 0, 0, 0, 0, sh_degree, 12, 0, 0]].concat()
+}
+
+fn gzip(bytes: &[u8]) -> Vec<u8> {
+    let mut gzip = GzEncoder::new(Vec::new(), Compression::default());
+    gzip.write_all(bytes).unwrap();
+    gzip.finish().unwrap()
+}
+
+/// A `.ksplat` of one empty section, whose header has `value` at a byte.
+fn ksplat(compression: u8, at: usize, value: u8) -> Vec<u8> {
+    let mut bytes = vec![0; 4096 + 1024];
+    (bytes[1], bytes[4], bytes[20]) = (1, 1, compression);
+    bytes[4096 + at] = value;
+    bytes
+}
+
 #[test]
 fn what_is_not_supported_is_not_called_damaged() {
     let streamed = r#"{"lodLevels": 3, "filenames": ["0_0/meta.json", "0_1/meta.json"], "tree": {}}"#;
@@ -507,6 +533,8 @@ fn what_is_not_supported_is_not_called_damaged() {
     assert!(message.contains("3 levels of detail in 2 parts"), "{message}");
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("lod-meta.json"), streamed).unwrap();
+    let rest_of_33: Vec<String> = (0..96).map(|k| format!("f_rest_{k}")).collect();
+    let rest_of_33 = rest_of_33.join(" ");
     let of_scene =
         SceneFiles::at(folder.path()).unwrap().read(ImportLimits::default()).unwrap_err().to_string();
     let of_folder = formats::import(folder.path()).unwrap_err().to_string();
@@ -516,11 +544,24 @@ fn what_is_not_supported_is_not_called_damaged() {
         of_folder,
         import_error("meta.json", br#"{"means": {"shape": [3]}}"#),
         import_error("a.spz", b"NGSP\x09\0\0\0\0\0\0\0\0\0\0\0"),
+        import_error("a.spz", &spz_head(3, 5)),
+        import_error("a.spz", &gzip(&spz_head(4, 0))),
         import_error("a.ply", &ascii_ply("x y z", &["0 0 0"])),
+        import_error("a.ply", b"ply\nelement vertex 1\nproperty list uchar int i\nend_header\n"),
+        import_error("a.ply", &ply("", &rest_of_33, &"0 ".repeat(96))),
+        import_error("a.gltf", br#"{"meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}]}"#),
+        import_error("a.glb", b"glTF\x01\0\0\0\x0c\0\0\0"),
+        import_error("a.gltf", gltf_with_buffer("data:,abc").as_bytes()),
+        import_error("a.gltf", gltf_with_buffer("https://a/b.bin").as_bytes()),
+        import_error("a.ksplat", &ksplat(0, 40, 4)),
+        import_error("a.ksplat", &ksplat(1, 20, 16)),
     ];
     for message in messages {
-        assert!(message.contains("export") && !message.contains("again, or"), "{message}");
+        assert!(message.contains("; ") && message.contains("export"), "{message}");
+        assert!(!message.contains("again, or"), "{message}");
     }
+    let newer = import_error("a.ply", &ply("comment aarc field 9\n", "", ""));
+    assert!(newer.contains("version 9, and 1 is read; update this program"), "{newer}");
 }
 
 #[test]

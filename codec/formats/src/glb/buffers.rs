@@ -53,11 +53,12 @@ impl<'a> Buffers<'a> {
 
 fn fetch(uri: &str, buffer: &Buffer, folder: &Path, budget: &mut ImportBudget) -> Result<Vec<u8>, String> {
     if let Some(data) = uri.strip_prefix("data:") {
-        let (_, text) = data.split_once(";base64,").ok_or("its text is not in base64")?;
+        let (_, text) =
+            data.split_once(";base64,").ok_or("its text is not in base64; export it as a .glb")?;
         budget.spend(buffer.byte_length.min(text.len() as u64))?;
         return BASE64_STANDARD.decode(text).map_err(|error| error.to_string());
     }
-    let path = path_of(uri).ok_or("it is no file beside the glTF; write one file, a .glb")?;
+    let path = path_of(uri).ok_or("it is no file beside the glTF; export it as a .glb")?;
     budget.read_file(&folder.join(&path)).map_err(|what| format!("{path}: {what}"))
 }
 

@@ -26,7 +26,7 @@ pub(super) fn chunks(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), String> {
         return Err(format!("GLB of {} bytes, and its header has {HEADER}", bytes.len()));
     };
     if version != VERSION {
-        return Err(format!("GLB version {version}; {VERSION} is known"));
+        return Err(format!("GLB of version {version}, and {VERSION} is read; export it as that"));
     }
     let (length, present) = (length as usize, bytes.len());
     if length > present {

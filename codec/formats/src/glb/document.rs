@@ -101,7 +101,9 @@ impl Document {
     pub(super) fn parse(text: &[u8], budget: &mut ImportBudget) -> Result<Document, String> {
         if text.len() > TEXT_MAX {
             let (has, most) = (text.len() >> 20, TEXT_MAX >> 20);
-            return Err(format!("glTF: its JSON has {has} MiB, and at most {most} are read"));
+            return Err(format!(
+                "glTF: its JSON has {has} MiB, and at most {most} are read; export it as a .glb"
+            ));
         }
         budget.spend(BYTES_PER_BYTE * text.len() as u64)?;
         serde_json::from_slice(text).map_err(|error| format!("glTF: {error}"))

@@ -65,7 +65,7 @@ pub(crate) fn read(bytes: &[u8], folder: &Path, budget: &mut ImportBudget) -> Re
     let others = sum(&|mesh| document.meshes[mesh].primitives.len() - meshes[mesh].len());
     if parts().next().is_none() {
         return Err(format!(
-            "glTF without {EXTENSION}: it has {others} primitives of meshes or points, and no Gaussians"
+            "glTF without {EXTENSION}: it has {others} primitives of meshes or points, and no Gaussians; export Gaussians"
         ));
     }
     let buffers = Buffers::load(&document, binary, folder, budget)?;

@@ -52,7 +52,11 @@ pub(super) fn hints(ply: &Ply) -> Result<Hints, String> {
         let positive = || numbers::<1>(value).map(|[x]| x).filter(|&x| x > 0.0).ok_or_else(wrong);
         match key {
             FIELD if value == VERSION => {}
-            FIELD => return Err(format!("field file of version {value}, only {VERSION} is known")),
+            FIELD => {
+                return Err(format!(
+                    "field file of version {value}, and {VERSION} is read; update this program"
+                ));
+            }
             "duration_s" => hints.duration_s = Some(positive()?),
             "fps" => hints.fps = Some(positive()?),
             "metres_per_unit" => hints.metres_per_unit = Some(positive()?),

@@ -259,7 +259,10 @@ impl<'a> Table<'a> {
         let wrong = || format!("PLY header: cannot read `{line}`");
         if line.split_ascii_whitespace().nth(1) == Some("list") {
             if self.is_of_gaussians() {
-                return Err(format!("PLY element {} has a list property, which no field has", self.name));
+                return Err(format!(
+                    "PLY element {} has a list property, which no field has; export Gaussians",
+                    self.name
+                ));
             }
             next_kind();
             let (length, item) = (next_kind().ok_or_else(wrong)?, next_kind().ok_or_else(wrong)?);

@@ -185,7 +185,9 @@ pub(super) fn rest_columns(table: &Table) -> Result<Rest, String> {
     let is_whole = (stored + 1).isqrt().pow(2) == stored + 1;
     let is_in_time = !is_whole && (stored + 1).is_multiple_of(largest);
     if !numbers.is_multiple_of(3) || !(is_whole || is_in_time) {
-        return Err(format!("{numbers} properties {REST}*, where 0, 9, 24 or 45 were expected"));
+        return Err(format!(
+            "{numbers} properties {REST}*, and 0, 9, 24 or 45 are read; export the field with colours as SH of such a degree"
+        ));
     }
     let count = stored.min(largest - 1);
     let mut columns = (0..stored)
