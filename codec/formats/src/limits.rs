@@ -6,6 +6,8 @@ use std::path::Path;
 
 use codec::{Field, Temporal, sh_coefficients};
 
+use crate::text;
+
 /// Largest ratio of unpacked to packed bytes that is accepted: DEFLATE's ratio, in gzip and ZIP, cannot be larger.
 const RATIO_MAX: u64 = 1032;
 
@@ -117,16 +119,18 @@ impl ImportBudget {
     /// Reads a file.
     ///
     /// # Errors
-    /// One sentence without the path: not a file, unreadable, or larger than the limit.
+    /// One sentence without the path: not a file, unreadable, larger than the limit, or a pointer of Git LFS.
     pub(crate) fn read_file(&mut self, path: &Path) -> Result<Vec<u8>, String> {
-        let text = |error: std::io::Error| error.to_string();
-        let metadata = std::fs::metadata(path).map_err(text)?;
+        let reason = |error: std::io::Error| error.to_string();
+        let metadata = std::fs::metadata(path).map_err(reason)?;
         if !metadata.is_file() {
             return Err("not a file".into());
         }
         let mut bytes = self.vec(usize::try_from(metadata.len()).unwrap_or(usize::MAX))?;
         // A file that grows meanwhile is cut.
-        File::open(path).and_then(|file| file.take(metadata.len()).read_to_end(&mut bytes)).map_err(text)?;
-        Ok(bytes)
+        File::open(path)
+            .and_then(|file| file.take(metadata.len()).read_to_end(&mut bytes))
+            .map_err(reason)?;
+        text::large_file(&bytes).map_or(Ok(bytes), Err)
     }
 }

@@ -42,9 +42,6 @@ impl FieldSource {
         if name == sog::STREAMED_INDEX {
             return Err(fault(sog::streamed(&bytes)));
         }
-        if let Some(pointer) = text::large_file(&bytes) {
-            return Err(fault(pointer));
-        }
         if text::has_mark(&bytes) && matches!(bytes.get(text::MARK.len()), Some(b'p' | b'{')) {
             bytes.drain(..text::MARK.len());
         }
@@ -68,6 +65,7 @@ impl FieldSource {
         if !index.exists() {
             return Err(match budget.read_file(&streamed) {
                 Ok(bytes) => sog::streamed(&bytes),
+                Err(what) if streamed.exists() => advised(what),
                 Err(_) => format!("a folder without {} is no field (SOG); name a file", sog::INDEX),
             });
         }

@@ -491,6 +491,23 @@ fn text_and_noise_are_no_field() {
         let message = import_error(name, page.as_bytes());
         assert!(message.contains("this is text") && message.contains("404 Not Found"), "{message}");
     }
+    // Of a file set, too, a file that the named one names.
+    let gltf = gltf_with_buffer("lfs.bin");
+    let meta = r#"{"version": 2, "count": 1, "means": {"mins": [0, 0, 0], "maxs": [1, 1, 1], "files": ["lfs.bin", "b"]},
+                   "scales": {"codebook": [], "files": ["c"]}, "quats": {"files": ["d"]},
+                   "sh0": {"codebook": [], "files": ["e"]}}"#;
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("lfs.bin"), &pointer).unwrap();
+    for (name, content) in [("a.gltf", &*gltf), ("meta.json", meta)] {
+        let path = folder.path().join(name);
+        std::fs::write(&path, content).unwrap();
+        let message = formats::import(&path).unwrap_err().to_string();
+        assert!(message.contains("lfs.bin: a pointer of Git LFS"), "{message}");
+        assert!(message.contains("git lfs pull") && !message.contains("again, or"), "{message}");
+    }
+    std::fs::remove_file(folder.path().join("meta.json")).unwrap();
+    std::fs::write(folder.path().join("lod-meta.json"), &pointer).unwrap();
+    assert!(formats::import(folder.path()).unwrap_err().to_string().contains("Git LFS"), "of a folder");
     assert!(import_error("a.splat", &noise).contains("cannot be Gaussians"));
     // What a converter writes for a cloud of points: no quaternion.
     let point = [[0.0f32; 3], [0.01; 3]].as_flattened().iter().flat_map(|x| x.to_le_bytes());
