@@ -18,7 +18,7 @@
 //! follow each other before the table of sizes, or behind the arrays before version 4: `u32` type, `u32` length, content.
 
 use std::f64::consts::FRAC_1_SQRT_2;
-use std::io::{ErrorKind, Read, Write};
+use std::io::{self, ErrorKind, Read, Write};
 
 use codec::{ClipInfo, Field, PixelFilter, SH_DEGREE_MAX, sh_coefficients};
 use flate2::Compression;
@@ -55,6 +55,10 @@ const ANTIALIASED: u8 = 1;
 /// Bit of byte 14 of the header: there are extensions.
 const EXTENDED: u8 = 2;
 
+/// Bit of byte 14 of the header, which Spark sets: the Gaussians are a tree of levels of detail, parents with their children,
+/// whose numbers follow the arrays.
+const LEVELS: u8 = 0x80;
+
 /// Type of the extension that states the axes, as a `u32` number of [`AXES`].
 const AXES_EXTENSION: u32 = 0xADBE_0003;
 
@@ -73,6 +77,8 @@ const EXTENSIONS_MAX: u64 = 1 << 20;
 /// What a file says besides its arrays.
 pub(crate) const STATEMENTS: &[Statement] = &[
     honoured("antialiased", "the filter, without its variance"),
+    noted("levels of detail", "flag 0x80 of Spark, refused: parents are drawn over their children"),
+    noted("any other flag", "not read"),
     honoured("extension ADBE0003", "axes; left-handed ones are noted, and mirror what is drawn"),
     ignored("extension ADBE0002", "limits of an orbiting camera"),
     noted("any other extension", "not read"),
@@ -103,6 +109,8 @@ struct Header {
     /// Whether the field was fitted with compensated opacities.
     is_antialiased: bool,
     has_extensions: bool,
+    /// Bits of the flags that are not known.
+    unknown_flags: u8,
     /// Version 4: number of packed arrays, and where their table of sizes starts.
     streams: usize,
     table: usize,
@@ -121,6 +129,7 @@ impl Header {
             fractional_bits: bytes[13],
             is_antialiased: bytes[14] & ANTIALIASED != 0,
             has_extensions: bytes[14] & EXTENDED != 0,
+            unknown_flags: bytes[14] & !(ANTIALIASED | EXTENDED),
             streams: usize::from(bytes[15]),
             table: bytes.get(16..20).map_or(0, |table| u32_at(table, 0) as usize),
         };
@@ -129,6 +138,13 @@ impl Header {
                 "SPZ of version {}, and 2, 3 and 4 are read; export it as one of these",
                 header.version
             ));
+        }
+        if header.unknown_flags & LEVELS != 0 {
+            return Err(
+                "SPZ with levels of detail, which would all be drawn over each other; export it without, or \
+                        name the file that they were made of"
+                    .into(),
+            );
         }
         if header.sh_degree > 4 || header.fractional_bits > COORDINATE_BITS {
             let Header { sh_degree, fractional_bits, .. } = header;
@@ -149,6 +165,11 @@ impl Header {
         if self.is_antialiased {
             imported.field.filter = PixelFilter::Mip;
             imported.account.assumed.push(ASSUMED_VARIANCE.into());
+        }
+        let unknown = (0..8).map(|bit| self.unknown_flags & 1 << bit).filter(|flag| *flag != 0);
+        let unknown: Vec<String> = unknown.map(|flag| format!("0x{flag:02x}")).collect();
+        if !unknown.is_empty() {
+            imported.account.lost.push(format!("flags that are not read: {}", unknown.join(", ")));
         }
         if self.has_extensions {
             read_extensions(extensions, &mut imported);
@@ -281,10 +302,11 @@ fn read_v2_v3(mut source: impl Read, file_size: usize, budget: &mut ImportBudget
     for (array, stride) in arrays.iter_mut().zip(header.strides()) {
         *array = read_up_to(&mut source, header.gaussians * stride, budget)?;
     }
-    // Up to the end, where gzip has its checksum.
     let mut extensions = Vec::new();
     budget.spend(2 * EXTENSIONS_MAX)?;
-    read_to(&mut extensions, source.take(EXTENSIONS_MAX))?;
+    read_to(&mut extensions, source.by_ref().take(EXTENSIONS_MAX))?;
+    // Up to the end, where gzip has its checksum.
+    unless_cut(io::copy(&mut source, &mut io::sink()))?;
     Ok((header, arrays, extensions))
 }
 
@@ -327,10 +349,15 @@ fn read_up_to(source: impl Read, size: usize, budget: &mut ImportBudget) -> Resu
     Ok(bytes)
 }
 
-/// Appends the bytes of a source. Bytes before an early end are used, and the caller counts the missing ones; where the
-/// packed bytes are damaged, what was unpacked is wrong.
+/// Appends the bytes of a source.
 fn read_to(bytes: &mut Vec<u8>, mut source: impl Read) -> Result<(), String> {
-    match source.read_to_end(bytes) {
+    unless_cut(source.read_to_end(bytes))
+}
+
+/// Bytes before an early end are used, and the caller counts the missing ones; where the packed bytes are damaged, what was
+/// unpacked is wrong.
+fn unless_cut<T>(read: io::Result<T>) -> Result<(), String> {
+    match read {
         Err(error) if error.kind() != ErrorKind::UnexpectedEof => Err(format!("SPZ: damaged: {error}")),
         _ => Ok(()),
     }

@@ -358,6 +358,12 @@ fn checksums_of_others_are_read() {
     }
     assert_eq!(accepted, 0, "changed bytes were read");
 
+    // Behind more bytes than are looked at.
+    let trailing = noise_bytes(3 << 19);
+    let good = spz(3, &[(0xADBE_0002, &trailing)]);
+    assert!(import_bytes("a.spz", &good).is_ok());
+    assert!(import_error("a.spz", &rotten(&good, good.len() - 8)).contains("damaged"));
+
     let good = spz(4, &[]);
     assert!(import_bytes("a.spz", &good).is_ok());
     assert!(
@@ -373,6 +379,33 @@ fn checksums_of_others_are_read() {
     let at = bundle.windows(5).position(|window| window == b"count").unwrap();
     let message = import_error("a.sog", &rotten(&bundle, at));
     assert!(message.contains("checksum"), "{message}");
+}
+
+fn noise_bytes(count: usize) -> Vec<u8> {
+    let mut noise = support::Noise(7);
+    (0..count).map(|_| noise.bits() as u8).collect()
+}
+
+#[test]
+fn flags_of_spz_are_named() {
+    for version in [3, 4] {
+        let with = |flags: u8| {
+            let mut bytes = spz(version, &[]);
+            if version == 4 {
+                bytes[14] = flags;
+                return bytes;
+            }
+            let mut plain = Vec::new();
+            GzDecoder::new(&bytes[..]).read_to_end(&mut plain).unwrap();
+            plain[14] = flags;
+            plain
+        };
+        assert_eq!(notes(&import_bytes("a.spz", &with(0)).unwrap()), "");
+        let named = notes(&import_bytes("a.spz", &with(0x4a)).unwrap());
+        assert_eq!(named, "flags that are not read: 0x08, 0x40");
+        let levels = import_error("a.spz", &with(0x81));
+        assert!(levels.contains("levels of detail") && !levels.contains("again, or"), "{levels}");
+    }
 }
 
 /// An SPZ of one Gaussian with extensions, each a type and its content.
@@ -480,8 +513,7 @@ fn extensions_of_gltf_and_chunks_of_splatv_are_named() {
 fn text_and_noise_are_no_field() {
     let pointer = b"version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 63327587\n".repeat(2);
     let page = "<!DOCTYPE html><title>404 Not Found</title>".repeat(200);
-    let mut noise = support::Noise(7);
-    let noise: Vec<u8> = (0..3200).map(|_| noise.bits() as u8).collect();
+    let noise = noise_bytes(3200);
     for name in ["a.ply", "a.splat", "a.ksplat", "a.spz", "a.sog", "a.splatv", "a.glb"] {
         let message = import_error(name, &pointer);
         assert!(message.contains("Git LFS") && message.contains("git lfs pull"), "{message}");
