@@ -47,11 +47,14 @@ const PADDING_MAX: u64 = 1 << 16;
 /// The keys of `meta.json`.
 pub(crate) const STATEMENTS: &[Statement] = &[
     honoured("version count means scales quats sh0 shN", "the columns"),
-    honoured("antialias", "the filter, without its variance"),
-    ignored("asset", "the program that wrote it"),
+    honoured("antialias model", "the filter, without its variance; another model than `default` is noted"),
+    ignored("asset extras", "the program that wrote it, and what it attached"),
     noted("any other key", "not read"),
     noted("lod-meta.json", "refused: one part of a streamed SOG is not the field"),
 ];
+
+/// The value of `model` that says what `antialias` says.
+const ANTIALIASED: &str = "antialiased";
 
 /// Entries of the SH palette per line of its image.
 const PALETTE_COLUMNS: usize = 64;
@@ -66,6 +69,8 @@ struct Meta {
     #[serde(rename = "shN")]
     sh_n: Option<Palette>,
     antialias: Option<bool>,
+    /// How splat-transform states the same, and more.
+    model: Option<String>,
 }
 
 #[derive(Deserialize)]
@@ -182,12 +187,17 @@ fn read_files(
             palette.push_row(i, &mut field.sh, &mut repairs);
         }
     }
-    let is_antialiased = meta.antialias == Some(true);
+    let model = meta.model.filter(|model| model != "default");
+    let is_antialiased = meta.antialias == Some(true) || model.as_deref() == Some(ANTIALIASED);
     if is_antialiased {
         field.filter = PixelFilter::Mip;
     }
     let mut imported = Imported::new("SOG", field, repairs);
     imported.account.assumed.extend(is_antialiased.then(|| ASSUMED_VARIANCE.into()));
+    let unknown = model.filter(|model| model != ANTIALIASED);
+    imported.account.lost.extend(
+        unknown.map(|model| format!("{INDEX}: the model `{model}` is not known, drawn as `default`")),
+    );
     imported.account.lost.extend(unread.map(|keys| format!("{INDEX}: keys that are not read: {keys}")));
     Ok(imported)
 }

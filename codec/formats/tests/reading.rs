@@ -429,7 +429,14 @@ fn keys_of_sog_may_be_null_or_unknown() {
     for (more, filter, note) in [
         (r#""antialias": null"#, PixelFilter::Blur, ""),
         (r#""antialias": true"#, PixelFilter::Mip, "0.3 px^2"),
-        (r#""asset": {"generator": "a"}, "lights": [[1], {"a": {}}]"#, PixelFilter::Blur, "not read: lights"),
+        (r#""model": "antialiased""#, PixelFilter::Mip, "0.3 px^2"),
+        (r#""model": "default", "antialias": null"#, PixelFilter::Blur, ""),
+        (r#""model": "2dgs""#, PixelFilter::Blur, "the model `2dgs` is not known, drawn as `default`"),
+        (
+            r#""asset": {"generator": "a"}, "extras": {}, "lights": [[1], {"a": {}}]"#,
+            PixelFilter::Blur,
+            "not read: lights",
+        ),
     ] {
         let imported = read(more);
         assert_eq!(imported.field.filter, filter, "{more}");
