@@ -14,6 +14,7 @@ mod account;
 mod bytes;
 mod clean;
 mod columns;
+mod deformation;
 mod error;
 mod folder;
 mod frozen;

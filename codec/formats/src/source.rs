@@ -7,7 +7,7 @@ use crate::error::ImportError;
 use crate::imported::Imported;
 use crate::limits::ImportBudget;
 use crate::table::{Format, Reader, extension_of, titles};
-use crate::{clean, sog, text};
+use crate::{clean, deformation, sog, text};
 
 /// The end of a sentence that does not say what to do behind a semicolon: the file is damaged.
 const ADVICE: &str = "get the file again, or export it again";
@@ -33,6 +33,9 @@ impl FieldSource {
         }
         if !metadata.is_file() {
             return Err(fault(format!("not a file; a field is one of: {}", titles())));
+        }
+        if let Some(why) = deformation::refused(path) {
+            return Err(fault(why));
         }
         let mut bytes = budget.read_file(path).map_err(fault)?;
         if bytes.is_empty() {

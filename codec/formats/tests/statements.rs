@@ -510,6 +510,35 @@ fn extensions_of_gltf_and_chunks_of_splatv_are_named() {
 }
 
 #[test]
+fn what_a_network_moves_is_refused() {
+    let output = tempfile::tempdir().unwrap();
+    let cloud = output.path().join("point_cloud/iteration_14000");
+    let (field, frame) = (cloud.join("point_cloud.ply"), cloud.join("frame.ply"));
+    std::fs::create_dir_all(&cloud).unwrap();
+    std::fs::write(&field, ply("", "", "")).unwrap();
+    std::fs::write(&frame, ply("", "", "")).unwrap();
+    assert!(formats::import(&field).is_ok());
+    for network in [
+        cloud.join("deformation.pth"),
+        output.path().join("deform/iteration_14000/deform.pth"),
+        output.path().join("deform/deform.pth"),
+    ] {
+        std::fs::create_dir_all(network.parent().unwrap()).unwrap();
+        std::fs::write(&network, "").unwrap();
+        let of_folder =
+            SceneFiles::at(output.path()).unwrap().read(ImportLimits::default()).unwrap_err().to_string();
+        for message in [formats::import(&field).unwrap_err().to_string(), of_folder] {
+            let name = network.file_name().unwrap().to_str().unwrap();
+            assert!(message.contains(name) && message.contains("; export"), "{message}");
+            assert!(!message.contains("again, or"), "{message}");
+        }
+        assert!(formats::import(&frame).is_ok(), "a frame that was exported beside it");
+        std::fs::remove_file(&network).unwrap();
+        assert!(formats::import(&field).is_ok());
+    }
+}
+
+#[test]
 fn text_and_noise_are_no_field() {
     let pointer = b"version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 63327587\n".repeat(2);
     let page = "<!DOCTYPE html><title>404 Not Found</title>".repeat(200);
