@@ -1,5 +1,6 @@
 //! [`FieldPath`]: where the field of a folder is, a file or the frames of a sequence.
 
+use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -10,7 +11,7 @@ use crate::error::ImportError;
 use crate::import_within;
 use crate::imported::Imported;
 use crate::limits::ImportLimits;
-use crate::sequence::{SequenceFiles, import_sequence};
+use crate::sequence::{SequenceFiles, import_sequence, last_stage};
 use crate::sog::{INDEX, STREAMED_INDEX};
 use crate::table::{extension_of, extensions};
 
@@ -25,6 +26,8 @@ pub(crate) const PLATE: &str = "plate.ply";
 pub enum FieldPath {
     /// A field file; of an unbundled SOG its `meta.json`.
     File(PathBuf),
+    /// The last of this many field files, which are stages of one fit.
+    Stage(PathBuf, usize),
     /// Static fields, one a frame.
     Sequence(SequenceFiles),
 }
@@ -51,12 +54,22 @@ impl FieldPath {
             fields.retain(|name| *name != STREAMED_INDEX);
         }
         match fields[..] {
-            [] => last_iteration(folder, names).map(FieldPath::File).ok_or(NoField::None),
+            [] => last_iteration(folder, names).ok_or(NoField::None),
             [field] => Ok(FieldPath::File(folder.join(field))),
-            _ => match SequenceFiles::find(folder, &fields) {
-                Some(files) => Ok(FieldPath::Sequence(files)),
-                None => Err(NoField::Several(fields.into_iter().map(String::from).collect())),
-            },
+            _ => {
+                let stage = last_stage(&fields).map(|name| FieldPath::Stage(folder.join(name), fields.len()));
+                let sequence = || SequenceFiles::find(folder, &fields).map(FieldPath::Sequence);
+                let several = || NoField::Several(fields.iter().copied().map(String::from).collect());
+                stage.or_else(sequence).ok_or_else(several)
+            }
+        }
+    }
+
+    /// The field file; `None` for a sequence.
+    pub fn file(&self) -> Option<&Path> {
+        match self {
+            FieldPath::File(path) | FieldPath::Stage(path, _) => Some(path),
+            FieldPath::Sequence(_) => None,
         }
     }
 
@@ -67,6 +80,14 @@ impl FieldPath {
     pub fn import(&self, limits: ImportLimits) -> Result<Imported, ImportError> {
         match self {
             FieldPath::File(path) => import_within(path, limits),
+            FieldPath::Stage(path, stages) => {
+                let mut imported = import_within(path, limits)?;
+                imported
+                    .account
+                    .assumed
+                    .push(format!("the last of {stages} stages of one fit, {}", path.display()));
+                Ok(imported)
+            }
             FieldPath::Sequence(files) => import_sequence(files, limits),
         }
     }
@@ -79,13 +100,16 @@ pub fn has_field(folder: &Path, names: &[String]) -> bool {
 
 /// The field of the last iteration in the output folder of 3D Gaussian Splatting:
 /// `point_cloud/iteration_30000/point_cloud.ply`.
-fn last_iteration(folder: &Path, names: &[String]) -> Option<PathBuf> {
+fn last_iteration(folder: &Path, names: &[String]) -> Option<FieldPath> {
     let clouds = folder.join(names.iter().find(|name| *name == "point_cloud")?);
     let iterations = list_folder(&clouds).ok()?;
     let numbers = iterations.iter().filter_map(|name| name.strip_prefix("iteration_")?.parse().ok());
     let fields =
         numbers.map(|number: u64| (number, clouds.join(format!("iteration_{number}/point_cloud.ply"))));
-    fields.filter(|(_, field)| field.is_file()).max().map(|(_, field)| field)
+    let fields: BTreeMap<u64, PathBuf> = fields.filter(|(_, field)| field.is_file()).collect();
+    let stages = fields.len();
+    let last = fields.into_values().next_back()?;
+    Some(if stages > 1 { FieldPath::Stage(last, stages) } else { FieldPath::File(last) })
 }
 
 /// Names of the entries of a folder, sorted, hidden ones left out.
@@ -158,7 +182,9 @@ mod tests {
             fs::create_dir_all(file(number).parent().unwrap()).unwrap();
             fs::write(file(number), "").unwrap();
         }
-        assert_eq!(FieldPath::in_folder(output.path(), &names), Ok(FieldPath::File(file(30000))));
+        assert_eq!(FieldPath::in_folder(output.path(), &names), Ok(FieldPath::Stage(file(30000), 3)));
+        let stages = find(&["export_5000.ply", "export_10000.ply", "export_15000.ply", "plate.ply"]);
+        assert_eq!(stages, Ok(FieldPath::Stage("a/export_15000.ply".into(), 3)));
         let Ok(FieldPath::Sequence(files)) = find(&["f_0.ply", "f_1.ply", "f_2.ply", "plate.ply"]) else {
             panic!("a sequence")
         };

@@ -99,10 +99,7 @@ impl SceneFiles {
     /// The scene of `field` in a folder with entries `names`.
     pub fn in_folder(folder: &Path, field: FieldPath, names: &[String]) -> SceneFiles {
         let file = |file: &str| names.iter().any(|name| name == file).then(|| folder.join(file));
-        let plate = file(PLATE).or_else(|| match &field {
-            FieldPath::File(path) => Some(plate_path(path)).filter(|plate| plate.is_file()),
-            FieldPath::Sequence(_) => None,
-        });
+        let plate = file(PLATE).or_else(|| field.file().map(plate_path).filter(|plate| plate.is_file()));
         SceneFiles { field, up: None, plate, overrides: file(OVERRIDES) }
     }
 
@@ -116,7 +113,7 @@ impl SceneFiles {
         let mut overrides = self.overrides.as_deref().map_or(Ok(Overrides::default()), Overrides::load)?;
         overrides.up = self.up.or(overrides.up);
         let source = self.overrides.as_deref().unwrap_or(match &self.field {
-            FieldPath::File(path) => path,
+            FieldPath::File(path) | FieldPath::Stage(path, _) => path,
             FieldPath::Sequence(files) => &files.frames[0].1,
         });
         ImportedScene::new(source, subject, plate, overrides)

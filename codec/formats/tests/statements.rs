@@ -654,6 +654,25 @@ fn frames_of_any_format_are_a_sequence_and_keep_their_notes() {
     assert!(notes(&scene.subject).contains("12340001"), "{}", notes(&scene.subject));
 }
 
+#[test]
+fn stages_of_a_fit_are_one_field_with_a_note() {
+    let folder = tempfile::tempdir().unwrap();
+    for k in [5, 10, 15] {
+        let row = ROW.replacen('0', &k.to_string(), 1);
+        std::fs::write(folder.path().join(format!("export_{k}000.ply")), ascii_ply(STATIC, &[&row])).unwrap();
+    }
+    let scene = SceneFiles::at(folder.path()).unwrap().read(ImportLimits::default()).unwrap();
+    assert_eq!(
+        (scene.subject.field.centers.as_slice(), scene.subject.hints.frames),
+        (&[[15.0, 0.0, 0.0]][..], None)
+    );
+    let notes = notes(&scene.subject);
+    assert!(
+        notes.contains("the last of 3 stages of one fit") && notes.contains("export_15000.ply"),
+        "{notes}"
+    );
+}
+
 /// `xtask/README.md` has the statements of every reader, and no others.
 #[test]
 fn the_table_of_statements_is_the_readers() {

@@ -96,7 +96,7 @@ impl Scene {
 
     fn read(name: String, files: &SceneFiles) -> anyhow::Result<Scene> {
         let parts = files.read(ImportLimits::default()).map_err(fault)?;
-        if let FieldPath::File(path) = &files.field {
+        if let Some(path) = files.field.file() {
             check_record(path, &parts.subject.hints)?;
         }
         Ok(Scene::new(name, parts))
@@ -181,10 +181,8 @@ pub(crate) fn learned_cameras_of(path: &Path) -> Option<PathBuf> {
     let found = match path.is_dir() {
         true => {
             let names = list_folder(path).unwrap_or_default();
-            let of_field = match FieldPath::in_folder(path, &names) {
-                Ok(FieldPath::File(field)) => Some(cameras_path(&field)),
-                _ => None,
-            };
+            let of_field =
+                FieldPath::in_folder(path, &names).ok().and_then(|field| field.file().map(cameras_path));
             [of_folder(path), of_field]
         }
         false => [Some(cameras_path(path)), of_folder(&path.with_extension(""))],

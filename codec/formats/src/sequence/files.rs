@@ -1,4 +1,5 @@
-//! [`SequenceFiles`]: which files of a folder are the frames of a sequence, and which frames are missing.
+//! [`SequenceFiles`]: which files of a folder are the frames of a sequence, and which frames are missing. [`last_stage`]:
+//! numbered files that are stages of one fit instead.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -8,6 +9,12 @@ pub(super) const FRAMES_MIN: usize = 3;
 
 /// Most frames of a sequence, missing ones included.
 const STEPS_MAX: usize = 1_000_000;
+
+/// Names before the number of a stage: of Brush, OpenSplat and gsplat, and of folders of 3D Gaussian Splatting.
+const STAGES: [&str; 4] = ["export_", "iteration_", "splat_", "point_cloud_"];
+
+/// Fewest steps of an optimiser from one stage to the next; frames are numbered more closely.
+const STAGE_MIN: u64 = 100;
 
 /// The frames of a sequence in a folder: fields of one format whose names differ in their last number.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -21,18 +28,7 @@ impl SequenceFiles {
     /// The sequence that the field files `names` in `folder` are; `None` if they are none: fewer than three, named
     /// otherwise than by their last number, or numbered beyond a million frames.
     pub fn find(folder: &Path, names: &[&str]) -> Option<SequenceFiles> {
-        let mut numbered = BTreeMap::new();
-        let mut around = None;
-        for name in names {
-            let (before, number, after) = split_number(name)?;
-            if *around.get_or_insert((before, after)) != (before, after) {
-                return None;
-            }
-            // Two ways to write one number, such as 1 and 01.
-            if numbered.insert(number, *name).is_some() {
-                return None;
-            }
-        }
+        let (_, numbered) = numbered(names)?;
         let first = *numbered.keys().next()?;
         let step = numbered.keys().fold(0, |step, number| greatest_common_divisor(step, number - first));
         let step_of = |number: u64| {
@@ -62,6 +58,34 @@ impl SequenceFiles {
         let noun = if count == 1 { "frame" } else { "frames" };
         (count > 0).then(|| format!("{noun} {} (counted from 0)", listed.join(", ")))
     }
+}
+
+/// The last of field files that are stages of one fit: named alike as programs name these, with numbers far apart. `None`
+/// if they are none.
+pub(crate) fn last_stage<'n>(names: &[&'n str]) -> Option<&'n str> {
+    let (before, numbered) = numbered(names)?;
+    let numbers: Vec<u64> = numbered.keys().copied().collect();
+    let is_apart = numbers.windows(2).all(|pair| pair[1] - pair[0] >= STAGE_MIN);
+    let last = numbered.into_values().next_back();
+    last.filter(|_| STAGES.contains(&before) && is_apart)
+}
+
+/// What names that differ in their last number have before it, and the names by these numbers; `None` if they differ
+/// otherwise.
+fn numbered<'n>(names: &[&'n str]) -> Option<(&'n str, BTreeMap<u64, &'n str>)> {
+    let mut numbered = BTreeMap::new();
+    let mut around = None;
+    for &name in names {
+        let (before, number, after) = split_number(name)?;
+        if *around.get_or_insert((before, after)) != (before, after) {
+            return None;
+        }
+        // Two ways to write one number, such as 1 and 01.
+        if numbered.insert(number, name).is_some() {
+            return None;
+        }
+    }
+    Some((around?.0, numbered))
 }
 
 /// A name before its last number, the number, and the name after it.
@@ -96,6 +120,25 @@ mod tests {
         assert_eq!(gaps.missing().unwrap(), "frames 2, 3, 4, 5, 2 more (counted from 0)");
         let one = SequenceFiles::find(Path::new("a"), &["1.ply", "2.ply", "4.ply"]).unwrap();
         assert_eq!((one.missing().unwrap().as_str(), one.steps()), ("frame 2 (counted from 0)", 4));
+    }
+
+    #[test]
+    fn stages_of_a_fit_are_named_as_such_with_numbers_far_apart() {
+        let brush = ["export_5000.ply", "export_15000.ply", "export_10000.ply"];
+        assert_eq!(last_stage(&brush), Some("export_15000.ply"));
+        assert_eq!(
+            last_stage(&["point_cloud_6999.ply", "point_cloud_29999.ply"]),
+            Some("point_cloud_29999.ply")
+        );
+        for frames in [
+            &["export_5000.ply", "export_5001.ply", "export_5200.ply"][..],
+            &["frame_5000.ply", "frame_10000.ply"],
+            &["export_5000.ply", "splat_10000.ply"],
+            &["export_5000.ply", "export_10000.spz"],
+            &[],
+        ] {
+            assert_eq!(last_stage(frames), None, "{frames:?}");
+        }
     }
 
     #[test]

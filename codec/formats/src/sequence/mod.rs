@@ -31,6 +31,7 @@ use fitted::{FitError, TOLERANCE, fitted};
 use reading::{Apart, Frame, Sequence, Unusable, read_frame};
 
 pub use files::SequenceFiles;
+pub(crate) use files::last_stage;
 pub use frames::SequenceFrames;
 
 /// Frames whose Gaussians are alive at an instant where every frame has its own.
