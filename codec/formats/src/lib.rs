@@ -22,6 +22,7 @@ mod glb;
 mod imported;
 mod ksplat;
 mod limits;
+mod origin;
 mod overrides;
 mod ply;
 mod probe;

@@ -58,15 +58,10 @@ impl Similarity {
         if *self == Similarity::IDENTITY {
             return;
         }
-        let matrix = matrix(self.rotation);
-        let turn = |v: [f32; 3]| {
-            [0, 1, 2].map(|row| self.scale * (0..3).map(|k| matrix[row][k] * f64::from(v[k])).sum::<f64>())
-        };
+        let point = self.points();
+        field.centers.iter_mut().for_each(|center| *center = point(*center).map(|x| x as f32));
+        let turn = self.turns();
         let turned_quaternion = |q: [f32; 4]| product(self.rotation, q.map(f64::from)).map(|x| x as f32);
-        for center in &mut field.centers {
-            let turned = turn(*center);
-            *center = [0, 1, 2].map(|axis| (turned[axis] + self.translation[axis]) as f32);
-        }
         field.rotations.iter_mut().for_each(|q| *q = turned_quaternion(*q));
         let log_scale = self.scale.ln() as f32;
         field.log_scales.as_flattened_mut().iter_mut().for_each(|scale| *scale += log_scale);
@@ -76,8 +71,23 @@ impl Similarity {
             temporal.rotation_rates.iter_mut().flatten().for_each(|rate| *rate = turned_quaternion(*rate));
         }
         if self.rotation != Similarity::IDENTITY.rotation {
-            turn_sh(field, matrix);
+            turn_sh(field, matrix(self.rotation));
         }
+    }
+
+    /// Maps points.
+    pub(crate) fn points(&self) -> impl Fn([f32; 3]) -> [f64; 3] + use<> {
+        let (turn, translation) = (self.turns(), self.translation);
+        move |p| {
+            let turned = turn(p);
+            [0, 1, 2].map(|axis| turned[axis] + translation[axis])
+        }
+    }
+
+    /// Maps differences of points.
+    fn turns(&self) -> impl Fn([f32; 3]) -> [f64; 3] + use<> {
+        let (matrix, scale) = (matrix(self.rotation), self.scale);
+        move |v| [0, 1, 2].map(|row| scale * (0..3).map(|k| matrix[row][k] * f64::from(v[k])).sum::<f64>())
     }
 }
 

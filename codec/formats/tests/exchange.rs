@@ -211,6 +211,28 @@ fn assembled(json: &serde_json::Value, binary: &[u8]) -> Vec<u8> {
 }
 
 #[test]
+fn a_far_node_keeps_the_distances_of_its_gaussians() {
+    let near = field(200, 1, None, false);
+    let (mut json, binary) = parts(&write_glb(&near, &info()).unwrap());
+    let read = |json: &serde_json::Value| import_bytes("a.glb", &assembled(json, &binary)).unwrap();
+    let here = read(&json);
+    assert_eq!(here.hints.origin, None);
+    let translation = [6.4e6, 0.0, -4.8e6];
+    json["nodes"][0]["translation"] = serde_json::json!(translation);
+    let far = read(&json);
+    let origin = far.hints.origin.expect("too far for f32");
+    let note = format!("relative to {} {} {}", origin[0], origin[1], origin[2]);
+    assert!(far.account.assumed.iter().any(|assumed| assumed.contains(&note)), "{:?}", far.account);
+    for (a, b) in here.field.centers.iter().zip(&far.field.centers) {
+        for axis in 0..3 {
+            let there = f64::from(b[axis]) + origin[axis] - translation[axis];
+            assert!((there - f64::from(a[axis])).abs() < 1e-6, "{a:?}, {b:?}");
+        }
+    }
+    assert_eq!(here.field.sh, far.field.sh);
+}
+
+#[test]
 fn a_gltf_with_something_else_has_a_sentence() {
     let (json, binary) = parts(&write_glb(&field(5, 1, None, false), &info()).unwrap());
     type Change = fn(&mut serde_json::Value);

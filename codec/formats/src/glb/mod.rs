@@ -24,6 +24,7 @@ use crate::account::{Account, Repairs, SH_CUT, listed};
 use crate::columns::padded_sh;
 use crate::imported::{Hints, Imported};
 use crate::limits::ImportBudget;
+use crate::origin;
 use crate::similarity::Similarity;
 use crate::statements::{Statement, Treatment, honoured, ignored, noted, treatment, unread};
 use crate::up_axis::Y_UP;
@@ -77,12 +78,15 @@ pub(crate) fn read(bytes: &[u8], folder: &Path, budget: &mut ImportBudget) -> Re
     let rows = sum(&|mesh| mesh_rows[mesh]);
     let sh_degree = parts().map(|part| part.sh_degree).max().unwrap_or(0);
     let mut field = budget.field(rows, sh_degree)?;
+    let mut centers = budget.vec(rows)?;
     let form = ScaleForm::detect(parts(), &buffers)?;
     let mut repairs = Repairs::default();
     for (mesh, place) in &placed {
         for part in &meshes[*mesh] {
             let mut one = budget.field(part.rows, part.sh_degree)?;
             part.read(&buffers, form, &mut one)?;
+            // In `f64`: the sum with a translation may need more digits than the centre has.
+            centers.extend(one.centers.iter().copied().map(place.points()));
             place.apply(&mut one);
             repairs.repair_rows(SH_CUT, if part.is_cut { part.rows } else { 0 });
             append(&mut field, &one);
@@ -94,7 +98,9 @@ pub(crate) fn read(bytes: &[u8], folder: &Path, budget: &mut ImportBudget) -> Re
     lost.extend(unread(STATEMENTS, used).map(|names| format!("extensions that are not read: {names}")));
     let account = Account { repairs, assumed, lost };
     let hints = Hints { up: Some(Y_UP), metres_per_unit: Some(1.0), ..Hints::default() };
-    Ok(Imported { field, hints, format: "glTF (KHR_gaussian_splatting)", account })
+    let mut imported = Imported { field, hints, format: "glTF (KHR_gaussian_splatting)", account };
+    origin::place(&mut imported, |row| centers[row], budget)?;
+    Ok(imported)
 }
 
 /// The Gaussians of each mesh; none of a mesh that is not placed.
@@ -114,9 +120,8 @@ fn gaussians<'d>(
     document.meshes.iter().zip(is_placed).map(of_mesh).collect()
 }
 
-/// Appends rows of an SH degree that is not higher.
+/// Appends rows of an SH degree that is not higher, without their centres.
 fn append(field: &mut Field, rows: &Field) {
-    field.centers.extend(&rows.centers);
     field.rotations.extend(&rows.rotations);
     field.log_scales.extend(&rows.log_scales);
     field.opacities.extend(&rows.opacities);

@@ -9,10 +9,11 @@
 
 use codec::{ClipInfo, Field, SH_DEGREE_MAX, sh_coefficients};
 
-use crate::account::{Repairs, SH_CUT};
+use crate::account::{Repairs, SH_CUT, listed};
 use crate::columns::{LOG_FLAT, sh_of_rgb};
 use crate::imported::Imported;
 use crate::limits::ImportBudget;
+use crate::origin;
 
 use super::comments;
 use super::container::{self, Table};
@@ -31,10 +32,6 @@ const RGB: [&str; 3] = ["red", "green", "blue"];
 
 /// Mip-Splatting's standard deviation of the filter in space, in units.
 const FILTER_3D: &str = "filter_3D";
-
-/// Largest median error of centres in `f32`, in typical standard deviations, before they are read about another origin: a
-/// Gaussian moved by that much looks the same.
-const CENTER_ERROR_MAX: f64 = 0.01;
 
 /// Beginning of the numbered names of the SH of degree 1 and above, which stand before the opacity.
 const REST: &str = "f_rest_";
@@ -77,29 +74,18 @@ pub(super) fn read(vertex: &Table, budget: &mut ImportBudget) -> Result<Imported
         });
         rest.push_row(&mut field.sh, |column| vertex.get(row, column) as f32);
     }
-    let origin = origin(vertex, [x, y, z], &field, budget)?;
-    let start = origin.unwrap_or_default();
-    field.centers.extend((0..vertex.rows).map(|row| {
-        let exact = [x, y, z].map(|column| vertex.exact(row, column));
-        [0, 1, 2].map(|axis| (exact[axis] - start[axis]) as f32)
-    }));
     let mut repairs = Repairs::truncated(vertex.missing_rows());
     if rest.is_cut {
         repairs.repair_rows(SH_CUT, vertex.rows);
     }
     let mut imported = Imported::new("3D Gaussian Splatting PLY", field, repairs);
-    imported.hints.origin = origin;
-    let [x, y, z] = start;
-    let assumed = [
-        (is_disc, "without scale_2 its Gaussians are discs, a millionth as thick as wide".into()),
-        (is_rgb, "colours are red, green and blue, without f_dc_0 the same from all sides".into()),
-        (filter.is_some(), "the filter in space of filter_3D is part of scales and opacities".into()),
-        (
-            origin.is_some(),
-            format!("centres are relative to {x} {y} {z}: 32-bit numbers are too coarse there"),
-        ),
-    ];
-    imported.account.assumed.extend(assumed.into_iter().filter_map(|(is_so, note)| is_so.then_some(note)));
+    let assumed = listed([
+        (is_disc, "without scale_2 its Gaussians are discs, a millionth as thick as wide"),
+        (is_rgb, "colours are red, green and blue, without f_dc_0 the same from all sides"),
+        (filter.is_some(), "the filter in space of filter_3D is part of scales and opacities"),
+    ]);
+    imported.account.assumed.extend(assumed.into_iter().map(String::from));
+    origin::place(&mut imported, |row| [x, y, z].map(|column| vertex.exact(row, column)), budget)?;
     imported.account.assumed.extend(rest.note());
     Ok(imported)
 }
@@ -109,38 +95,6 @@ fn filtered(log_scales: [f32; 3], opacity: f32, filter: f64) -> ([f32; 3], f32) 
     let wider = log_scales.map(|scale| f64::from(scale).exp().hypot(filter).ln());
     let shrunk: f64 = (0..3).map(|axis| f64::from(log_scales[axis]) - wider[axis]).sum();
     (wider.map(|scale| scale as f32), (f64::from(opacity) * shrunk.exp()) as f32)
-}
-
-/// The origin to which centres must be relative, the median of each coordinate; `None` if `f32` holds them as they are.
-fn origin(
-    vertex: &Table,
-    axes: [usize; 3],
-    field: &Field,
-    budget: &mut ImportBudget,
-) -> Result<Option<[f64; 3]>, String> {
-    let rows = 0..vertex.rows;
-    let error = |row: usize| {
-        let errors = axes.map(|axis| vertex.exact(row, axis)).map(|x| (x - f64::from(x as f32)).abs());
-        errors.into_iter().fold(0.0, f64::max)
-    };
-    if rows.clone().all(|row| error(row) == 0.0) {
-        return Ok(None);
-    }
-    let mut values = budget.vec(vertex.rows)?;
-    let mut median = |of_row: &dyn Fn(usize) -> f64| {
-        values.clear();
-        values.extend(rows.clone().map(of_row).filter(|x| x.is_finite()));
-        let middle = values.len() / 2;
-        (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
-    };
-    let scale =
-        |row: usize| field.log_scales[row].map(f64::from).into_iter().fold(f64::NEG_INFINITY, f64::max);
-    let typical = median(&scale).map_or(f64::INFINITY, f64::exp);
-    // A stray far away is no reason.
-    if median(&error).is_none_or(|error| error <= CENTER_ERROR_MAX * typical) {
-        return Ok(None);
-    }
-    Ok(Some(axes.map(|axis| median(&|row| vertex.exact(row, axis)).unwrap_or(0.0))))
 }
 
 /// The SH of degree 1 and above.
