@@ -10,7 +10,7 @@ use std::convert::Infallible;
 use std::num::NonZero;
 
 use crate::{
-    ClipInfo, Coder, Contents, EncodeError, Field, LayerEnd, PixelFilter, Precision,
+    ClipInfo, Coder, Contents, EncodeError, Field, LayerEnd, MAGNITUDE_MAX, PixelFilter, Precision,
     bytes::Writer,
     columns::Columns,
     decode::decode_regions,
@@ -25,9 +25,6 @@ use crate::{
     section::{Region, Section, SectionKind},
     time_index::CELLS,
 };
-
-/// Largest magnitude of a number in a field. Decoded numbers and their cubic sums stay finite.
-const MAGNITUDE_MAX: f32 = 1e9;
 
 /// The content of a package.
 #[derive(Clone, Copy, Debug)]

@@ -18,6 +18,9 @@ pub const SH_DEGREE_MAX: u8 = 3;
 /// Highest supported power of time in a trajectory.
 pub const MOTION_ORDER_MAX: u8 = 3;
 
+/// Largest magnitude of a number in the field of a package, in its unit. Decoded numbers and their cubic sums stay finite.
+pub const MAGNITUDE_MAX: f32 = 1e9;
+
 /// Value of the constant spherical harmonic, `1 / (2 sqrt(pi))`. At degree 0 the colour of a
 /// Gaussian is `0.5 + SH_C0 * c_0`.
 pub const SH_C0: f64 = 0.282_094_791_773_878_14;

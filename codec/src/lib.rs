@@ -157,7 +157,9 @@ pub use encode::{ChunkForms, EncodeOptions, Rounded, Source, encode, encode_para
 #[cfg(feature = "encode")]
 pub use error::EncodeError;
 pub use error::{Error, FormatError};
-pub use field::{ALPHA_MIN, Field, MOTION_ORDER_MAX, SH_C0, SH_DEGREE_MAX, Temporal, sh_coefficients};
+pub use field::{
+    ALPHA_MIN, Field, MAGNITUDE_MAX, MOTION_ORDER_MAX, SH_C0, SH_DEGREE_MAX, Temporal, sh_coefficients,
+};
 pub use format::{MAGIC, NAME_BYTES_MAX, RESIDENT_MAX, SEGMENTS_MAX, VERSION_MAJOR, VERSION_MINOR};
 pub use header::{Contents, contents};
 pub use limits::Limits;

@@ -1,8 +1,8 @@
-//! Repairs or drops invalid rows, and drops unused columns.
+//! Repairs or drops rows that are invalid, or too far or large for a package, and drops unused columns.
 //!
 //! A valid row keeps its bits: a quaternion is normalised only if [`Field::check`] would reject it.
 
-use codec::{Field, MOTION_ORDER_MAX, sh_coefficients};
+use codec::{Field, MAGNITUDE_MAX, MOTION_ORDER_MAX, sh_coefficients};
 
 use crate::account::Repairs;
 use crate::columns::LOG_FLAT;
@@ -85,8 +85,13 @@ const LOG_POINT: f32 = -16.635_532;
 /// Reason to drop a row; `None` if it is usable.
 fn unusable(raw: &Field, row: usize) -> Option<&'static str> {
     let finite = |vectors: &[[f32; 3]]| vectors.iter().flatten().all(|x| x.is_finite());
-    if !finite(&raw.centers[row..=row]) {
+    let small = |vectors: &[[f32; 3]]| vectors.iter().flatten().all(|x| x.abs() <= MAGNITUDE_MAX);
+    let center = &raw.centers[row..=row];
+    if !finite(center) {
         return Some("non-finite centre");
+    }
+    if !small(center) {
+        return Some("centre beyond 1e9 units");
     }
     if !raw.log_scales[row].iter().all(|scale| scale.is_finite() || *scale == f32::NEG_INFINITY) {
         return Some("non-finite scale");
@@ -96,6 +101,9 @@ fn unusable(raw: &Field, row: usize) -> Option<&'static str> {
     }
     if !finite(raw.sh_of(row)) {
         return Some("non-finite colour");
+    }
+    if !small(raw.sh_of(row)) {
+        return Some("colour beyond 1e9");
     }
     if raw.opacities[row].is_nan() {
         return Some("non-finite opacity");
@@ -110,6 +118,9 @@ fn unusable(raw: &Field, row: usize) -> Option<&'static str> {
     }
     if !finite(temporal.motion_of(row)) {
         return Some("non-finite motion");
+    }
+    if !small(temporal.motion_of(row)) {
+        return Some("motion beyond 1e9 units");
     }
     let rates = temporal.rotation_rates.as_ref()?;
     (!rates[row].iter().all(|x| x.is_finite())).then_some("non-finite rotation rate")
@@ -138,17 +149,15 @@ fn repair_opacity(raw: &mut Field, row: usize, repairs: &mut Repairs) {
 fn repair_rotation(raw: &mut Field, row: usize, repairs: &mut Repairs) {
     let q = &mut raw.rotations[row];
     let rate = raw.temporal.as_mut().and_then(|t| t.rotation_rates.as_mut()).map(|rates| &mut rates[row]);
-    if (q.iter().map(|x| x * x).sum::<f32>() - 1.0).abs() < 1e-3 {
-        return;
-    }
+    let is_unit = (q.iter().map(|x| x * x).sum::<f32>() - 1.0).abs() < 1e-3;
     let norm = q.iter().map(|&x| f64::from(x).powi(2)).sum::<f64>().sqrt();
-    if norm > 0.0 && norm.is_finite() {
+    if is_unit || norm > 0.0 && norm.is_finite() {
         // The length is arbitrary in a file, but rates are relative to it.
-        let normalized = |v: [f32; 4]| v.map(|x| (f64::from(x) / norm) as f32);
+        let normalized = |v: [f32; 4]| if is_unit { v } else { v.map(|x| (f64::from(x) / norm) as f32) };
         *q = normalized(*q);
         if let Some(rate) = rate {
             *rate = normalized(*rate);
-            if !rate.iter().all(|x| x.is_finite()) {
+            if !rate.iter().all(|x| x.abs() <= MAGNITUDE_MAX) {
                 *rate = [0.0; 4];
                 repairs.repair_rows("rotation rate far beyond its quaternion", 1);
             }

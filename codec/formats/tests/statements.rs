@@ -209,6 +209,20 @@ fn scales_of_any_unit_are_drawn_and_others_dropped() {
 }
 
 #[test]
+fn a_row_beyond_the_numbers_of_a_package_is_dropped() {
+    let stray = [ROW.replacen('0', "-2e9", 1), ROW.replacen("1 0 0", "1 3e9 0", 1)];
+    let imported = read(&ascii_ply(STATIC, &[&stray[0], ROW, &stray[1]]));
+    assert_eq!(notes(&imported), "dropped 2 (centre beyond 1e9 units: 1, colour beyond 1e9: 1)");
+    let mut moving = field(3, 0, Some(1), true);
+    let temporal = moving.temporal.as_mut().unwrap();
+    temporal.motion[0] = [0.0, 2e9, 0.0];
+    temporal.rotation_rates.as_mut().unwrap()[1] = [0.0, 0.0, 0.0, -2e9];
+    let imported = read(&write_field_file(&moving, &info()));
+    let repaired = "repaired 1 (rotation rate far beyond its quaternion: 1)";
+    assert_eq!(notes(&imported), format!("{repaired}, dropped 1 (motion beyond 1e9 units: 1)"));
+}
+
+#[test]
 fn far_centres_are_read_about_another_origin_with_all_that_belongs_to_them() {
     let row = |x: &str| format!("{x} 5411000.456 230 0 0 0 2 -2 -2 -2 1 0 0 0");
     let far = ascii_ply(STATIC, &[&row("448000.123"), &row("448000.373"), &row("448000.623")]);
