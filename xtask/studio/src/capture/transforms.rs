@@ -24,9 +24,12 @@ use crate::scene::DEFAULT_FPS;
 /// A file of transforms, and whether its cameras are held out.
 type TransformsFile = (PathBuf, bool);
 
-/// Keys that state a camera which is not supported, unless their values are 0 or false.
-pub(super) const REFUSED_KEYS: [&str; 8] = [
+/// Keys that state a camera which is not supported, unless their values are 0 or false: `from_mitsuba` and `from_na` of
+/// instant-ngp and NeuS2 change its axes.
+pub(super) const REFUSED_KEYS: [&str; 10] = [
     "equirectangular",
+    "from_mitsuba",
+    "from_na",
     "ftheta_p0",
     "latlong",
     "normal_mts_args",
@@ -162,8 +165,10 @@ impl Transforms {
             transforms.frames.iter().map(|frame| (format!("frame {}: ", frame.file_path), &frame.others));
         for (whose, others) in std::iter::once((String::new(), &transforms.others)).chain(frames) {
             if let Some(key) = REFUSED_KEYS.into_iter().find(|key| others.get(*key).is_some_and(is_stated)) {
-                let problem =
-                    format!("{whose}{key} states a camera that is not supported; undistort its pictures");
+                let problem = format!(
+                    "{whose}{key} states a camera that is not supported; write it without, with OpenGL's axes and \
+                     undistorted pictures"
+                );
                 return Err(bad_layout(path, problem));
             }
         }
@@ -493,6 +498,8 @@ pub(super) mod tests {
         };
         for (file, frame, problem) in [
             (r#""latlong": true,"#, "", "json: latlong states"),
+            (r#""from_na": true,"#, "", "json: from_na states"),
+            (r#""from_mitsuba": true,"#, "", "json: from_mitsuba states"),
             (r#""rolling_shutter": [0, 0, 0.5],"#, "", "json: rolling_shutter states"),
             ("", r#", "ftheta_p0": 0.1"#, "frame a: ftheta_p0 states"),
             ("", r#", "fl_x": "wide""#, "frame a: "),
@@ -501,7 +508,7 @@ pub(super) mod tests {
             let error = read(file, frame).err().unwrap().to_string();
             assert!(error.contains(problem), "{file}{frame}: {error}");
         }
-        let file = r#""latlong": false, "rolling_shutter": [0, 0, 0], "aabb_scale": 4, "white_transparent": true,
+        let file = r#""latlong": false, "from_na": false, "rolling_shutter": [0, 0, 0], "aabb_scale": 4, "white_transparent": true,
             "black_transparent": false,"#;
         let found = read(file, r#", "sharpness": 31.5, "timestamp": 7"#).ok().unwrap();
         assert_eq!(found.unread_keys().into_iter().collect::<Vec<_>>(), ["timestamp", "white_transparent"]);
