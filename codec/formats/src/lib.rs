@@ -65,7 +65,7 @@ pub use similarity::Similarity;
 pub use sog::INDEX as SOG_INDEX;
 pub use splatv::write as write_splatv;
 pub use spz::write as write_spz;
-pub use statements::{Statement, Treatment};
+pub use statements::{Statement, Treatment, list_of};
 pub use table::{FORMATS, Format, extensions, titles};
 pub use text::is_lfs_pointer;
 pub use up_axis::{DEFAULT_UP, up_of};

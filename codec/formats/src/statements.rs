@@ -61,8 +61,12 @@ pub(crate) fn treatment(statements: &[Statement], name: &str) -> Treatment {
 
 /// The names of statements that were not read, as a list, without those that change nothing.
 pub(crate) fn unread<'n>(statements: &[Statement], names: impl Iterator<Item = &'n str>) -> Option<String> {
-    let mut names: Vec<&str> =
-        names.filter(|name| treatment(statements, name) != Treatment::Ignored).collect();
+    list_of(names.filter(|name| treatment(statements, name) != Treatment::Ignored))
+}
+
+/// Names as a list: the first ones, and how many more there are; `None` if there are none.
+pub fn list_of<'n>(names: impl Iterator<Item = &'n str>) -> Option<String> {
+    let mut names: Vec<&str> = names.collect();
     names.dedup();
     let more = names.len().saturating_sub(NAMES_MAX);
     names.truncate(NAMES_MAX);

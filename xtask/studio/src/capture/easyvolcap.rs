@@ -8,6 +8,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use codec::Camera;
+use formats::list_of;
 use glam::{DMat3, DVec3};
 use program::Fault;
 use refine::capture::{CalibratedCamera, Lens, even_times_s};
@@ -32,6 +33,9 @@ pub(super) const CAMERA_KEYS: [&str; 8] = ["D", "H", "K", "R", "Rot", "T", "W", 
 
 /// Keys of cameras on which nothing that is drawn depends: near and far planes, bounds, and places in grids of times and views.
 pub(super) const IGNORED_KEYS: [&str; 5] = ["bounds", "f", "n", "t", "v"];
+
+/// Key of a camera's matrix of colours, which EasyVolcap writes also where it changes none.
+const COLORS: &str = "ccm";
 
 /// The two files, read.
 struct CalibrationFiles {
@@ -63,17 +67,20 @@ impl CalibrationFiles {
         }
     }
 
-    /// The keys that are not read though something that is drawn may depend on them.
-    fn unread_keys(&self, names: &[String]) -> Vec<&str> {
+    /// The note on the keys that are not read though something that is drawn may depend on them.
+    fn note(&self, names: &[String]) -> Option<String> {
         let names: BTreeSet<&str> = names.iter().map(String::as_str).collect();
-        let is_known = |key: &str| match key.split_once('_') {
+        let is_known = |key: &str, value: &str| match key.split_once('_') {
+            Some((COLORS, name)) => is_identity(value) && names.contains(name),
             Some((kind, name)) => {
                 (CAMERA_KEYS.contains(&kind) || IGNORED_KEYS.contains(&kind)) && names.contains(name)
             }
             None => key == "names",
         };
-        let keys = self.intrinsics.keys().chain(self.extrinsics.keys()).map(String::as_str);
-        keys.filter(|key| !is_known(key)).collect()
+        let unread =
+            self.intrinsics.iter().chain(&self.extrinsics).filter(|(key, value)| !is_known(key, value));
+        let keys = list_of(unread.map(|(key, _)| key.as_str()))?;
+        Some(format!("{INTRINSICS} and {EXTRINSICS} state what is not read: {keys}"))
     }
 
     /// Size of a camera's pictures, if it is stated: a side of -1 or 0 is unknown.
@@ -139,10 +146,7 @@ pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
     let masks = MASKS.into_iter().find(|name| folder.join(name).is_dir());
 
     let mut builder = CaptureBuilder::new(folder);
-    let unread = files.unread_keys(&names);
-    if !unread.is_empty() {
-        builder.note(format!("{INTRINSICS} and {EXTRINSICS} state what is not read: {}", unread.join(", ")));
-    }
+    files.note(&names).into_iter().for_each(|note| builder.note(note));
     // The names of all frames, with numbers in the order in which they were found.
     let mut found: BTreeMap<String, usize> = BTreeMap::new();
     for name in &names {
@@ -267,6 +271,11 @@ pub(crate) fn numbers(value: &str) -> Option<Vec<f64>> {
     let items = list.split_whitespace().filter(|item| *item != "-");
     let parsed: Option<Vec<f64>> = items.map(|item| item.parse().ok()).collect();
     parsed.filter(|parsed| depth == 0 && !parsed.is_empty() && parsed.iter().all(|x| x.is_finite()))
+}
+
+/// Whether a value is the identity of three rows.
+fn is_identity(value: &str) -> bool {
+    numbers(value).is_some_and(|matrix| matrix == DMat3::IDENTITY.to_cols_array())
 }
 
 /// The rotation matrix of a Rodrigues vector: direction of the axis, length of the angle.

@@ -276,6 +276,11 @@ mod tests {
         let error = read(&intrinsics, &(extrinsics.clone() + "Rot_b: !!opencv-matrix\n  data: [1, x]\n"))
             .unwrap_err();
         assert!(error.contains("extri.yml: Rot_b is missing, malformed or too short"), "{error}");
+        let colors = intrinsics.replace("2, 0, 0, 0, 1, 0, 0, 0, 1", "1, 0, 0, 0, 1, 0, 0, 0, 1");
+        assert_eq!(read(&colors, &extrinsics).unwrap(), ["camera a has no photograph in images/a"]);
+        let many: String = (0..20).map(|k| format!("key_{k:02}: 1\n")).collect();
+        let notes = read(&(colors + &many), &extrinsics).unwrap();
+        assert!(notes[0].ends_with("key_06, key_07 and 12 more"), "{notes:?}");
         let error = read(&intrinsics.replace("110, 0, 50", "110, 2, 50"), &extrinsics).unwrap_err();
         assert!(error.contains("intri.yml: b: K has a skew of 2"), "{error}");
         let camera = |id: &str| {
