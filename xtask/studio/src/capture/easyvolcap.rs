@@ -127,17 +127,19 @@ impl CalibrationFiles {
     }
 }
 
-/// The cameras of the two files in `folder`; 0x0 pixels where no size is stated.
+/// The cameras of the two files in `folder`; 0x0 pixels where no size is stated. The keys that are not read go to `notes`.
 ///
 /// # Errors
 /// [`Fault::Data`] that names the file.
-pub(super) fn cameras(folder: &Path) -> Result<Vec<CalibratedCamera>, Fault> {
+pub(super) fn cameras(folder: &Path, notes: &mut Vec<String>) -> Result<Vec<CalibratedCamera>, Fault> {
     let files = CalibrationFiles::read(folder)?;
+    let names = files.names()?;
+    notes.extend(files.note(&names));
     let camera_named = |name: String| {
         let (camera, lens) = files.camera(&name, files.size(&name)?.unwrap_or_default())?;
         Ok(calibrated(name, camera, lens))
     };
-    files.names()?.into_iter().map(camera_named).collect()
+    names.into_iter().map(camera_named).collect()
 }
 
 pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {

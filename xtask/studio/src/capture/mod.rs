@@ -130,11 +130,11 @@ pub(crate) fn calibrated_cameras(
     let folder = if path.is_dir() { path } else { path.parent().unwrap_or(path) };
     let is_named = |names: &[&str]| path.is_dir() || names.iter().any(|name| path.ends_with(name));
     if folder.join(easyvolcap::INTRINSICS).is_file() && is_named(&[easyvolcap::INTRINSICS]) {
-        return easyvolcap::cameras(folder).map(|cameras| Some(("OpenCV YAML", cameras)));
+        return easyvolcap::cameras(folder, notes).map(|cameras| Some(("OpenCV YAML", cameras)));
     }
     if path.ends_with("transforms.json") || (path.is_dir() && path.join("transforms.json").is_file()) {
         let file = if path.is_dir() { path.join("transforms.json") } else { path.to_owned() };
-        return transforms::cameras(&file).map(|cameras| Some(("nerfstudio", cameras)));
+        return transforms::cameras(&file, notes).map(|cameras| Some(("nerfstudio", cameras)));
     }
     match colmap::model(folder).filter(|_| is_named(&["cameras.bin", "cameras.txt"])) {
         Some(model) => {
@@ -290,6 +290,25 @@ mod tests {
         let manifest = serde_json::json!({"frames": 1, "images": "images/{camera}/0.png", "cameras": [camera("a"), camera("b")]});
         let folder = folder_of(&[("capture.json", &manifest.to_string())], &[("images/b/0.png", [100, 80])]);
         assert_eq!(CaptureFiles::open(folder.path()).unwrap().notes, ["camera a has no photograph"]);
+    }
+
+    #[test]
+    fn calibrations_name_what_is_not_read() {
+        let notes = |texts: &[(&str, &str)]| {
+            let mut notes = Vec::new();
+            calibrated_cameras(folder_of(texts, &[]).path(), &mut notes).unwrap().unwrap();
+            notes
+        };
+        let file = transforms(&["a"], 3.0, [0.0; 3]).replacen('{', r#"{"white_transparent": true,"#, 1);
+        assert_eq!(
+            notes(&[("transforms.json", &file)]),
+            ["transforms.json states what is not read: white_transparent"]
+        );
+        let intrinsics = "names: [a]\nK_a: [110, 0, 50, 0, 110, 40, 0, 0, 1]\ngamma_a: 2\n";
+        assert_eq!(
+            notes(&[("intri.yml", intrinsics), ("extri.yml", "R_a: [0, 0, 0]\nT_a: [0, 0, 3]\n")]),
+            ["intri.yml and extri.yml state what is not read: gamma_a"]
+        );
     }
 
     #[test]

@@ -7,6 +7,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
+use formats::list_of;
 use glam::{DMat4, DVec4};
 use program::Fault;
 use refine::capture::{CalibratedCamera, Lens};
@@ -178,6 +179,12 @@ impl Transforms {
         }
     }
 
+    /// The note on the keys of the file at `path` that are not read.
+    fn note(&self, path: &Path) -> Option<String> {
+        let keys = list_of(self.unread_keys().into_iter())?;
+        Some(format!("{} states what is not read: {keys}", path.file_name().unwrap_or_default().display()))
+    }
+
     /// The keys that are not read though something that is drawn may depend on them.
     fn unread_keys(&self) -> BTreeSet<&str> {
         let others = std::iter::once(&self.others).chain(self.frames.iter().map(|frame| &frame.others));
@@ -206,12 +213,13 @@ fn is_stated(value: &Value) -> bool {
     }
 }
 
-/// The cameras of a file, named as its pictures without their extensions.
+/// The cameras of a file, named as its pictures without their extensions. The keys that are not read go to `notes`.
 ///
 /// # Errors
 /// [`Fault::Data`] that names the file.
-pub(super) fn cameras(path: &Path) -> Result<Vec<CalibratedCamera>, Fault> {
+pub(super) fn cameras(path: &Path, notes: &mut Vec<String>) -> Result<Vec<CalibratedCamera>, Fault> {
     let transforms = Transforms::read(path)?;
+    notes.extend(transforms.note(path));
     let camera = |frame: &Frame| {
         let name =
             Path::new(&frame.file_path.replace('\\', "/")).with_extension("").to_string_lossy().into_owned();
@@ -236,12 +244,7 @@ pub(super) fn open(folder: &Path, files: &[TransformsFile]) -> anyhow::Result<Ca
     let mut photo_times = Vec::new();
     for (path, held) in files {
         let transforms = Transforms::read(path)?;
-        let unread = transforms.unread_keys();
-        if !unread.is_empty() {
-            let keys = unread.into_iter().collect::<Vec<_>>().join(", ");
-            let file = path.file_name().unwrap_or_default().display();
-            builder.note(format!("{file} states what is not read: {keys}"));
-        }
+        transforms.note(path).into_iter().for_each(|note| builder.note(note));
         stated_up = stated_up.or(transforms.up.map(unit));
         for frame in &transforms.frames {
             let name = frame.file_path.trim_start_matches("./");
