@@ -1,8 +1,10 @@
 //! [`Calibration`] and [`RigCamera`]: what all layouts are read to.
 
-use std::path::PathBuf;
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
 
 use codec::Camera;
+use formats::list_of;
 use glam::DMat3;
 use refine::capture::Lens;
 
@@ -29,6 +31,12 @@ pub(in crate::ingest) struct RigCamera {
     pub(in crate::ingest) name: String,
     pub(in crate::ingest) camera: Camera,
     pub(in crate::ingest) lens: Lens,
+}
+
+/// The warning on keys of the cameras at `path` that are not read.
+pub(super) fn unread_warning(path: &Path, keys: &BTreeSet<String>) -> Option<String> {
+    let keys = list_of(keys.iter().map(String::as_str))?;
+    Some(format!("{} states what is not read: {keys}", path.display()))
 }
 
 /// A camera of OpenCV's numbers: focal lengths and principal point, rotation from the world to the camera, translation.

@@ -16,7 +16,7 @@ use crate::messages::unreadable;
 pub(super) use camera::{Calibration, RigCamera};
 
 /// Reads the calibration at `stated`, or else those in `folder`: at least one. Where others can be read, those that are
-/// malformed are named in `warnings`.
+/// malformed are named in `warnings`, and so are keys that are not read.
 ///
 /// # Errors
 /// [`Fault::Data`] if there is none or it is malformed.
@@ -44,7 +44,7 @@ pub(super) fn read(
     let mut read: Vec<Result<Calibration, Fault>> =
         others.into_iter().chain(one).map(|path| read_one(&model(path), warnings)).collect();
     if !each.is_empty() {
-        read.push(opencv::read_each(folder, &each));
+        read.push(opencv::read_each(folder, &each, warnings));
     }
     let (calibrations, faults): (Vec<_>, Vec<_>) = read.into_iter().partition(Result::is_ok);
     let calibrations: Vec<Calibration> = calibrations.into_iter().flatten().collect();
@@ -78,13 +78,13 @@ fn is_calibration(path: &Path) -> bool {
 fn read_one(path: &Path, warnings: &mut Vec<String>) -> Result<Calibration, Fault> {
     let extension = path.extension().and_then(|x| x.to_str()).unwrap_or_default().to_lowercase();
     if path.is_file() && extension == "toml" {
-        return toml::read(path);
+        return toml::read(path, warnings);
     }
     if path.is_file() && extension == "txt" && !path.ends_with("cameras.txt") {
         return qualisys::read(path);
     }
     if opencv::is_camera(path) {
-        return opencv::read_each(path, &[path.to_owned()]);
+        return opencv::read_each(path, &[path.to_owned()], warnings);
     }
     let known =
         "Pose2Sim, Caliscope and aniposelib TOML, Qualisys .qca.txt, OpenCV YAML, COLMAP and nerfstudio";
@@ -97,4 +97,20 @@ fn read_one(path: &Path, warnings: &mut Vec<String>) -> Result<Calibration, Faul
     };
     let cameras = cameras.into_iter().map(rig_camera).collect();
     Ok(Calibration { path: path.to_owned(), layout, cameras, up: None, metres_per_unit: None })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_document_lists_the_keys_that_are_ignored() {
+        let text = include_str!("../../../../CAPTURE.md");
+        for (layout, ignored) in [("OpenCV YAML", &opencv::IGNORED[..]), ("Pose2Sim", &toml::IGNORED[..])] {
+            let row =
+                text.lines().find(|line| line.starts_with(&format!("| {layout}, of each camera"))).unwrap();
+            let last = row.trim_matches(['|', ' ']).rsplit('|').next().unwrap();
+            assert_eq!(last.split('`').skip(1).step_by(2).collect::<Vec<_>>(), ignored, "{layout}");
+        }
+    }
 }

@@ -1,23 +1,43 @@
 //! OpenCV YAML with one camera in each file: `K` (or `camera_matrix`), `D` (or `distortion_coefficients`) and
 //! `distortion_model`, `R` or `rvec`, and `T` or `tvec`, from the world to the camera.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use glam::DMat3;
 use program::Fault;
 use refine::capture::Lens;
 
-use super::camera::{Calibration, RigCamera, opencv_camera};
+use super::camera::{Calibration, RigCamera, opencv_camera, unread_warning};
 use crate::capture::{Storage, bad, intrinsics, numbers, parse_storage, pixels, read_text, rodrigues};
 
 /// Accepted names of each matrix.
 const K: [&str; 3] = ["K", "camera_matrix", "cameraMatrix"];
-const D: [&str; 4] = ["D", "distortion_coefficients", "distCoeffs", "dist"];
+const D: [&str; 6] = ["D", "distortion_coefficients", "distCoeffs", "dist_coeffs", "dist_coeff", "dist"];
 const R: [&str; 3] = ["R", "rotation", "rvec"];
 const T: [&str; 3] = ["T", "translation", "tvec"];
-const MODEL: [&str; 2] = ["distortion_model", "lens_model"];
+const MODEL: [&str; 4] = ["distortion_model", "lens_model", "camera_model", "model"];
 const FISHEYE: [&str; 2] = ["fisheye", "fisheye_model"];
 const SIZE: [[&str; 2]; 2] = [["image_width", "image_height"], ["width", "height"]];
+
+/// Keys on which no camera depends: how a calibration was made, in OpenCV's tutorials and its program.
+pub(super) const IGNORED: [&str; 15] = [
+    "aspectRatio",
+    "avg_reprojection_error",
+    "board_height",
+    "board_width",
+    "calibration_time",
+    "camera_name",
+    "extrinsic_parameters",
+    "fix_aspect_ratio",
+    "flags",
+    "grid_points",
+    "image_points",
+    "nframes",
+    "nr_of_frames",
+    "per_view_reprojection_errors",
+    "square_size",
+];
 
 /// Whether a file is of this layout.
 pub(super) fn is_camera(path: &Path) -> bool {
@@ -26,12 +46,18 @@ pub(super) fn is_camera(path: &Path) -> bool {
     is_yaml && read_text(path).is_ok_and(|text| value(&parse_storage(&text), &K).is_some())
 }
 
-/// Reads one camera of each file.
+/// Reads one camera of each file. The keys that are not read go to `warnings`.
 ///
 /// # Errors
 /// [`Fault::Data`] that names the file and the problem.
-pub(super) fn read_each(path: &Path, files: &[PathBuf]) -> Result<Calibration, Fault> {
-    let cameras = files.iter().map(|file| camera(file)).collect::<Result<_, _>>()?;
+pub(super) fn read_each(
+    path: &Path,
+    files: &[PathBuf],
+    warnings: &mut Vec<String>,
+) -> Result<Calibration, Fault> {
+    let mut unread = BTreeSet::new();
+    let cameras = files.iter().map(|file| camera(file, &mut unread)).collect::<Result<_, _>>()?;
+    warnings.extend(unread_warning(path, &unread));
     Ok(Calibration { path: path.to_owned(), layout: "OpenCV YAML", cameras, up: None, metres_per_unit: None })
 }
 
@@ -39,8 +65,17 @@ fn value<'s>(storage: &'s Storage, names: &[&str]) -> Option<&'s String> {
     names.iter().find_map(|name| storage.get(*name))
 }
 
-fn camera(path: &Path) -> Result<RigCamera, Fault> {
+/// The keys that are not read though the camera may depend on them: unknown ones, and the second name of a value.
+fn unread(storage: &Storage) -> impl Iterator<Item = &String> {
+    let names: [&[&str]; 6] = [&K, &D, &R, &T, &MODEL, &FISHEYE];
+    let first = |names: &[&'static str]| names.iter().copied().find(|name| storage.contains_key(*name));
+    let read: Vec<&str> = names.into_iter().filter_map(first).chain(SIZE.concat()).chain(IGNORED).collect();
+    storage.keys().filter(move |key| !read.contains(&key.as_str()))
+}
+
+fn camera(path: &Path, unread: &mut BTreeSet<String>) -> Result<RigCamera, Fault> {
     let storage = parse_storage(&read_text(path)?);
+    unread.extend(self::unread(&storage).cloned());
     let wrong = |problem: String| bad(path, format!("{problem}; export the calibration again"));
     let matrix = |names: &[&str], counts: &[usize]| {
         let data = value(&storage, names).and_then(|value| numbers(value));
@@ -122,13 +157,15 @@ mod tests {
                     tvec: !!opencv-matrix\n   data: [ 1., 2., 3. ]\n";
         std::fs::write(&path, text).unwrap();
         assert!(is_camera(&path));
-        let RigCamera { name, camera, lens } = camera(&path).unwrap();
+        let RigCamera { name, camera, lens } = camera(&path, &mut BTreeSet::new()).unwrap();
         assert_eq!((name.as_str(), camera.width, camera.k[0][2], camera.k[1][2]), ("left", 64, 32.0, 24.0));
         assert_eq!(camera.camera_from_world[0], [1.0, 0.0, 0.0, 1.0]);
         assert!(lens.is_none());
         let read = |more: &str| {
             std::fs::write(&path, format!("{text}{more}\n")).unwrap();
-            super::camera(&path).map(|camera| camera.lens).map_err(|fault| fault.to_string())
+            super::camera(&path, &mut BTreeSet::new())
+                .map(|camera| camera.lens)
+                .map_err(|fault| fault.to_string())
         };
         let [d, bracketed] = ["D: !!opencv-matrix\n   data: [ -0.1, 0.02 ]", "dist: [-0.1, 0.02]"];
         let (rational, fisheye) = (Lens::rational(&[-0.1, 0.02]), Lens::fisheye(&[-0.1, 0.02]));
@@ -137,6 +174,23 @@ mod tests {
             assert_eq!(read(&format!("{d}\ndistortion_model: plumb_bob")), rational);
             assert_eq!(read(&format!("{d}\ndistortion_model: \"equidistant\"")), fisheye);
             assert_eq!(read(&format!("{d}\nfisheye_model: 1")), fisheye);
+            for model in ["camera_model", "model"] {
+                assert_eq!(read(&format!("{d}\n{model}: fisheye")), fisheye);
+            }
+        }
+        for name in D {
+            assert_eq!(read(&format!("{name}: [-0.1, 0.02]")), rational, "{name}");
+        }
+        for (more, unread) in [
+            ("distortion: [-0.1]\nk1: 3", Some("distortion, k1")),
+            ("D: [-0.1]\ndist: [0.2]", Some("dist")),
+            ("flags: 2\nsquare_size: 1.5", None),
+        ] {
+            std::fs::write(&path, format!("{text}{more}\n")).unwrap();
+            let mut warnings = Vec::new();
+            read_each(folder.path(), &[path.clone(), path.clone()], &mut warnings).unwrap();
+            let said = format!("{} states what is not read: ", folder.path().display());
+            assert_eq!(warnings, Vec::from_iter(unread.map(|keys| said + keys)), "{more}");
         }
         for (more, problem) in [
             ("D: !!opencv-matrix\n   data: [ -0.1, 0.o2 ]", "D is malformed"),

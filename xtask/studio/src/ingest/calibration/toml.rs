@@ -4,6 +4,7 @@
 //! `rotation` is a Rodrigues vector, or a matrix, and with `translation` leads from the world to the camera. The unit is
 //! not stated: Pose2Sim and Caliscope use metres, aniposelib the unit of its board.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use glam::{DMat3, DQuat, DVec3};
@@ -11,7 +12,7 @@ use program::Fault;
 use refine::capture::Lens;
 use serde::Deserialize;
 
-use super::camera::{Calibration, RigCamera, opencv_camera};
+use super::camera::{Calibration, RigCamera, opencv_camera, unread_warning};
 use crate::capture::{bad, intrinsics, read_text};
 
 #[derive(Deserialize)]
@@ -26,7 +27,12 @@ struct Table {
     translation: Vec<f64>,
     #[serde(default)]
     fisheye: bool,
+    #[serde(flatten)]
+    others: BTreeMap<String, toml::Value>,
 }
+
+/// Keys on which no camera depends: its number, and how well it was calibrated.
+pub(super) const IGNORED: [&str; 5] = ["cam_id", "error", "exposure", "grid_count", "port"];
 
 #[derive(Deserialize)]
 #[serde(untagged)]
@@ -35,7 +41,11 @@ enum Rotation {
     Matrix(Vec<Vec<f64>>),
 }
 
-pub(super) fn read(path: &Path) -> Result<Calibration, Fault> {
+/// Reads the cameras of a file. The keys of their tables that are not read go to `warnings`.
+///
+/// # Errors
+/// [`Fault::Data`] that names the file and the problem.
+pub(super) fn read(path: &Path, warnings: &mut Vec<String>) -> Result<Calibration, Fault> {
     let wrong = |problem: String| bad(path, format!("{problem}; export the calibration again"));
     let file: toml::Table = read_text(path)?.parse().map_err(|error: toml::de::Error| {
         wrong(error.message().lines().next().unwrap_or("not TOML").to_owned())
@@ -47,7 +57,7 @@ pub(super) fn read(path: &Path) -> Result<Calibration, Fault> {
             value => tables.push((key, value)),
         }
     }
-    let mut cameras = Vec::new();
+    let (mut cameras, mut unread) = (Vec::new(), BTreeSet::new());
     for (key, value) in tables {
         // Others hold settings and metadata.
         if value.get("matrix").is_none() || value.get("rotation").is_none() {
@@ -56,8 +66,12 @@ pub(super) fn read(path: &Path) -> Result<Calibration, Fault> {
         let table: Table = value
             .try_into()
             .map_err(|error: toml::de::Error| wrong(format!("[{key}]: {}", error.message())))?;
+        let others =
+            table.others.iter().filter(|(key, value)| !IGNORED.contains(&key.as_str()) && is_stated(value));
+        unread.extend(others.map(|(key, _)| key.clone()));
         cameras.push(camera(&key, table).map_err(|problem| wrong(format!("[{key}]: {problem}")))?);
     }
+    warnings.extend(unread_warning(path, &unread));
     match cameras.is_empty() {
         true => Err(bad(path, "it has no camera with matrix and rotation; name another calibration")),
         false => Ok(Calibration {
@@ -68,6 +82,11 @@ pub(super) fn read(path: &Path) -> Result<Calibration, Fault> {
             metres_per_unit: None,
         }),
     }
+}
+
+/// Whether a value states something: not false or 0.
+fn is_stated(value: &toml::Value) -> bool {
+    !matches!(value, toml::Value::Boolean(false) | toml::Value::Integer(0))
 }
 
 fn camera(key: &str, table: Table) -> Result<RigCamera, String> {
@@ -115,7 +134,7 @@ mod tests {
     fn read_text(text: &str) -> Result<Calibration, Fault> {
         let file = tempfile::NamedTempFile::new().unwrap();
         std::fs::write(file.path(), text).unwrap();
-        read(file.path())
+        read(file.path(), &mut Vec::new())
     }
 
     #[test]
@@ -140,6 +159,22 @@ mod tests {
         let (found, expected) = (read_text(&caliscope).unwrap(), read_text(CAMERA).unwrap());
         assert_eq!((found.cameras.len(), found.cameras[0].name.as_str()), (1, "3"));
         assert_eq!(found.cameras[0].camera, expected.cameras[0].camera);
+    }
+
+    #[test]
+    fn keys_that_are_not_read_are_named() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        for (key, unread) in [
+            ("distortion", Some("distortion")),
+            ("cam_id = 3\nrotation_count = 0\nignore = false\ndistortions", None),
+            ("rotation_count = 1\ndistortions", Some("rotation_count")),
+        ] {
+            std::fs::write(file.path(), CAMERA.replace("distortions", key)).unwrap();
+            let mut warnings = Vec::new();
+            read(file.path(), &mut warnings).unwrap();
+            let said = format!("{} states what is not read: ", file.path().display());
+            assert_eq!(warnings, Vec::from_iter(unread.map(|key| said + key)), "{key}");
+        }
     }
 
     #[test]
