@@ -1,5 +1,7 @@
 //! [`load`]: carries out a [`LoadRequest`] on the loader's thread, up to clips that can be drawn.
 
+#[cfg(feature = "window")]
+use std::iter;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -8,7 +10,9 @@ use super::event::{LoadEvent, Version};
 use super::folder::Neighbours;
 use super::playlist;
 use super::queue::{Entry, Queue};
-use crate::content::{Arrival, OpenEvent, OpenTake, SourceOptions, open, title};
+#[cfg(feature = "window")]
+use crate::content::Arrival;
+use crate::content::{OpenEvent, OpenTake, SourceOptions, open, title};
 use crate::player::Beginning;
 use crate::worker::Report;
 use program::{Fault, counted};
@@ -48,9 +52,9 @@ pub(super) enum Selection {
     Named(Vec<String>),
     /// The first of these that can be loaded.
     FirstOf(Vec<Entry>),
-    /// What more its source has to tell of the take on display, and without a playlist its neighbours.
+    /// A take that is open, what more its source has to tell, and without a playlist its neighbours.
     #[cfg(feature = "window")]
-    Rest { entry: Entry, rest: Arrival, in_playlist: bool },
+    Opened { entry: Entry, take: Arc<OpenTake>, rest: Arrival, in_playlist: bool },
 }
 
 /// A request to the loader.
@@ -98,11 +102,12 @@ impl<T: ClipTarget> Loading<'_, T> {
         match selection {
             Selection::FirstOf(entries) => self.first_of(&entries),
             #[cfg(feature = "window")]
-            Selection::Rest { entry, rest, in_playlist } => {
+            Selection::Opened { entry, take, rest, in_playlist } => {
                 if !in_playlist && self.neighbours(entry.name.as_deref()).is_break() {
                     return Ok(ControlFlow::Break(()));
                 }
-                self.versions(&entry, rest, &mut false)
+                let events = iter::once(Ok(OpenEvent::Take(take))).chain(rest);
+                self.versions(&entry, events, &mut true)
             }
             Selection::Named(names) if playlist::is_list(&names) => {
                 let source = &self.options.source;
@@ -151,10 +156,15 @@ impl<T: ClipTarget> Loading<'_, T> {
     }
 
     /// Reports the versions of a take: each one while playback is blocked on it, else the complete one only.
-    fn versions(&mut self, entry: &Entry, arrival: Arrival, is_first: &mut bool) -> Flow {
+    fn versions(
+        &mut self,
+        entry: &Entry,
+        events: impl Iterator<Item = Result<OpenEvent, Fault>>,
+        is_first: &mut bool,
+    ) -> Flow {
         // The best version, until it is reported.
         let mut latest = None;
-        for event in arrival {
+        for event in events {
             let mut flow = ControlFlow::Continue(());
             match event? {
                 OpenEvent::Take(take) => latest = Some(take),

@@ -171,9 +171,11 @@ impl ApplicationHandler<Event> for App {
         }
     }
 
-    fn user_event(&mut self, _: &ActiveEventLoop, event: Event) {
-        if let Some(session) = &mut self.session {
-            session.receive(event);
+    fn user_event(&mut self, event_loop: &ActiveEventLoop, event: Event) {
+        if let Some(session) = &mut self.session
+            && let Err(fault) = session.receive(event)
+        {
+            self.fail(event_loop, fault);
         }
     }
 

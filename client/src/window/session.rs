@@ -1,7 +1,7 @@
 //! [`Session`]: a window with its device, the clip it plays, and the frames it draws.
 //!
-//! The next clip of a playlist is made ready while this one plays: both are on the device, and for a moment
-//! a newer version of one of them. Going from one to the other takes no longer than a frame.
+//! The loader makes clips ready, on a thread of its own, the next clip of a playlist while this one plays: both are on the
+//! device, and for a moment a newer version of one of them. Going from one to the other takes no longer than a frame.
 //!
 //! A lost device takes all clips on it along: the session opens another one and loads the clip again.
 
@@ -68,7 +68,7 @@ const NO_DIALOG: &str =
 pub(super) struct Start {
     /// The clips, playlists and folders that were opened.
     pub(super) named: Vec<String>,
-    /// The take to show, and what more its source has to tell.
+    /// The take to show, which is open, and what more its source has to tell.
     pub(super) entry: Entry,
     pub(super) clip: Arc<OpenTake>,
     pub(super) rest: Arrival,
@@ -137,15 +137,19 @@ impl ClipTarget for WindowTarget {
             .gpu
             .upgrade()
             .ok_or_else(|| Fault::Device("the graphics device is gone: open the clip again".into()))?;
-        Playing::new(&gpu, self.format, &self.proxy, entry, &opened, beginning).map(Box::new)
+        let layout = FrameLayout::plain(self.format, 1);
+        let (renderer, take) =
+            TakePlayer::begin(&gpu, opened.clone(), layout, beginning, waker(&self.proxy))?;
+        let playing = Playing { renderer: Some(renderer), take: Some(take), ..Playing::new(entry, &opened) };
+        Ok(Box::new(playing))
     }
 }
 
-/// A take that is ready to be drawn.
+/// The take on display.
 struct Playing {
     title: String,
     viewed: ViewedClip,
-    /// `None` once its device was lost.
+    /// `None` until it can be drawn, and once its device was lost.
     renderer: Option<Renderer>,
     /// Its segments, as long as there is a renderer.
     take: Option<TakePlayer>,
@@ -158,27 +162,18 @@ struct Playing {
 }
 
 impl Playing {
-    /// Uploads what the beginning of `opened` needs, and builds its renderer.
-    fn new(
-        gpu: &Gpu,
-        format: Format,
-        proxy: &EventLoopProxy<Event>,
-        entry: &Entry,
-        opened: &Arc<OpenTake>,
-        beginning: Beginning<'_>,
-    ) -> Result<Playing, Fault> {
-        let layout = FrameLayout::plain(format, 1);
-        let (renderer, take) = TakePlayer::begin(gpu, opened.clone(), layout, beginning, waker(proxy))?;
-        Ok(Playing {
+    /// The properties of `opened`, which cannot be drawn yet.
+    fn new(entry: &Entry, opened: &OpenTake) -> Playing {
+        Playing {
             title: title(entry.name.as_deref()),
             viewed: ViewedClip::new(opened),
-            renderer: Some(renderer),
-            take: Some(take),
+            renderer: None,
+            take: None,
             sound: opened.sound.clone(),
             metres_per_unit: opened.info().metres_per_unit.into(),
             gaussians: opened.gaussians(),
             layers_announced: opened.layer_ends().len(),
-        })
+        }
     }
 }
 
@@ -202,6 +197,8 @@ struct PictureState {
 /// An open window.
 pub(super) struct Session {
     playing: Playing,
+    /// Whether a clip could be drawn so far.
+    has_shown: bool,
     viewer: Viewer,
     /// Inputs of the present picture; `None` if it must be drawn again.
     drawn: Option<PictureState>,
@@ -232,7 +229,10 @@ pub(super) struct Session {
 }
 
 impl Session {
-    /// Opens a window and draws its first frame when the event loop asks for it.
+    /// Opens a window and draws its first frame when the event loop asks for it. The loader makes the clip ready.
+    ///
+    /// # Errors
+    /// [`Fault::Device`] if there is no window, no device that draws in it, or no thread for the loader.
     pub(super) fn open(
         event_loop: &ActiveEventLoop,
         proxy: EventLoopProxy<Event>,
@@ -252,11 +252,7 @@ impl Session {
             .map_err(|error| Fault::Device(format!("cannot open a window: {error}: try --headless")))?;
         let window = Arc::new(window);
         let screen = Screen::open(&window)?;
-        let playing = {
-            let beginning = Beginning { position_s: 0.0, is_blocking: true, is_overtaken: &|| false };
-            let (gpu, format) = (&screen.gpu, screen.surface.format());
-            Playing::new(gpu, format, &proxy, &start.entry, &start.clip, beginning)?
-        };
+        let playing = Playing::new(&start.entry, &start.clip);
         let mut viewer = Viewer::new(playing.viewed.clone(), start.viewpoint, start.settings);
         start.notes.into_iter().for_each(|note| viewer.note(note));
         let options = LoadOptions { source: start.source, min_layers: 1, is_complete: false };
@@ -266,11 +262,12 @@ impl Session {
             library.remember(name);
         }
         let target = WindowTarget::new(&screen, &proxy);
-        clips.adopt(target, start.named, start.entry, start.queue, start.rest);
+        clips.adopt(target, start.named, start.entry, start.queue, start.clip, start.rest);
         let mut speaker = Speaker::new(folders::state());
         speaker.change_track(playing.sound.clone(), false);
         window.request_redraw();
         Ok(Session {
+            has_shown: false,
             viewer,
             speaker,
             drawn: None,
@@ -407,11 +404,17 @@ impl Session {
     }
 
     /// Takes in an event of another thread.
-    pub(super) fn receive(&mut self, event: Event) {
+    ///
+    /// # Errors
+    /// Why a clip cannot be drawn, while none could so far: there is nothing else to see.
+    pub(super) fn receive(&mut self, event: Event) -> Result<(), Fault> {
         match event {
             Event::Loading => {
                 while let Some(change) = self.clips.poll() {
-                    self.apply(change);
+                    match change {
+                        Change::Failed(fault) if !self.has_shown => return Err(fault),
+                        change => self.apply(change),
+                    }
                 }
                 // The end of a static clip may now lead to another one.
                 self.window.request_redraw();
@@ -430,6 +433,7 @@ impl Session {
                 }
             }
         }
+        Ok(())
     }
 
     /// Carries out a change of the clip on display.
@@ -472,6 +476,7 @@ impl Session {
         self.window.set_title(&playing.title);
         self.viewer.buffered.clear();
         self.playing = playing;
+        self.has_shown = true;
         self.drawn = None;
         self.window.request_redraw();
     }
@@ -627,22 +632,24 @@ impl Session {
         FrameSeconds { elapsed_s, played_s }
     }
 
-    /// Brings the segments of a take up to the position, and lets the clock wait for those that are missing there.
+    /// Brings the segments of a take up to the position, and lets the clock wait for those that are missing there, or for
+    /// the take itself.
     fn update_take(&mut self, now: Instant) {
-        let (Some(take), Some(renderer)) = (&mut self.playing.take, &mut self.playing.renderer) else {
-            self.viewer.clock.set_waiting(false);
-            self.loading_since = None;
-            return;
-        };
         let clock = &mut self.viewer.clock;
-        take.update(&self.screen.gpu, renderer, clock);
-        let is_missing = take.is_missing(clock.position_s());
+        let mut notes = Vec::new();
+        let (is_missing, what) = match (&mut self.playing.take, &mut self.playing.renderer) {
+            (Some(take), Some(renderer)) => {
+                take.update(&self.screen.gpu, renderer, clock);
+                if self.drawn.is_none_or(|drawn| drawn.revision != take.revision()) {
+                    self.viewer.buffered = take.buffered().to_vec();
+                }
+                notes = take.take_notes();
+                notes.extend(self.clips.reopen(clock, || take.is_replaced()));
+                (take.is_missing(clock.position_s()), "Loading this part of the take")
+            }
+            _ => (self.clips.is_loading(), "Loading the clip"),
+        };
         clock.set_waiting(is_missing);
-        if self.drawn.is_none_or(|drawn| drawn.revision != take.revision()) {
-            self.viewer.buffered = take.buffered().to_vec();
-        }
-        let mut notes = take.take_notes();
-        notes.extend(self.clips.reopen(clock, || take.is_replaced()));
         for note in notes {
             self.apply(Change::Note(note));
         }
@@ -650,7 +657,7 @@ impl Session {
             (true, None) => self.loading_since = Some((now, false)),
             (true, Some((since, said))) if !*said && now - *since > LOADING_PATIENCE => {
                 *said = true;
-                self.progress("Loading this part of the take".into());
+                self.progress(what.into());
             }
             (true, Some(_)) | (false, None) => {}
             (false, Some((_, said))) => {

@@ -12,6 +12,7 @@ use aarc_tests::outcome::{DATA, DEVICE};
 use aarc_tests::programs::{client, run};
 use aarc_tests::scene::{Motion, Recipe, packaged};
 use aarc_tests::server::Server;
+use aarc_tests::take_files::{SegmentFile, take_package};
 use libtest_mimic::{Failed, Trial};
 
 const SPACE: u32 = 0x20;
@@ -32,6 +33,10 @@ pub(crate) fn trials() -> Vec<Trial> {
         trial("files that are dropped together are a playlist", opens_dropped),
         trial("a window closes while its dialog is open", closes_with_dialog),
         trial("a window closes while a server is silent", closes_with_silent_server),
+        trial(
+            "a window opens and closes while the server is silent about its first clip",
+            opens_with_silent_server,
+        ),
         trial("a broken clip opens no window", bad_clip),
         Trial::test("without a display", || without_display().map_err(Failed::from)),
     ]
@@ -252,6 +257,31 @@ fn closes_with_silent_server(display: &Display) -> Result<(), String> {
     display.press(PAGE_DOWN);
     let is_asked = |_: &Screenshot| !server.requests().is_empty();
     display.wait_until(player.window, is_asked).ok_or("it asks for nothing")?;
+    let start = Instant::now();
+    player.close()?;
+    match start.elapsed() {
+        took if took > Duration::from_secs(5) => Err(format!("it closes after {took:?}")),
+        _ => Ok(()),
+    }
+}
+
+/// The first clip is a take whose head comes, and no segment.
+fn opens_with_silent_server(display: &Display) -> Result<(), String> {
+    let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
+    write_clip(&folder.path().join("a.aarc"));
+    let package = fs::read(folder.path().join("a.aarc")).map_err(|error| error.to_string())?;
+    let segment = |start_s: f64| SegmentFile { start_s, duration_s: 2.0, package: package.clone() };
+    let (file, _) = take_package(4.0, 30.0, &[segment(0.0), segment(2.0)]);
+    let server = Server::start(move |number, request, answer| match number {
+        0 => answer.file(request, &file, "\"one\""),
+        _ => answer.wait_until_closed(),
+    });
+    let mut command = display.command(client());
+    command.arg(server.url("take.aarc")).args(["--size", "800x600"]);
+    command.env("XDG_CACHE_HOME", folder.path()).env("XDG_STATE_HOME", folder.path());
+    let player = display.open(&mut command, "take.aarc")?;
+    let has_controls = |screen: &Screenshot| screen.colors() > 20 && server.requests().len() > 1;
+    display.wait_until(player.window, has_controls).ok_or("it shows no controls")?;
     let start = Instant::now();
     player.close()?;
     match start.elapsed() {
