@@ -43,7 +43,7 @@ pub(crate) use open::net_options;
 pub(crate) use open::no_net;
 pub use open::{Arrival, Wait, open};
 pub use opened::OpenTake;
-pub(crate) use opened::{Loaded, PackedWant};
+pub(crate) use opened::{LoadError, Loaded, PackedWant};
 pub(crate) use plan::{Direction, Needs, Plan, Playhead, Want, needs, span};
 pub use progress::Progress;
 pub(crate) use progress::Traffic;

@@ -39,6 +39,23 @@ pub(crate) struct Loaded {
     pub(crate) traffic: Traffic,
 }
 
+/// Why layers of a segment cannot be loaded.
+#[derive(Debug)]
+pub(crate) enum LoadError {
+    /// They cannot be read. A network or a disk that comes back has them.
+    Unread(Fault),
+    /// What was read cannot be decoded or packed, and will not be when it is read again.
+    Damaged(Fault),
+}
+
+impl LoadError {
+    /// The fault to end with.
+    pub(crate) fn into_fault(self) -> Fault {
+        let (LoadError::Unread(fault) | LoadError::Damaged(fault)) = self;
+        fault
+    }
+}
+
 /// Layers of a segment, packed.
 pub(crate) enum PackedWant {
     /// The segment with its first layers.
@@ -120,7 +137,7 @@ impl OpenTake {
         if let [layers] = opened.layers[..] {
             let want =
                 Want { segment: 0, from: 0, layers: if opened.source.is_remote() { 1 } else { layers } };
-            let (clip, bytes) = opened.read_segment(want)?;
+            let (clip, bytes) = opened.read_segment(want).map_err(LoadError::into_fault)?;
             opened.add_sound(0, &bytes);
             opened.set_only(&clip);
             opened.decoded = Mutex::new(Some(clip));
@@ -269,7 +286,8 @@ impl OpenTake {
     /// # Panics
     /// If there is no such segment, or it has fewer layers.
     pub fn segment(&self, segment: usize, layers: usize) -> Result<Clip, Fault> {
-        self.read_segment(Want { segment, from: 0, layers }).map(|(clip, _)| clip)
+        let read = self.read_segment(Want { segment, from: 0, layers });
+        read.map(|(clip, _)| clip).map_err(LoadError::into_fault)
     }
 
     /// The layout in GPU memory.
@@ -315,11 +333,11 @@ impl OpenTake {
     /// Reads, decodes and packs the wanted layers of a segment, or more if these were decoded before.
     ///
     /// # Errors
-    /// [`Fault::Data`] with the place of the segment in the take; [`Fault::Network`] if it does not arrive.
-    pub(crate) fn load(&self, want: Want) -> Result<Loaded, Fault> {
+    /// [`LoadError::Unread`] as [`TakeSource::read`]; [`LoadError::Damaged`] with the place of the segment in the take.
+    pub(crate) fn load(&self, want: Want) -> Result<Loaded, LoadError> {
         let layout = &self.layout;
         let span = span(&self.take.segments[want.segment]);
-        let named = |fault: Fault| fault.about(&self.name());
+        let named = |fault: Fault| LoadError::Damaged(fault.about(&self.name()));
         let segment = |clip: &Clip| {
             PackedSegment::new(clip, span, layout).map(|segment| PackedWant::Segment(Box::new(segment)))
         };
@@ -357,13 +375,13 @@ impl OpenTake {
     }
 
     /// Reads the segment up to the wanted layers, with the layers before, which a cache has.
-    fn read(&self, want: Want) -> Result<Vec<u8>, Fault> {
+    fn read(&self, want: Want) -> Result<Vec<u8>, LoadError> {
         let start = self.take.segments[want.segment].offset;
         let ends = self.layer_ends_of(want);
-        let bytes = self.source.read_parts(start, &ends)?;
+        let bytes = self.source.read_parts(start, &ends).map_err(LoadError::Unread)?;
         if ends.last().is_some_and(|end| (bytes.len() as u64) < end - start) {
             // Its first layers alone would decode without an error.
-            return Err(self.segment_fault(want, "the file was cut short while it played: open it again"));
+            return Err(self.damaged(want, "the file was cut short while it played: open it again"));
         }
         Ok(bytes)
     }
@@ -375,13 +393,13 @@ impl OpenTake {
     }
 
     /// Reads and decodes a segment up to the wanted layers; also returns its bytes.
-    fn read_segment(&self, want: Want) -> Result<(Clip, Vec<u8>), Fault> {
+    fn read_segment(&self, want: Want) -> Result<(Clip, Vec<u8>), LoadError> {
         let limits = self.segment_limits();
         self.read_decoded(want, |bytes| self.take.decode_segment(want.segment, bytes, &limits, threads()))
     }
 
     /// Reads and decodes the wanted layers of a segment alone.
-    fn read_layers(&self, want: Want) -> Result<Layers, Fault> {
+    fn read_layers(&self, want: Want) -> Result<Layers, LoadError> {
         let (Want { segment, from, .. }, limits) = (want, self.segment_limits());
         let decode = |bytes: &[u8]| self.take.decode_segment_layers(segment, bytes, from, &limits, threads());
         self.read_decoded(want, decode).map(|(layers, _)| layers)
@@ -393,7 +411,7 @@ impl OpenTake {
         &self,
         want: Want,
         decode: impl Fn(&[u8]) -> Result<T, Error>,
-    ) -> Result<(T, Vec<u8>), Fault> {
+    ) -> Result<(T, Vec<u8>), LoadError> {
         let segment = &self.take.segments[want.segment];
         let ends = self.layer_ends_of(want);
         loop {
@@ -417,24 +435,24 @@ impl OpenTake {
         Limits { max_bytes: self.limits.max_bytes / memory_parts(&self.take), ..self.limits }
     }
 
-    fn undecodable(&self, want: Want, error: &Error) -> Fault {
+    fn undecodable(&self, want: Want, error: &Error) -> LoadError {
         let advice = match error {
             Error::Format { error: FormatError::Segment { .. } | FormatError::Magic, .. } => {
                 "the file is another one or damaged: open it again"
             }
             error => advice(error, self.source.remedy()),
         };
-        self.segment_fault(want, &format!("{error}: {advice}"))
+        self.damaged(want, &format!("{error}: {advice}"))
     }
 
-    fn segment_fault(&self, want: Want, reason: &str) -> Fault {
+    fn damaged(&self, want: Want, reason: &str) -> LoadError {
         let (name, number) = (self.name(), want.segment);
         let start_s = self.take.segments[number].start_s;
         let place = match self.take.segments.len() {
             1 => String::new(),
             _ => format!("segment {number}, at {start_s:.3} s: "),
         };
-        Fault::Data(format!("{name}: {place}{reason}"))
+        LoadError::Damaged(Fault::Data(format!("{name}: {place}{reason}")))
     }
 }
 

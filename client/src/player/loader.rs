@@ -9,15 +9,17 @@ use std::time::Duration;
 
 use program::Fault;
 
-use crate::content::{Loaded, OpenTake, Want};
+use crate::content::{LoadError, Loaded, OpenTake, Want};
 use crate::worker::{Report, Worker};
 
 /// What the thread reports.
 pub(super) enum SegmentEvent {
     /// Layers of a segment are packed.
     Packed(Loaded),
-    /// A segment cannot be loaded.
-    Failed(Want, Fault),
+    /// A segment cannot be read now.
+    Unread(Want, Fault),
+    /// A segment cannot be decoded.
+    Damaged(Want, Fault),
     /// A segment cannot be loaded because the file is another version by now.
     Replaced(Want, Fault),
     /// The read of a segment was ended for the sake of others.
@@ -81,9 +83,10 @@ impl SegmentLoader {
                         lock(&shared).on_loaded(loaded.want);
                         SegmentEvent::Packed(loaded)
                     }
-                    Err(Fault::Network(_)) if lock(&shared).is_cancelled => SegmentEvent::Overtaken(want),
-                    Err(fault) if is_replaced => SegmentEvent::Replaced(want, fault),
-                    Err(fault) => SegmentEvent::Failed(want, fault),
+                    Err(LoadError::Unread(_)) if lock(&shared).is_cancelled => SegmentEvent::Overtaken(want),
+                    Err(error) if is_replaced => SegmentEvent::Replaced(want, error.into_fault()),
+                    Err(LoadError::Unread(fault)) => SegmentEvent::Unread(want, fault),
+                    Err(LoadError::Damaged(fault)) => SegmentEvent::Damaged(want, fault),
                 };
                 if (report.send)(event).is_break() {
                     return;
@@ -146,7 +149,8 @@ impl SegmentLoader {
     fn take_in(&mut self, event: SegmentEvent) -> Option<SegmentEvent> {
         match &event {
             SegmentEvent::Packed(Loaded { want, .. })
-            | SegmentEvent::Failed(want, _)
+            | SegmentEvent::Unread(want, _)
+            | SegmentEvent::Damaged(want, _)
             | SegmentEvent::Replaced(want, _)
             | SegmentEvent::Overtaken(want) => {
                 lock(&self.wants).under_way.retain(|other| other != want);
@@ -167,7 +171,7 @@ impl SegmentLoader {
         let want = lock(&self.wants).under_way.last().copied();
         self.is_idle = true;
         let why = "it could not be loaded because of a defect of the player: report it with the player's log";
-        want.map_or(SegmentEvent::Idle, |want| SegmentEvent::Failed(want, Fault::Defect(why.into())))
+        want.map_or(SegmentEvent::Idle, |want| SegmentEvent::Damaged(want, Fault::Defect(why.into())))
     }
 }
 

@@ -23,7 +23,7 @@ use crate::gpu::{FrameLayout, Gpu, PackedLayers, PackedSegment, Renderer, SlotId
 /// Most bytes that one frame uploads: 23 MB a second at 90 Hz, and a fraction of a millisecond of a frame's time.
 pub const UPLOAD_BYTES_MAX: usize = 256_000;
 
-/// Wait before segments are asked for again that did not arrive after all retries of the network.
+/// Wait before segments are asked for again that could not be read: from a network, after all its retries.
 const RETRY_AFTER: Duration = Duration::from_secs(2);
 
 /// Interval between looks whether a take that begins is still wanted.
@@ -113,7 +113,7 @@ pub struct TakePlayer {
     plan: Plan,
     residents: Vec<Resident>,
     waiting: Option<Packed>,
-    /// After a failure of the network, when to ask for segments again.
+    /// After a failure of the network or the disk, when to ask for segments again.
     retry_at: Option<Instant>,
     /// Whether everything was removed for the present plan to close gaps.
     was_cleared: bool,
@@ -122,8 +122,8 @@ pub struct TakePlayer {
     /// Grows whenever the picture of an instant may change.
     revision: u64,
     notes: Vec<String>,
-    /// Why the network failed last, until a segment arrives. It is said once.
-    trouble: Option<String>,
+    /// Why the network or the disk failed last, until a segment arrives. It is said once.
+    trouble: Option<Fault>,
     /// Why a segment of a file that was replaced cannot be loaded.
     replaced: Option<Fault>,
     counts: TakeCounts,
@@ -218,8 +218,8 @@ impl TakePlayer {
     /// Waits until the first layers or everything at `t_s` seconds is drawn, apart from segments that cannot be loaded.
     ///
     /// # Errors
-    /// [`Fault::Device`] if what holds the instant does not fit the device's memory; [`Fault::Network`] if it does not
-    /// arrive.
+    /// [`Fault::Device`] if what holds the instant does not fit the device's memory; the fault of its network or disk if it
+    /// cannot be read.
     pub fn wait(
         &mut self,
         gpu: &Gpu,
@@ -249,12 +249,10 @@ impl TakePlayer {
                 return Ok(());
             }
             if self.retry_at.take().is_some() {
-                if let Some(fault) = self.replaced.take() {
-                    return Err(fault);
-                }
-                let why = self.trouble.take().unwrap_or_default();
-                self.notes.retain(|note| *note != why);
-                return Err(Fault::Network(why));
+                // Without a fault, another segment has come since.
+                let Some(fault) = self.replaced.take().or(self.trouble.take()) else { continue };
+                self.notes.retain(|note| *note != fault.to_string());
+                return Err(fault);
             }
             match self.loader.wait(LOOK_INTERVAL) {
                 Some(event) => self.take_in(slots_of(renderer), event),
@@ -331,11 +329,12 @@ impl TakePlayer {
                 }
             }
             // It is asked for again after a while.
-            SegmentEvent::Failed(_, Fault::Network(why)) => {
-                if self.trouble.as_ref() != Some(&why) {
-                    self.notes.push(why.clone());
+            SegmentEvent::Unread(_, fault) => {
+                let why = fault.to_string();
+                if self.trouble.as_ref().map(Fault::to_string).as_ref() != Some(&why) {
+                    self.notes.push(why);
                 }
-                self.trouble = Some(why);
+                self.trouble = Some(fault);
                 self.retry_at = Some(Instant::now() + RETRY_AFTER);
             }
             // Until it is opened again, what is here plays.
@@ -344,7 +343,7 @@ impl TakePlayer {
                 self.retry_at = Some(Instant::now() + RETRY_AFTER);
             }
             // The first layer of the read may be whole, and the layers before it are.
-            SegmentEvent::Failed(want, fault) => {
+            SegmentEvent::Damaged(want, fault) => {
                 self.give_up(want, want.from.max(want.layers.min(2) - 1), &fault.to_string())
             }
             SegmentEvent::Overtaken(_) | SegmentEvent::Idle => {}

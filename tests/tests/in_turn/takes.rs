@@ -52,6 +52,7 @@ pub(crate) fn trials() -> Vec<Trial> {
         gpu::trial("a seek over 58 Mbit/s shows the first layers, then all", Passes::Shared, |_| seeks()),
         gpu::trial("an hour opens over 58 Mbit/s as soon as its table is there", Passes::Shared, |_| hour()),
         gpu::trial("a server that fails for long is said once", Passes::Shared, |_| failing()),
+        gpu::trial("a disk that is full for a while costs no segment", Passes::Shared, |_| full_disk()),
         gpu::trial("nobody waits for a server that is silent", Passes::Shared, |_| silent()),
     ]
 }
@@ -515,6 +516,44 @@ fn failing() -> Result<(), String> {
     }
     match notes[..] {
         [ref note] if note.contains("there is no such file") => Ok(()),
+        ref notes => Err(format!("{notes:?}")),
+    }
+}
+
+/// A server that sends its file whole, and a disk that has no room for it until some is freed.
+fn full_disk() -> Result<(), String> {
+    let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
+    let [path, cache] = ["take.aarc", "cache"].map(|name| folder.path().join(name));
+    write(&path, 2);
+    let file = std::fs::read(&path).map_err(|error| error.to_string())?;
+    let server = Server::start(move |_, _, answer| {
+        answer.head(200, &[("Content-Length", &file.len().to_string()), ("ETag", "\"one\"")]);
+        answer.bytes(&file, 0..file.len());
+    });
+    let options = SourceOptions { cache_dir: Some(cache.clone()), ..SourceOptions::default() };
+    let mut arrival = content::open(Some(&server.url("take.aarc")), &options).map_err(text)?;
+    let opened = arrival.wait(Wait::Complete, |_| ()).map_err(text)?;
+    // The folder of the cache takes no file while it is a file itself.
+    if cache.exists() {
+        std::fs::remove_dir_all(&cache).map_err(|error| error.to_string())?;
+    }
+    std::fs::write(&cache, "").map_err(|error| error.to_string())?;
+    let mut played = Played::play(opened, 3.0 * UNIT_S)?;
+    let (mut notes, start) = (Vec::new(), Instant::now());
+    while !played.take.is_drawn(Extent::All) || played.take.counts().resident == 0 {
+        if start.elapsed() > PATIENCE {
+            return Err(format!("no segment comes: {notes:?}"));
+        }
+        played.take.update(&played.gpu, &mut played.renderer, &played.clock);
+        let has_failed = !notes.is_empty();
+        notes.extend(played.take.take_notes());
+        if !has_failed && !notes.is_empty() {
+            std::fs::remove_file(&cache).map_err(|error| error.to_string())?;
+        }
+        sleep(Duration::from_millis(20));
+    }
+    match notes[..] {
+        [ref note] if note.contains("free some space") => Ok(()),
         ref notes => Err(format!("{notes:?}")),
     }
 }

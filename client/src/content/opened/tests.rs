@@ -66,7 +66,8 @@ fn gaussians(opened: &OpenTake, segment: usize, layers: usize) -> Result<usize, 
 
 /// Number of Gaussians of the layers of a segment behind the first `from`.
 fn further(opened: &OpenTake, segment: usize, from: usize, layers: usize) -> Result<usize, Fault> {
-    let Loaded { packed, .. } = opened.load(Want { segment, from, layers })?;
+    let loaded = opened.load(Want { segment, from, layers });
+    let Loaded { packed, .. } = loaded.map_err(LoadError::into_fault)?;
     Ok(match packed {
         PackedWant::Segment(packed) if from == 0 => packed.gaussians(),
         PackedWant::Layers(packed) if from > 0 => packed.gaussians(),
@@ -279,4 +280,21 @@ fn a_file_that_changes_while_it_plays_is_noticed() {
     }
     std::fs::write(&file.path, three()).unwrap();
     assert!(gaussians(&opened, 2, 3).is_ok(), "the same again");
+}
+
+#[test]
+#[cfg(unix)]
+fn what_cannot_be_read_is_no_damage() {
+    let mut bytes = three();
+    *bytes.last_mut().unwrap() ^= 1;
+    let file = written(&bytes);
+    let mut opened = open(&file);
+    let want = |segment, layers| Want { segment, from: 0, layers };
+    // A folder opens as a file does, and cannot be read.
+    let folder = TakeSource::open(file.path.parent().unwrap()).unwrap();
+    let source = std::mem::replace(&mut opened.source, folder);
+    assert!(matches!(opened.load(want(0, 2)), Err(LoadError::Unread(Fault::Data(_)))));
+    opened.source = source;
+    assert!(opened.load(want(0, 2)).is_ok());
+    assert!(matches!(opened.load(want(2, 3)), Err(LoadError::Damaged(Fault::Data(_)))));
 }
