@@ -1,15 +1,19 @@
-//! [`Worker`]: a thread that carries out the latest request only.
+//! [`Worker`]: a thread that carries out the latest request only; and [`apart`], for its work that waits for a disk.
 //!
-//! It holds one event until the caller takes it, and goes on only then: a caller that takes none, as a headset
+//! A worker holds one event until the caller takes it, and goes on only then: a caller that takes none, as a headset
 //! that was put down, has no clips pile up.
 
 use std::any::Any;
+use std::io;
 use std::ops::ControlFlow;
 use std::panic::{self, AssertUnwindSafe};
-use std::sync::mpsc::{Sender, channel};
+use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
+
+/// Interval between looks whether work that is apart is still wanted.
+const LOOK_INTERVAL: Duration = Duration::from_millis(50);
 
 /// A thread that carries out requests `R` and reports events `E`. A new request overtakes the request before it.
 pub(crate) struct Worker<R, E> {
@@ -81,7 +85,7 @@ impl<R: Send + 'static, E: Send + 'static> Worker<R, E> {
     pub(crate) fn new(
         work: impl Fn(R, &Report<'_, E>) + Send + 'static,
         wake: impl Fn() + Send + 'static,
-    ) -> std::io::Result<Worker<R, E>> {
+    ) -> io::Result<Worker<R, E>> {
         let (requests, incoming) = channel::<(u64, R)>();
         let shared =
             Arc::new(Shared { state: Mutex::new(State { latest: 0, event: None }), changed: Condvar::new() });
@@ -166,6 +170,53 @@ impl<R, E> Drop for Worker<R, E> {
         self.requests = None;
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
+        }
+    }
+}
+
+/// Takes the events of work that is apart. Breaks where nobody wants more of it.
+pub(crate) type OnEvent<'a, E> = &'a mut dyn FnMut(E) -> ControlFlow<()>;
+
+/// Does `work` on a thread of its own, and passes its events on. `None` if `on_event` breaks or the work `is_overtaken`,
+/// which is looked at every 50 ms: nothing ends a read of a disk that does not answer, so the thread is left behind.
+///
+/// # Errors
+/// If the system refuses another thread.
+///
+/// # Panics
+/// If `work` does.
+pub(crate) fn apart<E: Send + 'static, T: Send + 'static>(
+    work: impl FnOnce(OnEvent<'_, E>) -> T + Send + 'static,
+    on_event: OnEvent<'_, E>,
+    is_overtaken: &dyn Fn() -> bool,
+) -> io::Result<Option<T>> {
+    enum Sent<E, T> {
+        Event(E),
+        Done(T),
+    }
+    let (sender, sent) = channel();
+    let thread = std::thread::Builder::new().name("opener".into()).spawn(move || {
+        let done = work(&mut |event| match sender.send(Sent::Event(event)) {
+            Ok(()) => ControlFlow::Continue(()),
+            Err(_) => ControlFlow::Break(()),
+        });
+        // Nobody listens where it was left behind.
+        let _ = sender.send(Sent::Done(done));
+    })?;
+    loop {
+        match sent.recv_timeout(LOOK_INTERVAL) {
+            Ok(Sent::Done(done)) => return Ok(Some(done)),
+            Ok(Sent::Event(event)) => {
+                if on_event(event).is_break() {
+                    return Ok(None);
+                }
+            }
+            Err(RecvTimeoutError::Timeout) if is_overtaken() => return Ok(None),
+            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) => {
+                let panic = thread.join().expect_err("a thread that sends no result has panicked");
+                panic::resume_unwind(panic)
+            }
         }
     }
 }
@@ -255,6 +306,35 @@ mod tests {
         assert!(has_ended.try_recv().is_err());
         end.send(()).unwrap();
         assert!(has_ended.recv_timeout(PATIENCE).unwrap(), "it was overtaken");
+    }
+
+    #[test]
+    fn work_apart_is_left_behind_by_those_who_do_not_want_it() {
+        let (end, ends) = channel::<()>();
+        let (ended, has_ended) = channel();
+        let waits = move |_: OnEvent<'_, ()>| ended.send(ends.recv()).unwrap();
+        assert!(apart(waits, &mut |()| ControlFlow::Continue(()), &|| true).unwrap().is_none());
+        assert!(has_ended.try_recv().is_err());
+        end.send(()).unwrap();
+        assert!(has_ended.recv_timeout(PATIENCE).is_ok());
+
+        let count = |on_event: OnEvent<'_, u32>| (0..3).take_while(|i| on_event(*i).is_continue()).count();
+        let mut events = Vec::new();
+        let mut on_event = |event| {
+            events.push(event);
+            if event < 2 { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+        };
+        assert_eq!(apart(count, &mut on_event, &|| false).unwrap(), None);
+        assert_eq!(events, [0, 1, 2]);
+        let all = apart(count, &mut |_| ControlFlow::Continue(()), &|| false).unwrap();
+        assert_eq!(all, Some(3));
+    }
+
+    #[test]
+    #[should_panic(expected = "of the test")]
+    fn a_panic_apart_is_a_panic() {
+        let work = |_: OnEvent<'_, ()>| panic!("of the test");
+        let _: Option<()> = apart(work, &mut |()| ControlFlow::Continue(()), &|| false).unwrap();
     }
 
     #[test]

@@ -233,6 +233,7 @@ fn failure<C>() -> LoadEvent<C> {
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
     use std::sync::Arc;
     use std::sync::mpsc::{Sender, channel};
 
@@ -241,6 +242,7 @@ mod tests {
     use crate::clips::state::Transition;
     use crate::content::{OpenTake, SourceOptions};
     use crate::player::Beginning;
+    use crate::test_fields;
 
     const DEMO: &[u8] = include_bytes!("../../../assets/demo.aarc");
 
@@ -332,6 +334,39 @@ mod tests {
             _ => None,
         });
         assert_eq!(shown, Some(None), "it is the demo");
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn nobody_waits_for_a_disk_that_does_not_answer() {
+        let folder = tempfile::tempdir().unwrap();
+        let [other, pipe, list] = ["b.aarc", "a.aarc", "a.json"].map(|name| folder.path().join(name));
+        let field = test_fields::field(&test_fields::ball()[..50]);
+        std::fs::write(&other, test_fields::package(&test_fields::y_up(), &field)).unwrap();
+        // Opening them waits for a writer.
+        let made = std::process::Command::new("mkfifo").args([&pipe, &list]).status();
+        assert!(made.unwrap().success());
+        let (done, is_done) = channel();
+        std::thread::spawn(move || {
+            let mut clips = ClipController::new(options(), true, || ()).unwrap();
+            clips.set_target(Display, 0.0);
+            for path in [&pipe, &list] {
+                let name = |path: &Path| path.to_str().map(String::from);
+                clips.open(name(path));
+                std::thread::sleep(Duration::from_millis(200));
+                clips.open(name(&other));
+                while clips.wait().is_some() {}
+                done.send("another clip opens").unwrap();
+                clips.open(name(path));
+                std::thread::sleep(Duration::from_millis(200));
+            }
+            drop(clips);
+            done.send("it is closed").unwrap();
+        });
+        for expected in ["another clip opens", "another clip opens", "it is closed"] {
+            let done = is_done.recv_timeout(Duration::from_secs(60));
+            assert_eq!(done, Ok(expected));
+        }
     }
 
     /// Shows every clip.

@@ -14,7 +14,7 @@ use super::queue::{Entry, Queue};
 use crate::content::Arrival;
 use crate::content::{OpenEvent, OpenTake, SourceOptions, open, title};
 use crate::player::Beginning;
-use crate::worker::Report;
+use crate::worker::{OnEvent, Report, apart};
 use program::{Fault, counted};
 
 /// What can show clips: a window, a headset, or images.
@@ -88,6 +88,31 @@ pub(super) fn load<T: ClipTarget>(
     }
 }
 
+/// What names stand for.
+enum Named {
+    /// The clips of playlists and folders, or several clips.
+    List(Queue),
+    /// A clip and its neighbours, or the demo.
+    Single(Option<String>, Neighbours),
+}
+
+impl Named {
+    /// Looks at what is there; `None` if `on_event` breaks.
+    fn find(
+        names: Vec<String>,
+        source: &SourceOptions,
+        on_event: OnEvent<'_, OpenEvent>,
+    ) -> Result<Option<Named>, Fault> {
+        if playlist::is_list(&names) {
+            let opened = playlist::open(&names, source, on_event)?;
+            return Ok(opened.map(|list| Named::List(Queue::new(list.clips))));
+        }
+        let name = names.into_iter().next();
+        let neighbours = Neighbours::find(name.as_deref());
+        Ok(Some(Named::Single(name, neighbours)))
+    }
+}
+
 /// A request under way.
 struct Loading<'a, T: ClipTarget> {
     options: LoadOptions,
@@ -103,36 +128,44 @@ impl<T: ClipTarget> Loading<'_, T> {
             Selection::FirstOf(entries) => self.first_of(&entries),
             #[cfg(feature = "window")]
             Selection::Opened { entry, take, rest, in_playlist } => {
-                if !in_playlist && self.neighbours(entry.name.as_deref()).is_break() {
+                let name = entry.name.clone();
+                let neighbours = move |_: OnEvent<'_, OpenEvent>| Neighbours::find(name.as_deref());
+                let found = if in_playlist { None } else { self.apart(neighbours)? };
+                let report = |found| (self.report.send)(LoadEvent::Neighbours(found));
+                if found.is_some_and(|found| report(found).is_break()) {
                     return Ok(ControlFlow::Break(()));
                 }
                 let events = iter::once(Ok(OpenEvent::Take(take))).chain(rest);
                 self.versions(&entry, events, &mut true)
             }
-            Selection::Named(names) if playlist::is_list(&names) => {
-                let source = &self.options.source;
-                let opened = playlist::open(&names, source, &mut |event| self.pass_on(event))?;
-                let Some(opened) = opened else { return Ok(ControlFlow::Break(())) };
-                let queue = Queue::new(opened.clips);
-                let entries = queue.all();
-                if (self.report.send)(LoadEvent::Playlist(queue)).is_break() {
+            Selection::Named(names) => {
+                let source = self.options.source.clone();
+                let named = self.apart(move |on_event| Named::find(names, &source, on_event))?;
+                let (event, entries) = match named.transpose()?.flatten() {
+                    None => return Ok(ControlFlow::Break(())),
+                    Some(Named::List(queue)) => {
+                        let entries = queue.all();
+                        (LoadEvent::Playlist(queue), entries)
+                    }
+                    Some(Named::Single(name, neighbours)) => {
+                        (LoadEvent::Neighbours(neighbours), vec![Entry::single(name)])
+                    }
+                };
+                if (self.report.send)(event).is_break() {
                     return Ok(ControlFlow::Break(()));
                 }
                 self.first_of(&entries)
             }
-            Selection::Named(names) => {
-                let name = names.into_iter().next();
-                if self.neighbours(name.as_deref()).is_break() {
-                    return Ok(ControlFlow::Break(()));
-                }
-                self.first_of(&[Entry::single(name)])
-            }
         }
     }
 
-    /// Reports the neighbours of a clip.
-    fn neighbours(&self, name: Option<&str>) -> ControlFlow<()> {
-        (self.report.send)(LoadEvent::Neighbours(Neighbours::find(name)))
+    /// Does `work`, which may wait for a disk, on a thread of its own; `None` if the request was overtaken.
+    fn apart<R: Send + 'static>(
+        &self,
+        work: impl FnOnce(OnEvent<'_, OpenEvent>) -> R + Send + 'static,
+    ) -> Result<Option<R>, Fault> {
+        apart(work, &mut |event| self.pass_on(event), self.report.is_overtaken)
+            .map_err(|error| Fault::Device(format!("cannot start a thread: {error}")))
     }
 
     /// Loads the first of `entries` that can be loaded.
@@ -142,7 +175,10 @@ impl<T: ClipTarget> Loading<'_, T> {
     fn first_of(&mut self, entries: &[Entry]) -> Flow {
         for (i, entry) in entries.iter().enumerate() {
             let mut is_first = true;
-            let arrival = open(entry.name.as_deref(), &self.options.source);
+            let (name, source) = (entry.name.clone(), self.options.source.clone());
+            let Some(arrival) = self.apart(move |_| open(name.as_deref(), &source))? else {
+                return Ok(ControlFlow::Break(()));
+            };
             match arrival.and_then(|arrival| self.versions(entry, arrival, &mut is_first)) {
                 Err(fault) if is_first && i + 1 < entries.len() => {
                     if (self.report.send)(LoadEvent::Skipped(fault)).is_break() {
