@@ -18,6 +18,8 @@ pub mod gpu;
 pub mod headless;
 #[cfg(feature = "xr")]
 pub mod headset;
+#[cfg(any(feature = "window", feature = "xr"))]
+mod notes;
 pub mod pipeline_folder;
 pub mod player;
 #[cfg(any(feature = "window", feature = "xr"))]

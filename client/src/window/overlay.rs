@@ -6,13 +6,11 @@ use egui::{Align2, Area, Color32, Context, Grid, Id, Order, RichText, Spinner, U
 use super::icons::{Symbol, symbol_button};
 use super::keys::{CAMERA, PLAYING, WINDOW};
 use super::style;
+use crate::notes::below;
 
 /// Seconds until a note disappears: to notice it, and to read its characters.
 const NOTICE_S: f64 = 3.0;
 const READ_S: f64 = 1.0 / 15.0;
-
-/// Most lines of notes that are shown at once.
-const NOTE_LINES: usize = 4;
 
 /// What is said to the viewer.
 #[derive(Clone, Debug, PartialEq)]
@@ -26,16 +24,26 @@ pub(crate) enum Message {
 }
 
 impl Message {
-    /// A note in place of `shown`. Notes that are being read stay above it.
+    /// A note in place of `shown`. Notes that are being read stay above it; below an error it
+    /// stays as the error does.
     pub(crate) fn note(shown: Option<Message>, text: String) -> Message {
-        let mut lines = match shown {
-            Some(Message::Note { text, .. }) => text.lines().map(String::from).collect(),
-            _ => Vec::new(),
-        };
-        lines.retain(|line| *line != text);
-        lines.push(text);
-        lines.drain(..lines.len().saturating_sub(NOTE_LINES));
-        Message::Note { text: lines.join("\n"), until_s: None }
+        match shown {
+            Some(Message::Error(shown)) => Message::Error(below(&shown, &text)),
+            Some(Message::Note { text: shown, .. }) => {
+                Message::Note { text: below(&shown, &text), until_s: None }
+            }
+            Some(Message::Working(_)) | None => Message::Note { text, until_s: None },
+        }
+    }
+
+    /// An error in place of `shown`. Notes that are being read and other errors stay above it.
+    pub(crate) fn error(shown: Option<Message>, text: String) -> Message {
+        match shown {
+            Some(Message::Error(shown) | Message::Note { text: shown, .. }) => {
+                Message::Error(below(&shown, &text))
+            }
+            Some(Message::Working(_)) | None => Message::Error(text),
+        }
     }
 }
 

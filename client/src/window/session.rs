@@ -341,7 +341,7 @@ impl Session {
         }
         if let Some(path) = unnamed {
             let why = format!("{}: its name is not text: rename it", path.display());
-            self.set_message(Message::Error(why));
+            self.error(why);
         }
     }
 
@@ -350,7 +350,9 @@ impl Session {
             [name] => title(Some(name)),
             _ => format!("{} files", names.len()),
         };
-        self.set_message(Message::Working(format!("Opening {what}")));
+        // A choice of the viewer takes the place of what was said before.
+        self.viewer.message = None;
+        self.progress(format!("Opening {what}"));
         self.clips.open(names);
     }
 
@@ -359,7 +361,10 @@ impl Session {
         match opening {
             Opening::Clip(name) => self.load(vec![name]),
             Opening::Beside(direction) => match self.clips.skip(direction) {
-                Some(change) => self.apply(change),
+                Some(change) => {
+                    self.viewer.message = None;
+                    self.apply(change);
+                }
                 None if !self.clips.has_neighbour(direction) => self.note("There is no other clip".into()),
                 None => {}
             },
@@ -389,7 +394,7 @@ impl Session {
             viewpoint: self.viewer.camera_viewpoint(),
         };
         let proxy = self.proxy.clone();
-        self.set_message(Message::Working("Writing the poster".into()));
+        self.progress("Writing the poster".into());
         std::thread::spawn(move || drop(proxy.send_event(Event::PosterWritten(change.write()))));
     }
 
@@ -422,14 +427,14 @@ impl Session {
             Event::Saved(Ok(path)) => self.note(format!("Saved {}", path.display())),
             Event::PosterWritten(Ok(())) => self.note("The clip has a new poster".into()),
             Event::Saved(Err(fault)) | Event::PosterWritten(Err(fault)) => {
-                self.set_message(Message::Error(fault.to_string()));
+                self.error(fault.to_string());
             }
             Event::Picked(picked) => {
                 self.is_picking = false;
                 match picked {
                     Picked::File(path) => self.load_files(&[path]),
                     Picked::Nothing => {}
-                    Picked::NoDialog => self.set_message(Message::Error(NO_DIALOG.into())),
+                    Picked::NoDialog => self.error(NO_DIALOG.into()),
                 }
             }
         }
@@ -450,7 +455,7 @@ impl Session {
             }
             Change::Failed(fault) => {
                 self.reporter.print(&OpenEvent::Note(fault.to_string()));
-                self.set_message(Message::Error(fault.to_string()));
+                self.error(fault.to_string());
             }
             Change::Idle => self.clear_progress(),
         }
@@ -481,8 +486,8 @@ impl Session {
         self.window.request_redraw();
     }
 
-    fn set_message(&mut self, message: Message) {
-        self.viewer.message = Some(message);
+    fn error(&mut self, text: String) {
+        self.viewer.error(text);
         self.window.request_redraw();
     }
 
@@ -737,7 +742,7 @@ impl Session {
             settings: state.settings,
         };
         let (gpu, proxy) = (self.screen.gpu.clone(), self.proxy.clone());
-        self.viewer.message = Some(Message::Working("Saving a picture".into()));
+        self.progress("Saving a picture".into());
         self.saving = Some(std::thread::spawn(move || {
             // The event loop has ended where this fails.
             let _ = proxy.send_event(Event::Saved(screenshot.save(&gpu, &folders::pictures())));
@@ -767,7 +772,7 @@ impl Session {
         self.drawn = None;
         self.last_frame = None;
         self.clips.set_target(WindowTarget::new(&self.screen, &self.proxy), self.viewer.clock.position_s());
-        self.set_message(Message::Working("Loading the clip for another graphics device".into()));
+        self.progress("Loading the clip for another graphics device".into());
         Ok(())
     }
 

@@ -104,8 +104,8 @@ impl Viewer {
         self.camera = CameraControl::new(&clip.viewpoints[0], clip.up);
         self.viewpoint = 0;
         self.clip = clip;
-        // Notes on it came before it.
-        self.message = self.message.take().filter(|message| matches!(message, Message::Note { .. }));
+        // Notes on it came before it, and errors stay until they are dismissed.
+        self.message.take_if(|message| matches!(message, Message::Working(_)));
     }
 
     /// Continues with the next clip of a playlist. The camera stays if both clips have the same viewpoints.
@@ -135,9 +135,14 @@ impl Viewer {
         self.message = Some(Message::note(self.message.take(), text));
     }
 
-    /// Says what is being done, unless a note is being read.
+    /// Shows an error.
+    pub(crate) fn error(&mut self, text: String) {
+        self.message = Some(Message::error(self.message.take(), text));
+    }
+
+    /// Says what is being done, unless a note or an error is shown.
     pub(crate) fn progress(&mut self, text: String) {
-        if !matches!(self.message, Some(Message::Note { .. })) {
+        if matches!(self.message, None | Some(Message::Working(_))) {
             self.message = Some(Message::Working(text));
         }
     }

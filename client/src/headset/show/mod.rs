@@ -388,7 +388,7 @@ impl Show {
                 .and_then(|playing| playing.clip.take.as_ref())
                 .map_or(&[], TakePlayer::buffered),
             statistics: &self.statistics.rows,
-            notice: self.notices.line(),
+            notice: self.notices.shown(),
         };
         self.panel.as_mut()?.frame(&state, elapsed_s, &mut self.commands)
     }
@@ -405,6 +405,8 @@ impl Show {
             Command::Recentre => self.place.recentre(head),
             Command::NextClip => {
                 if let Some(Change::Waiting) = self.clips.skip(Direction::Forward) {
+                    // A choice of the viewer takes the place of what was said before.
+                    self.notices.dismiss();
                     self.notices.work("Loading the next clip".into());
                 }
             }
@@ -416,7 +418,7 @@ impl Show {
             Command::Better => self.quality.improve(),
             Command::Coarser => self.quality.coarsen(),
             Command::TogglePassthrough => self.passthrough = self.passthrough.map(|visible| !visible),
-            Command::Dismiss if !self.clips.is_loading() => self.notices.dismiss(),
+            Command::Dismiss => self.notices.dismiss(),
             _ => {}
         }
         false

@@ -480,6 +480,24 @@ fn notes_are_read_before_others_and_the_clip_take_their_place() {
 }
 
 #[test]
+fn an_error_stays_until_it_is_dismissed() {
+    let mut bench = Bench::new();
+    bench.viewer.note("3 rows were repaired".into());
+    bench.viewer.error("b.aarc: damaged".into());
+    bench.viewer.progress("50 %".into());
+    bench.viewer.change_clip(clip());
+    bench.viewer.note("no sound".into());
+    bench.frame(100.0, vec![]);
+    let all = "3 rows were repaired\nb.aarc: damaged\nno sound";
+    assert_eq!(bench.viewer.message, Some(Message::Error(all.into())));
+    bench.press(Key::Escape);
+    bench.viewer.progress("60 %".into());
+    assert_eq!(bench.viewer.message, Some(Message::Working("60 %".into())));
+    bench.viewer.error("c.aarc: damaged".into());
+    assert_eq!(bench.viewer.message, Some(Message::Error("c.aarc: damaged".into())));
+}
+
+#[test]
 fn more_layers_of_a_clip_change_nothing_else() {
     let mut bench = Bench::new();
     bench.press(Key::Num2);
