@@ -13,6 +13,8 @@ pub mod clock;
 pub mod content;
 #[cfg(all(not(target_os = "android"), any(feature = "net", feature = "window", feature = "xr")))]
 mod folders;
+#[cfg(all(not(target_os = "android"), any(feature = "window", feature = "xr")))]
+mod fonts;
 pub mod gpu;
 #[cfg(not(target_os = "android"))]
 pub mod headless;

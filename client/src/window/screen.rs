@@ -5,12 +5,12 @@ use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use egui::ViewportId;
-use egui_system_font_provider::SystemFontProvider;
 use program::Fault;
 use winit::window::{Theme, Window};
 
 use super::style;
 use crate::folders;
+use crate::fonts;
 use crate::gpu::{ChannelDepth, Gpu, Picture, SurfaceFrame, UiPainter, WindowSurface, choose_f16};
 use crate::pipeline_folder::PipelineFolder;
 
@@ -42,8 +42,7 @@ impl Screen {
         choose_f16(&mut gpu, ChannelDepth::Eight)?;
         let ctx = egui::Context::default();
         style::apply(&ctx);
-        // Names of clips may be in any script. It lists the system's fonts on a thread of its own.
-        ctx.add_font_provider(Arc::new(SystemFontProvider::new()));
+        fonts::add_fallback(&ctx);
         Ok(Screen {
             picture: Picture::new(&gpu, surface.format(), [1, 1])?,
             input: egui_winit::State::new(

@@ -52,4 +52,6 @@ pub(super) fn apply(ctx: &Context) {
         options.input_options.max_click_duration = CLICK_S;
     });
     ctx.set_theme(Theme::Dark);
+    #[cfg(not(target_os = "android"))]
+    crate::fonts::add_fallback(ctx);
 }

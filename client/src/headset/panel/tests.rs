@@ -1,5 +1,6 @@
 //! Hands that point at the panel, frame by frame.
 
+use egui::epaint::text::{FallbackRequest, FontProvider};
 use egui::pos2;
 use glam::{Quat, Vec3, vec3};
 
@@ -302,6 +303,24 @@ fn rays_end_on_the_panel_and_hide_with_it() {
     assert!(matches!(lengths(&bench), [Some(_), None]), "a hand that is not there has none");
     bench.panel.apply(Command::TogglePanel, &HEAD);
     assert_eq!(lengths(&bench), [None, None]);
+}
+
+#[test]
+fn names_in_other_scripts_have_the_fonts_of_the_system() {
+    let mut bench = Bench::new();
+    let font = style::font(20.0);
+    let has = |bench: &Bench, c| bench.panel.ctx.fonts_mut(|fonts| fonts.has_glyph(&font, c));
+    let system = egui_system_font_provider::SystemFontProvider::new();
+    // Which of them it has depends on the machine; DejaVu has the first.
+    for name in ["ა", "雨", "한"] {
+        let request = FallbackRequest { cluster: name, family: &font.family };
+        let expected = system.font_for(&request).is_some();
+        let c = name.chars().next().unwrap();
+        assert_eq!(has(&bench, c), expected, "{name}");
+        bench.panel.forget_picture();
+        bench.frame();
+        assert_eq!(has(&bench, c), expected, "{name}, in another session");
+    }
 }
 
 #[test]
