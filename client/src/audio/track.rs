@@ -245,10 +245,14 @@ pub(super) fn samples(seconds: f64) -> i64 {
     (seconds * f64::from(SOUND_RATE_HZ)).round() as i64
 }
 
-#[cfg(all(test, feature = "audio"))]
+#[cfg(test)]
+#[cfg(feature = "audio")]
 mod track_tests {
+    use codec::{SegmentPackage, SoundInfo};
+
     use super::*;
-    use codec::SoundInfo;
+    use crate::content::{OpenTake, Want};
+    use crate::test_fields;
 
     fn sound(start: u32, length: u32) -> Sound {
         let info =
@@ -304,6 +308,45 @@ mod track_tests {
         for offset in [-2.0, -1.2, 1.2, 2.0] {
             let track = track(offset);
             assert!(track.follower(&track.at(100).unwrap()).is_none(), "{offset}");
+        }
+    }
+
+    #[test]
+    fn the_packets_of_a_take_are_heard_where_its_segments_play() {
+        const SECOND: usize = SOUND_RATE_HZ as usize;
+        let limits = Limits::default();
+        // Half a second of sound in each second, whose packets say where they belong.
+        let info = *sound(0, 24_000).info();
+        let package = |segment: u8| {
+            let packets: Vec<[u8; 2]> = (0..info.packet_count()).map(|i| [segment, i as u8]).collect();
+            let sound = Sound::new(info, packets.iter().map(|packet| &packet[..])).unwrap();
+            let field = test_fields::field(&test_fields::ball()[..50]);
+            codec::with_sound(&test_fields::package(&test_fields::y_up(), &field), Some(&sound)).unwrap()
+        };
+        let packages: Vec<Vec<u8>> = (0..4).map(package).collect();
+        let heads: Vec<_> =
+            packages.iter().map(|package| codec::contents(package, &limits).unwrap()).collect();
+        let segments: Vec<_> = (0..)
+            .map(f64::from)
+            .zip(&heads)
+            .map(|(start_s, contents)| SegmentPackage { start_s, duration_s: 1.0, level: 0, contents })
+            .collect();
+        let head = codec::encode_take_head(&test_fields::y_up(), 4.0, &segments).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.aarc");
+        std::fs::write(&path, [head, packages.concat()].concat()).unwrap();
+        let opened = OpenTake::open(&path, &limits).unwrap();
+        for segment in [2, 0, 3, 1] {
+            opened.load(Want { segment, from: 0, layers: 1 }).unwrap();
+        }
+        for sample in (0..4 * SECOND).step_by(479) {
+            let heard = opened.sound.at(sample as i64).map(|placed| {
+                let offset = sample - placed.start as usize;
+                placed.sound.packet(offset / 960).unwrap().to_vec()
+            });
+            let (segment, offset) = (sample / SECOND, sample % SECOND);
+            let expected = (offset < 24_000).then(|| vec![segment as u8, (offset / 960) as u8]);
+            assert_eq!(heard, expected, "sample {sample}");
         }
     }
 
