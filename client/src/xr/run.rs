@@ -58,7 +58,6 @@ pub(super) fn play(args: &Args, system: &mut System) -> Result<(), Fault> {
     let mut show = Show::new(args.clips.clone(), options, quality, place, speaker, !measures)?;
     let mut report = Report::new(args, started);
     let ended = run_devices(args, system, &runtime, &mut show, &mut report);
-    show.save();
     report.write(args, &runtime, &ended?.gpu, &mut show)?;
     show.outcome()
 }

@@ -352,14 +352,11 @@ impl Show {
         }
         let panel = self.panel.get_or_insert_with(|| Panel::new(head));
         let was_scrubbing = panel.is_scrubbing();
-        let interaction = &mut self.place.interaction;
-        interaction.take(viewer.hands, viewer.attends, elapsed_s);
-        let on_panel = panel.point(interaction.inputs(), haptics);
-        interaction.update(head, on_panel, &self.clock, commands, haptics);
-        moved.rays = panel.rays(interaction.inputs(), head);
-        let scrubs = was_scrubbing || interaction.is_scrubbing();
-        self.place.remember();
-        scrubs
+        self.place.interaction.take(viewer.hands, viewer.attends, elapsed_s);
+        let on_panel = panel.point(self.place.interaction.inputs(), haptics);
+        self.place.update(head, on_panel, &self.clock, commands, haptics);
+        moved.rays = panel.rays(self.place.interaction.inputs(), head);
+        was_scrubbing || self.place.interaction.is_scrubbing()
     }
 
     /// A new picture of the panel in the frame seen at `display_ns`, if something on it changed. What is pressed on it

@@ -1,7 +1,10 @@
 //! [`Place`]: where clips stand in the room, as hands move them and as it is remembered.
 
+use crate::clock::Clock;
 use crate::content::{digest, is_url, redacted, request_url};
-use crate::headset::interaction::{Interaction, Placement, PlacementStore, Pose, SpaceChange};
+use crate::headset::interaction::{
+    Command, Haptics, Interaction, Placement, PlacementStore, Pose, SpaceChange,
+};
 use program::{Standpoint, Subject};
 
 /// Where the clip on display stands.
@@ -71,8 +74,16 @@ impl Place {
         }
     }
 
-    /// Remembers where the viewer has put the clip, once no hand holds it.
-    pub(crate) fn remember(&mut self) {
+    /// Lets the hands of a frame move the clip, as [`Interaction::update`], and remembers where it is once no hand holds it.
+    pub(crate) fn update(
+        &mut self,
+        head: &Pose,
+        on_panel: [bool; 2],
+        clock: &Clock,
+        commands: &mut Vec<Command>,
+        haptics: &mut Haptics,
+    ) {
+        self.interaction.update(head, on_panel, clock, commands, haptics);
         if !self.interaction.is_holding() {
             self.save();
         }
@@ -85,6 +96,13 @@ impl Place {
         if let Some(placement) = self.interaction.placement() {
             store.set(key, placement);
         }
+    }
+}
+
+impl Drop for Place {
+    /// A run may end by a fault, and while a hand holds the clip.
+    fn drop(&mut self) {
+        self.save();
     }
 }
 
@@ -105,7 +123,7 @@ mod tests {
     use glam::{Quat, Vec3, vec3};
 
     use super::*;
-    use crate::headset::interaction::{Hand, Hands, Haptics};
+    use crate::headset::interaction::{Hand, Hands};
 
     #[test]
     fn the_store_holds_no_secrets_and_tells_urls_apart() {
@@ -142,9 +160,8 @@ mod tests {
         let grip = Pose { position: vec3(x, 1.2, -0.3), orientation: Quat::IDENTITY };
         let right = Hand { tracked: true, aim: grip, grip, squeeze, ..Hand::default() };
         place.interaction.take(&Hands { right, ..Hands::default() }, true, 0.01);
-        let clock = crate::clock::Clock::new(1.0, 30.0);
-        place.interaction.update(&HEAD, [false; 2], &clock, &mut Vec::new(), &mut Haptics::default());
-        place.remember();
+        let clock = Clock::new(1.0, 30.0);
+        place.update(&HEAD, [false; 2], &clock, &mut Vec::new(), &mut Haptics::default());
     }
 
     fn remembered(folder: &std::path::Path) -> Option<Placement> {
@@ -167,6 +184,18 @@ mod tests {
         drop(moved);
         assert_eq!(remembered(folder.path()), Some(left));
         assert_eq!(place(folder.path()).interaction.placement(), Some(&left));
+    }
+
+    #[test]
+    fn a_run_that_ends_while_a_hand_holds_the_clip_remembers_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut held = place(folder.path());
+        for (squeeze, x) in [(false, 0.0), (true, 0.0), (true, 0.2), (true, 0.4)] {
+            hold(&mut held, squeeze, x);
+        }
+        let left = *held.interaction.placement().unwrap();
+        drop(held);
+        assert_eq!(remembered(folder.path()), Some(left));
     }
 
     #[test]
