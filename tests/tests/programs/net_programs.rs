@@ -30,6 +30,7 @@ pub(crate) fn trials() -> Vec<Trial> {
         gpu::trial("a URL has the poster of its package", Passes::Shared, |_| poster()),
         Trial::test("faults are one sentence and an exit code", || faults().map_err(Failed::from)),
         gpu::trial("no output has the secrets of a URL", Passes::Shared, secrets),
+        gpu::trial("the environment names a proxy", Passes::Shared, proxied),
         display::trial("a window plays the first layer before the rest is sent", window),
     ]
 }
@@ -195,6 +196,22 @@ fn faults() -> Result<(), String> {
         return Err("something was left".into());
     }
     Ok(())
+}
+
+/// The host of the URL does not exist: its proxy answers.
+fn proxied(_: &Gpu) -> Result<(), String> {
+    const URL: &str = "http://clips.invalid/clip.aarc";
+    let (folder, proxy) = (Folder::default(), server_of(&package()));
+    let mut command = player(&folder, URL, "a.png");
+    for name in ["http_proxy", "HTTP_PROXY", "all_proxy", "ALL_PROXY", "no_proxy", "NO_PROXY"] {
+        command.env_remove(name);
+    }
+    run(command.env("http_proxy", format!("http://{}", proxy.socket()))).success();
+    let asked: Vec<String> = proxy.requests().into_iter().map(|request| request.path).collect();
+    if asked.is_empty() || asked.iter().any(|path| path != URL) {
+        return Err(format!("the proxy is asked for {asked:?}"));
+    }
+    folder.read("a.png").map(drop)
 }
 
 /// Whatever happens, and however much is logged.
