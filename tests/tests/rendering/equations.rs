@@ -7,7 +7,7 @@
 
 use aarc_tests::gpu::{self, Drawing, Passes};
 use aarc_tests::scene::decoded;
-use client::gpu::{ChannelDepth, Gpu, GpuClip, RenderSettings};
+use client::gpu::{ChannelDepth, Cutoff, Gpu, GpuClip, RenderSettings};
 use codec::{Camera, Clip, Field, Temporal, near_fade};
 use libtest_mimic::Trial;
 use refine::image::Image;
@@ -30,6 +30,8 @@ pub(crate) fn trials() -> Vec<Trial> {
     trials.push(gpu::trial("temporal opacity", Passes::Shared, temporal_opacity));
     trials.push(gpu::trial("rotation", Passes::Shared, rotation));
     trials.push(gpu::trial("fade near the eye", Passes::Shared, fade));
+    trials.push(gpu::trial("support radius", Passes::Shared, support_radius));
+    trials.push(gpu::trial("largest alpha", Passes::Shared, largest_alpha));
     trials
 }
 
@@ -175,6 +177,48 @@ fn temporal_opacity(gpu: &Gpu) -> Result<(), String> {
     Ok(())
 }
 
+/// Draws a clip in the middle of its time.
+fn draw(gpu: &Gpu, clip: &Clip, settings: &RenderSettings) -> Result<Image, String> {
+    let images = gpu::draw(gpu, clip, &[camera()], 0.5, settings, ChannelDepth::Sixteen);
+    images.map(|mut images| images.remove(0)).map_err(|fault| fault.to_string())
+}
+
+/// A cutoff leaves out what lies beyond its radius in each direction: also in the corners of the quad around it.
+fn support_radius(gpu: &Gpu) -> Result<(), String> {
+    let temporal = Temporal { tau: vec![0.5], s: vec![0.4], ..Temporal::default() };
+    let clip = one(&gaussian([0.3; 3], temporal))?;
+    let field = &clip.dynamic_field;
+    let [x, y, _] = field.position_at(0, 0.5).map(|x| 0.5 * f64::from(SIZE) + SCALE * x);
+    let variance = (SCALE * f64::from(field.log_scales[0][0].exp())).powi(2) + 0.3;
+    for (cutoff, square_max) in [(Cutoff::Sqrt8, 8.0), (Cutoff::Sqrt5, 5.0)] {
+        let image = draw(gpu, &clip, &RenderSettings { cutoff, ..RenderSettings::default() })?;
+        for (i, pixel) in (0u32..).zip(&image.pixels) {
+            let [column, row] = [i % SIZE, i / SIZE].map(|place| f64::from(place) + 0.5);
+            let square = ((column - x).powi(2) + (row - y).powi(2)) / variance;
+            let expected = field.opacity_at(0, 0.5) * (-0.5 * square).exp();
+            let expected = if square <= square_max && expected >= 1.0 / 255.0 { expected } else { 0.0 };
+            // Rounding decides at the edge.
+            if (square - square_max).abs() > 0.1 {
+                close(&format!("alpha at {square:.2} of {square_max}"), pixel[3], expected, 0.5 / 255.0)?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// An opaque Gaussian leaves a thousandth of what is behind it.
+fn largest_alpha(gpu: &Gpu) -> Result<(), String> {
+    let temporal = Temporal { tau: vec![0.5], s: vec![0.4], ..Temporal::default() };
+    let clip = one(&Field { opacities: vec![1.0], ..gaussian([3.0; 3], temporal) })?;
+    if clip.dynamic_field.opacity_at(0, 0.5) < 0.9999 {
+        return Err("the package lost the opacity".into());
+    }
+    let image = draw(gpu, &clip, &RenderSettings::default())?;
+    let largest = image.pixels.iter().map(|pixel| pixel[3]).fold(0.0, f64::max);
+    // 16-bit floats below 1 are 0.0005 apart.
+    close("the largest alpha", largest, 0.999, 0.0004)
+}
+
 /// The angle of a needle that turns in the image plane agrees within 0.25 degrees.
 fn rotation(gpu: &Gpu) -> Result<(), String> {
     let temporal = Temporal {
@@ -224,10 +268,8 @@ fn fade(gpu: &Gpu) -> Result<(), String> {
         let square = (x.floor() + 0.5 - x).powi(2) + (y.floor() + 0.5 - y).powi(2);
         let falloff = (-0.5 * square / (deviation * deviation + 0.3)).exp();
         let expected = fade * clip.dynamic_field.opacity_at(0, 0.5);
-        let camera = [camera()];
-        let images = gpu::draw(gpu, &clip, &camera, 0.5, &RenderSettings::default(), ChannelDepth::Sixteen);
-        let images = images.map_err(|fault| fault.to_string())?;
-        let alpha = images[0].pixel(x as u32, y as u32)[3] / falloff;
+        let image = draw(gpu, &clip, &RenderSettings::default())?;
+        let alpha = image.pixel(x as u32, y as u32)[3] / falloff;
         let expected = if expected < 1.0 / 255.0 { 0.0 } else { expected };
         close(&format!("opacity at {depth} of the near distance"), alpha, expected, 0.5 / 255.0)?;
         faded += usize::from(expected > 0.0 && fade < 1.0);

@@ -34,6 +34,7 @@ pub(crate) fn trials() -> Vec<Trial> {
         gpu::trial("frames over the room, two eyes in two passes", Passes::PerEye, |gpu| {
             over_the_room(gpu, true)
         }),
+        gpu::trial("faint and dark colours in linear light", Passes::Shared, faint_and_dark),
     ]
 }
 
@@ -89,6 +90,47 @@ fn submitted(
         pixels: pixels.rgba.iter().map(|pixel| pixel.map(f64::from)).collect(),
     };
     Ok(target.read(gpu)?.iter().map(image).collect())
+}
+
+/// What a bright room hides: colours whose alpha is near 0, and colours on both sides of the bend in the sRGB curve.
+fn faint_and_dark(gpu: &Gpu) -> Result<(), String> {
+    /// The first spherical harmonic, and the colour where its coefficient is 0.
+    const Y0: f32 = 0.282_094_8;
+    const GREY: f32 = 0.5;
+    let text = |fault: Fault| fault.to_string();
+    let eye = [camera(Place::Whole, SIZE.0, SIZE.1)];
+    let settings = RenderSettings::default();
+    for (name, brightness) in [("faint", 1.0), ("dark", 0.2)] {
+        let recipe = Recipe {
+            count: 600,
+            sh_degree: 0,
+            motion: Motion::Static,
+            motion_order: 0,
+            turning: false,
+            seed: 7,
+        };
+        let mut field = recipe.field();
+        let dimmed = |sh: f32| (brightness * (GREY + Y0 * sh) - GREY) / Y0;
+        field.sh.iter_mut().flatten().for_each(|sh| *sh = dimmed(*sh));
+        let clip = decoded(&field);
+        let drawn = draw(gpu, &clip, &eye, 0.5, &settings, ChannelDepth::Sixteen).map_err(text)?;
+        let images = submitted(gpu, &clip, &eye, &settings, ChannelDepth::Sixteen).map_err(text)?;
+        let layer = |pixel: &[f64; 4]| {
+            let [r, g, b] = [0, 1, 2].map(|channel| encode(light(*pixel, channel)));
+            [r, g, b, pixel[3]]
+        };
+        let expected = Image { pixels: drawn[0].pixels.iter().map(layer).collect(), ..drawn[0] };
+        check(&format!("{name} colours in linear light"), &images[0], &expected, SIXTEEN.on(gpu))?;
+        let is_there = |pixel: &&[f64; 4]| match name {
+            "faint" => pixel[3] > 0.0 && pixel[3] < 0.03 && pixel[0] > 0.3 * pixel[3],
+            _ => pixel[3] > 0.5 && pixel[0] > 0.05 * pixel[3] && pixel[0] < 0.1 * pixel[3],
+        };
+        let count = drawn[0].pixels.iter().filter(is_there).count();
+        if count < 20 {
+            return Err(format!("{count} {name} pixels test nothing"));
+        }
+    }
+    Ok(())
 }
 
 fn over_the_room(gpu: &Gpu, stereo: bool) -> Result<(), String> {
