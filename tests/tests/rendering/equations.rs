@@ -215,8 +215,8 @@ fn largest_alpha(gpu: &Gpu) -> Result<(), String> {
     }
     let image = draw(gpu, &clip, &RenderSettings::default())?;
     let largest = image.pixels.iter().map(|pixel| pixel[3]).fold(0.0, f64::max);
-    // 16-bit floats below 1 are 0.0005 apart.
-    close("the largest alpha", largest, 0.999, 0.0004)
+    // 16-bit floats below 1 are 0.0005 apart, and some drivers cut what they cannot hold.
+    close("the largest alpha", largest, 0.999, 0.0006)
 }
 
 /// The angle of a needle that turns in the image plane agrees within 0.25 degrees.

@@ -7,7 +7,6 @@ use program::Fault;
 use refine::fit::Fit;
 use serde::{Deserialize, Serialize};
 
-use super::Fitted;
 use super::log::{Density, LogEntry};
 use super::plan::FitPlan;
 use super::stored::{Magic, Unstored, store, stored};
@@ -74,10 +73,14 @@ impl Checkpoint {
     }
 
     /// The checkpoint of a fit after its last step.
-    pub(super) fn of_finished(plan: &FitPlan, fitted: &Fitted) -> Checkpoint {
-        let entries = fitted.entries.clone();
-        let seconds = entries.last().map_or(0.0, |entry| entry.seconds);
-        Checkpoint { plan: plan.clone(), fit: fitted.fit.clone(), seconds, entries, tally: Tally::default() }
+    pub(super) fn of_finished(plan: &FitPlan, fit: &Fit, entries: &[LogEntry]) -> Checkpoint {
+        Checkpoint {
+            plan: plan.clone(),
+            fit: fit.clone(),
+            seconds: entries.last().map_or(0.0, |entry| entry.seconds),
+            entries: entries.to_vec(),
+            tally: Tally::default(),
+        }
     }
 
     /// Writes the checkpoint to `path`, whole or not at all, and durably.

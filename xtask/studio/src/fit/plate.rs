@@ -54,7 +54,7 @@ pub fn fit_plate(
     let path = plate_path(out);
     let fitted = fit(&plan, &small, &views, None, runtime, &path, on_progress)?;
     // A fit that is killed before the other one has a checkpoint starts there.
-    Checkpoint::of_finished(&plan, &fitted).save(&checkpoint::path_for(&path))?;
+    Checkpoint::of_finished(&plan, &fitted.fit, &fitted.entries).save(&checkpoint::path_for(&path))?;
     // The plate is fitted: it is not lost to a question about it.
     let named = name_strangers(&fitted.fit, &views, &capture_files.capture.cameras, backend);
     named
