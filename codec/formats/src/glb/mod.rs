@@ -86,7 +86,7 @@ pub(crate) fn read(bytes: &[u8], folder: &Path, budget: &mut ImportBudget) -> Re
             let mut one = budget.field(part.rows, part.sh_degree)?;
             part.read(&buffers, form, &mut one)?;
             // In `f64`: the sum with a translation may need more digits than the centre has.
-            centers.extend(one.centers.iter().copied().map(place.points()));
+            centers.extend(one.centers.drain(..).map(place.points()));
             place.apply(&mut one);
             repairs.repair_rows(SH_CUT, if part.is_cut { part.rows } else { 0 });
             append(&mut field, &one);
