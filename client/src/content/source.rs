@@ -5,9 +5,8 @@ use std::fs::{File, Metadata};
 use std::io::{self, Read, Seek, SeekFrom};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
-#[cfg(feature = "net")]
-use std::sync::Arc;
-use std::sync::{Mutex, PoisonError};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError, Weak};
 use std::time::{Duration, Instant};
 
 use codec::FormatError;
@@ -19,6 +18,9 @@ use super::transfer::{RemoteFile, WEB_PAGE, is_web_page};
 
 /// How long a file that takes the place of another must stay as it is to be opened: it may be a copy under way.
 const SETTLED: Duration = Duration::from_secs(1);
+
+/// Interval between looks whether it stays.
+const LOOK_INTERVAL: Duration = Duration::from_millis(250);
 
 /// Where the bytes of a take come from.
 #[derive(Debug)]
@@ -45,8 +47,8 @@ pub(crate) struct LocalFile {
     path: PathBuf,
     file: Mutex<File>,
     opened: Version,
-    /// Another version at the path, and since when it is as it is.
-    replacement: Mutex<Option<(Version, Instant)>>,
+    /// Whether another version is at the path and stays as it is; a thread looks from the first one on.
+    has_settled: OnceLock<Arc<AtomicBool>>,
 }
 
 /// What tells versions of a file apart.
@@ -66,15 +68,51 @@ impl PartialEq for Version {
 }
 
 impl LocalFile {
-    /// Looks at the path: how long another version is there as it is now, if one is.
-    fn replaced_for(&self) -> Option<Duration> {
-        // A file that was deleted or renamed plays on.
-        let now = std::fs::metadata(&self.path).ok().map(Version).filter(|now| *now != self.opened);
-        let mut replacement = self.replacement.lock().unwrap_or_else(PoisonError::into_inner);
-        if replacement.as_ref().map(|(version, _)| version) != now.as_ref() {
-            *replacement = now.map(|now| (now, Instant::now()));
+    /// Looks whether another version is at the path.
+    fn is_replaced(&self) -> bool {
+        let is_replaced = replacement(&self.path, &self.opened).is_some();
+        if is_replaced {
+            self.has_settled.get_or_init(|| {
+                let has_settled = Arc::new(AtomicBool::new(false));
+                let (path, opened, told) =
+                    (self.path.clone(), self.opened.clone(), Arc::downgrade(&has_settled));
+                let watch = move || watch(&path, &opened, &told);
+                if let Err(error) = std::thread::Builder::new().name("replacement".into()).spawn(watch) {
+                    log::warn!("{}: was replaced: {error}: it plays on", self.path.display());
+                }
+                has_settled
+            });
         }
-        replacement.as_ref().map(|(_, since)| since.elapsed())
+        is_replaced
+    }
+}
+
+/// The version at `path`, if it is not the one that was opened. A file that was deleted or renamed plays on.
+fn replacement(path: &Path, opened: &Version) -> Option<Version> {
+    std::fs::metadata(path).ok().map(Version).filter(|now| now != opened)
+}
+
+/// Tells whether a replacement stays as it is, as long as somebody wants to know: no frame waits for the disk.
+fn watch(path: &Path, opened: &Version, told: &Weak<AtomicBool>) {
+    let mut seen = Settling::default();
+    while let Some(has_settled) = told.upgrade() {
+        has_settled.store(seen.look(replacement(path, opened), Instant::now()), Ordering::Relaxed);
+        drop(has_settled);
+        std::thread::sleep(LOOK_INTERVAL);
+    }
+}
+
+/// A replacement, and since when it is as it is.
+#[derive(Default)]
+struct Settling(Option<(Version, Instant)>);
+
+impl Settling {
+    /// Takes in what is at the path `now`; whether it has stayed for [`SETTLED`].
+    fn look(&mut self, there: Option<Version>, now: Instant) -> bool {
+        if self.0.as_ref().map(|(version, _)| version) != there.as_ref() {
+            self.0 = there.map(|version| (version, now));
+        }
+        self.0.as_ref().is_some_and(|(_, since)| now - *since >= SETTLED)
     }
 }
 
@@ -90,7 +128,7 @@ impl TakeSource {
             path: path.to_owned(),
             file: Mutex::new(file),
             opened: Version(metadata),
-            replacement: Mutex::default(),
+            has_settled: OnceLock::new(),
         })))
     }
 
@@ -166,19 +204,18 @@ impl TakeSource {
     /// Whether another version has replaced the file since it was opened. Asks the disk, but no server.
     pub(crate) fn is_replaced(&self) -> bool {
         match self {
-            TakeSource::File(file) => file.replaced_for().is_some(),
+            TakeSource::File(file) => file.is_replaced(),
             #[cfg(feature = "net")]
             TakeSource::Remote(file) => file.is_replaced(),
             _ => false,
         }
     }
 
-    /// Whether [`TakeSource::is_replaced`] found another version that is complete, as far as can be told.
+    /// Whether [`TakeSource::is_replaced`] found another version that is complete, as far as can be told. Asks nobody.
     pub(crate) fn has_settled(&self) -> bool {
         match self {
             TakeSource::File(file) => {
-                let was_found = file.replacement.lock().is_ok_and(|replacement| replacement.is_some());
-                was_found && file.replaced_for().is_some_and(|elapsed| elapsed >= SETTLED)
+                file.has_settled.get().is_some_and(|has_settled| has_settled.load(Ordering::Relaxed))
             }
             #[cfg(feature = "net")]
             TakeSource::Remote(file) => file.is_replaced(),
@@ -359,15 +396,38 @@ mod tests {
         std::fs::write(folder.path().join("b"), b"abcdefghijk").unwrap();
         std::fs::rename(folder.path().join("b"), &path).unwrap();
         assert_eq!((source.read(0..2).unwrap(), source.length().unwrap()), (b"01".to_vec(), Some(10)));
-        assert!(source.is_replaced() && !source.has_settled(), "it may be a copy under way");
-        std::thread::sleep(SETTLED);
-        std::fs::write(&path, b"abcdefghijkl").unwrap();
-        assert!(!source.has_settled(), "which goes on");
-        std::thread::sleep(SETTLED);
-        assert!(source.has_settled());
+        assert!(source.is_replaced());
+        let eventually = |expected: bool| {
+            let start = Instant::now();
+            while source.has_settled() != expected {
+                assert!(start.elapsed().as_secs() < 60, "{expected} never comes");
+                std::thread::sleep(Duration::from_millis(10));
+            }
+            start.elapsed()
+        };
+        assert!(eventually(true) > SETTLED / 2, "it may be a copy under way");
         std::fs::remove_file(&path).unwrap();
-        assert!(!source.is_replaced() && !source.has_settled(), "what was deleted plays on");
+        assert!(!source.is_replaced(), "what was deleted plays on");
+        eventually(false);
         let missing = TakeSource::open(&folder.path().join("c")).unwrap_err();
         assert!(missing.to_string().contains("c: "), "{missing}");
+    }
+
+    #[test]
+    fn a_copy_under_way_has_not_settled() {
+        let folder = tempfile::tempdir().unwrap();
+        let version = |bytes: &[u8]| {
+            let path = folder.path().join("a");
+            std::fs::write(&path, bytes).unwrap();
+            Some(Version(std::fs::metadata(path).unwrap()))
+        };
+        let (short, long) = (version(b"a"), version(b"ab"));
+        let mut settling = Settling::default();
+        let start = Instant::now();
+        let mut look =
+            |there: &Option<Version>, at: f32| settling.look(there.clone(), start + SETTLED.mul_f32(at));
+        assert_eq!([look(&short, 0.0), look(&short, 0.9), look(&long, 1.1), look(&long, 2.0)], [false; 4]);
+        assert!(look(&long, 2.2));
+        assert!(!look(&None, 2.3) && !look(&long, 9.0), "another one begins anew");
     }
 }
