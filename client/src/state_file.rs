@@ -14,6 +14,8 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use tempfile::NamedTempFile;
 
+use crate::worker::join_in_time;
+
 /// A file, by its name in the folder of the player's state.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct StateFile {
@@ -117,8 +119,11 @@ fn is_locked(folder: &File) -> bool {
 /// Most changes that wait for a disk that cannot be written.
 const CHANGES_MAX: usize = 1024;
 
-/// A thread that adds changes to a file as soon as they are made, so that no frame waits for the disk, and nothing that
-/// the viewer has set is lost if the player is killed. Dropping it waits until the file is written.
+/// Time between two writes: a slider that is dragged changes with every frame, and flash memory wears out.
+const WRITE_INTERVAL: Duration = Duration::from_millis(250);
+
+/// A thread that adds changes to a file soon after they are made, so that no frame waits for the disk, and what the viewer
+/// has set is there if the player is killed. Dropping it waits until the file is written, as [`join_in_time`] does.
 #[derive(Debug)]
 pub(crate) struct StateWriter<C> {
     /// `None` while it is dropped.
@@ -128,8 +133,8 @@ pub(crate) struct StateWriter<C> {
 }
 
 impl<C: Send + 'static> StateWriter<C> {
-    /// Starts the thread. `add` adds changes to `file` in `folder`, in their order, and all that came during a write at
-    /// once. Failures go to the log; `add` gets the changes again with the next one, and once more at the end.
+    /// Starts the thread. `add` adds changes to `file` in `folder`, in their order, and all that came within
+    /// [`WRITE_INTERVAL`] of a write at once. Failures go to the log; `add` gets the changes again with the next one, and once more at the end.
     pub(crate) fn start(
         file: StateFile,
         folder: PathBuf,
@@ -144,11 +149,13 @@ impl<C: Send + 'static> StateWriter<C> {
             }
         };
         let write_all = move || {
-            let mut unwritten = Vec::new();
+            let (mut unwritten, mut next_write) = (Vec::new(), Instant::now());
             while let Ok(change) = arriving.recv() {
                 unwritten.push(change);
-                unwritten.extend(arriving.try_iter());
+                let wait = || next_write.saturating_duration_since(Instant::now());
+                unwritten.extend(std::iter::from_fn(|| arriving.recv_timeout(wait()).ok()));
                 flush(&mut unwritten);
+                next_write = Instant::now() + WRITE_INTERVAL;
             }
             if !unwritten.is_empty() {
                 flush(&mut unwritten);
@@ -172,7 +179,7 @@ impl<C> Drop for StateWriter<C> {
     fn drop(&mut self) {
         self.changes = None;
         if let Some(thread) = self.thread.take() {
-            let _ = thread.join();
+            join_in_time(thread);
         }
     }
 }
@@ -226,5 +233,17 @@ mod tests {
         assert_eq!(called.recv(), Ok(vec![1]));
         drop(writer);
         assert_eq!(called.iter().collect::<Vec<_>>(), [[1]], "at the end");
+    }
+
+    #[test]
+    fn changes_in_quick_succession_are_one_write() {
+        let (calls, called) = channel();
+        let add = move |_: &Path, changes: &[u32]| calls.send(changes.to_vec()).map_err(io::Error::other);
+        let writer = StateWriter::start(FILE, "folder".into(), add);
+        writer.write(0);
+        assert_eq!(called.recv(), Ok(vec![0]), "the first one at once");
+        (1..100).for_each(|change| writer.write(change));
+        drop(writer);
+        assert_eq!(called.iter().collect::<Vec<_>>(), [(1..100).collect::<Vec<_>>()]);
     }
 }

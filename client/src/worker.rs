@@ -1,4 +1,5 @@
-//! [`Worker`]: a thread that carries out the latest request only; and [`apart`], for its work that waits for a disk.
+//! [`Worker`]: a thread that carries out the latest request only; [`apart`], for its work that waits for a disk; and
+//! [`join_in_time`], for threads that write a file while the player closes.
 //!
 //! A worker holds one event until the caller takes it, and goes on only then: a caller that takes none, as a headset
 //! that was put down, has no clips pile up.
@@ -10,7 +11,7 @@ use std::panic::{self, AssertUnwindSafe};
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Interval between looks whether work that is apart is still wanted.
 const LOOK_INTERVAL: Duration = Duration::from_millis(50);
@@ -221,11 +222,35 @@ pub(crate) fn apart<E: Send + 'static, T: Send + 'static>(
     }
 }
 
+/// Longest wait for a thread that may wait for a disk itself: a folder on a server that is gone never answers.
+const JOIN_TIMEOUT: Duration = Duration::from_secs(5);
+
+/// Interval between looks whether such a thread has ended.
+const JOIN_INTERVAL: Duration = Duration::from_millis(5);
+
+/// Waits for the end of a thread that writes a file when the player closes, but no longer than [`JOIN_TIMEOUT`].
+pub(crate) fn join_in_time(thread: JoinHandle<()>) {
+    let start = Instant::now();
+    while !thread.is_finished() && start.elapsed() < JOIN_TIMEOUT {
+        std::thread::sleep(JOIN_INTERVAL);
+    }
+}
+
 #[cfg(test)]
 mod tests {
-    use std::time::Duration;
-
     use super::*;
+
+    #[test]
+    fn a_thread_is_waited_for_unless_it_never_ends() {
+        let is_over = |work: fn()| {
+            let (start, thread) = (Instant::now(), std::thread::spawn(work));
+            join_in_time(thread);
+            start.elapsed()
+        };
+        let slow = Duration::from_millis(100);
+        assert!(is_over(|| std::thread::sleep(Duration::from_millis(100))) >= slow);
+        assert!((JOIN_TIMEOUT..4 * JOIN_TIMEOUT).contains(&is_over(std::thread::park)));
+    }
 
     const PATIENCE: Duration = Duration::from_secs(60);
 

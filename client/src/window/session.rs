@@ -37,6 +37,7 @@ use crate::gpu::{Format, FrameCounts, FrameLayout, Gpu, Picture, RenderSettings,
 use crate::player::{Beginning, TakePlayer};
 use crate::terminal::Reporter;
 use crate::view::View;
+use crate::worker::join_in_time;
 use program::Fault;
 use program::output::folder_of;
 
@@ -749,10 +750,10 @@ impl Session {
         }));
     }
 
-    /// Waits for a picture that is being saved: it is written whole, and the device must outlive it.
+    /// Waits for a picture that is being saved: it is written whole.
     fn finish_saving(&mut self) {
         if let Some(saving) = self.saving.take() {
-            let _ = saving.join();
+            join_in_time(saving);
         }
     }
 

@@ -14,6 +14,8 @@ use std::thread::{Builder, JoinHandle};
 
 use shaders::{FRAGMENT_ENTRY, VERTEX_ENTRY};
 
+use crate::worker::join_in_time;
+
 /// The parts of a pipeline that draws without vertex buffers.
 pub(in crate::gpu) struct PipelineParts<'a> {
     /// Name for messages.
@@ -190,7 +192,7 @@ impl KeptPipelines {
 impl Drop for KeptPipelines {
     fn drop(&mut self) {
         if let Some(thread) = lock(&self.saving).take() {
-            let _ = thread.join();
+            join_in_time(thread);
         }
     }
 }
