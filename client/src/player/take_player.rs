@@ -456,7 +456,12 @@ impl TakePlayer {
 
     fn replan(&mut self) {
         let wanted: Vec<usize> = self.layers.iter().map(|layers| self.layers_wanted.min(*layers)).collect();
-        self.plan = Plan::new(&self.opened.take, &wanted, self.head, self.opened.layout().room.total());
+        let plan = Plan::new(&self.opened.take, &wanted, self.head, self.opened.layout().room.total());
+        let last = std::mem::replace(&mut self.plan, plan);
+        if self.plan.held() != last.held() {
+            // What could not be read a moment ago is not what is wanted now.
+            self.retry_at = None;
+        }
         self.was_cleared = false;
         self.drop_sounds();
         self.request();
