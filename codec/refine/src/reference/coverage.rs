@@ -109,12 +109,24 @@ impl NullaryFnOnce for Quad<'_> {
     }
 }
 
-/// Unit vector along the major axis of a covariance, and the standard deviations along and across it.
+/// Unit vector along the major axis of a covariance, and the standard deviations along and across it. Square roots alone
+/// are the same on every machine, and counts of fragments choose what a package keeps.
 fn principal_axes([xx, xy, yy]: [f64; 3]) -> (DVec2, DVec2) {
-    let mean = 0.5 * (xx + yy);
-    let spread = (0.5 * (xx - yy)).hypot(xy);
-    let angle = 0.5 * (2.0 * xy).atan2(xx - yy);
-    (DVec2::from_angle(angle), dvec2((mean + spread).sqrt(), (mean - spread).max(0.0).sqrt()))
+    let (mean, half_difference) = (0.5 * (xx + yy), 0.5 * (xx - yy));
+    let spread = (half_difference * half_difference + xy * xy).sqrt();
+    // Cosine and sine of twice the angle, halved without loss of digits on either side of 45 degrees.
+    let axis = match dvec2(half_difference, xy) / spread {
+        double if !double.is_finite() => DVec2::X,
+        double if double.x >= 0.0 => {
+            let cos = (0.5 * (1.0 + double.x)).sqrt();
+            dvec2(cos, 0.5 * double.y / cos)
+        }
+        double => {
+            let sin = (0.5 * (1.0 - double.x)).sqrt();
+            dvec2(0.5 * double.y / sin, sin)
+        }
+    };
+    (axis, dvec2((mean + spread).sqrt(), (mean - spread).max(0.0).sqrt()))
 }
 
 /// Number of pixels of a row of `width` with centres in `[start, end]`.
