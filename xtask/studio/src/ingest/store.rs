@@ -1,7 +1,7 @@
 //! [`Store`]: results of steps, kept in the output's folder so that another run can go on from them.
 //!
-//! A result is a JSON file with the key that it depends on. A result with another key, and one that cannot be read, is made
-//! again and replaced.
+//! A result is a JSON file with the key that it depends on. A result with another key, and one that cannot be read, is
+//! forgotten, then made again: it may stand for files, which an interrupted run leaves half replaced.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -58,7 +58,10 @@ impl Store {
     ) -> Result<(T, bool), Fault> {
         match self.kept(name, key) {
             Some(value) => Ok((value, true)),
-            None => Ok((self.keep(name, key, &make()?)?, false)),
+            None => {
+                self.forget(name);
+                Ok((self.keep(name, key, &make()?)?, false))
+            }
         }
     }
 
@@ -151,7 +154,8 @@ mod tests {
         assert_eq!(made(1, 14), (14, false));
         store.forget("x");
         assert_eq!(made(1, 15), (15, false));
-        let failed = store.result::<u32>("y", &json!(0), || Err(Fault::Data("no".into())));
-        assert!(failed.is_err() && !store.path("y.json").exists());
+        let failed = store.result::<u32>("x", &json!([2]), || Err(Fault::Data("no".into())));
+        assert!(failed.is_err() && !store.has("x"), "the files of key 1 may be gone");
+        assert_eq!(made(1, 16), (16, false));
     }
 }
