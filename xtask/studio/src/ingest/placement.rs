@@ -2,8 +2,10 @@
 
 use codec::Camera;
 use formats::up_of;
-use glam::{DMat3, DVec3};
+use glam::DVec3;
 use program::Fault;
+use refine::capture::common_point;
+use refine::metrics::median;
 use serde::Serialize;
 
 use super::calibration::{Calibration, RigCamera};
@@ -17,7 +19,7 @@ pub struct Placement {
     pub up: [f64; 3],
     /// Metres per unit, if stated.
     pub metres_per_unit: Option<f64>,
-    /// The point that is nearest to the axes of all cameras; `None` if these are parallel.
+    /// The point that is nearest to the axes of all cameras; `None` if these are parallel, or look away from it.
     pub focus: Option<[f64; 3]>,
     /// What the numbers come from, in sentences.
     pub notes: Vec<String>,
@@ -71,7 +73,7 @@ pub(super) fn place(
                 .into(),
         ),
     }
-    let focus = focus(cameras);
+    let focus = common_point(cameras.iter().map(|camera| &camera.camera));
     if let Some(note) = focus.and_then(|focus| far_origin(cameras, focus)) {
         notes.push(note);
     }
@@ -85,26 +87,10 @@ fn move_origin(camera: &mut Camera, origin: [f64; 3]) {
     }
 }
 
-/// The point nearest to the axes of all cameras, by least squares.
-fn focus(cameras: &[RigCamera]) -> Option<DVec3> {
-    let (mut sum, mut at) = (DMat3::ZERO, DVec3::ZERO);
-    for RigCamera { camera, .. } in cameras {
-        let axis = DVec3::from_slice(&camera.camera_from_world[2]);
-        // Takes what is along the axis out of a vector.
-        let across = DMat3::IDENTITY - DMat3::from_cols(axis * axis.x, axis * axis.y, axis * axis.z);
-        sum += across;
-        at += across * DVec3::from(camera.position());
-    }
-    let is_parallel = sum.determinant() < 1e-6 * (cameras.len() as f64).powi(3);
-    (!is_parallel).then(|| sum.inverse() * at)
-}
-
 /// A sentence if the origin is far from where the cameras look: viewpoints turn around it.
 fn far_origin(cameras: &[RigCamera], focus: DVec3) -> Option<String> {
-    let mut distances: Vec<f64> =
-        cameras.iter().map(|camera| focus.distance(DVec3::from(camera.camera.position()))).collect();
-    distances.sort_by(f64::total_cmp);
-    let typical = distances[distances.len() / 2];
+    let distances = cameras.iter().map(|camera| focus.distance(DVec3::from(camera.camera.position())));
+    let typical = median(distances.collect())?;
     let text = focus.to_array().map(|x| decimal(x, 2));
     (focus.length() > typical).then(|| {
         format!(
@@ -132,14 +118,11 @@ mod tests {
     }
 
     #[test]
-    fn cameras_meet_where_they_look() {
-        let near = |point: DVec3, x: [f64; 3]| point.distance(DVec3::from(x)) < 1e-9;
-        assert!(near(focus(&ring([1.0, 2.0, 3.0])).unwrap(), [1.0, 2.0, 3.0]));
-        assert!(focus(&ring([0.0; 3])[..1]).is_none(), "one axis");
+    fn an_origin_far_from_where_cameras_look_is_said() {
         let mut cameras = ring([10.0, 0.0, 0.0]);
-        assert!(far_origin(&cameras, focus(&cameras).unwrap()).unwrap().contains("--origin 10,"));
+        assert!(far_origin(&cameras, DVec3::new(10.0, 0.0, 0.0)).unwrap().contains("--origin 10,"));
         cameras.iter_mut().for_each(|camera| move_origin(&mut camera.camera, [10.0, 0.0, 0.0]));
-        assert!(near(focus(&cameras).unwrap(), [0.0; 3]));
-        assert!(far_origin(&cameras, DVec3::ZERO).is_none());
+        let focus = common_point(cameras.iter().map(|camera| &camera.camera)).unwrap();
+        assert!(focus.length() < 1e-9 && far_origin(&cameras, focus).is_none());
     }
 }
