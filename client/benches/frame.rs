@@ -7,8 +7,7 @@ use std::ops::Range;
 use std::time::{Duration, Instant};
 
 use client::gpu::{
-    ChannelDepth, FrameLayout, Gpu, GpuClip, Offscreen, PackedSegment, RenderSettings, Renderer, SortOrder,
-    Span, TakeLayout, choose_f16,
+    ChannelDepth, FrameLayout, Gpu, GpuClip, Offscreen, RenderSettings, Renderer, SortOrder, choose_f16,
 };
 use client::view::View;
 use codec::{Clip, ClipInfo, EncodeOptions, Field, Limits, Source, Temporal, Viewpoint};
@@ -108,86 +107,6 @@ fn frame(c: &mut Criterion) {
     }
     headset(&mut group, &gpu);
     group.finish();
-    segment(&gpu, &clip);
-}
-
-/// Prints what `clip` costs as the single segment of a take: its upload, and its frames over the clip's.
-fn segment(gpu: &Gpu, clip: &Clip) {
-    let layout = FrameLayout::plain(ChannelDepth::Eight.format(), 1);
-    let on_gpu = GpuClip::upload(gpu, clip).expect("memory for the clip");
-    let mut alone = Renderer::new(gpu, on_gpu, layout).expect("memory for the renderer");
-    let take = TakeLayout::for_clip(clip).segmented(2.0);
-    let mut split = Renderer::new_take(gpu, take, layout).expect("memory for the take");
-    let start = Instant::now();
-    let packed = PackedSegment::new(clip, Span { start_s: 0.0, duration_s: 2.0 }, &take).expect("a segment");
-    let (packing, bytes) = (start.elapsed(), packed.bytes());
-    let slots = split.slots().expect("a take");
-    let id = slots.insert(packed).expect("room");
-    let mut uploads = Vec::new();
-    while !slots.is_ready(id) {
-        let start = Instant::now();
-        slots.upload(gpu, UPLOAD);
-        uploads.push(start.elapsed().as_secs_f64() * 1e3);
-        gpu.submit(gpu.encoder());
-    }
-    eprintln!(
-        "a segment of {GAUSSIANS}: packed in {:.1} ms, {bytes} bytes uploaded in {} pieces of {UPLOAD}, median {:.3} ms",
-        packing.as_secs_f64() * 1e3,
-        uploads.len(),
-        median(&mut uploads),
-    );
-    compare(gpu, clip, &mut alone, &mut split);
-    let start = Instant::now();
-    split.slots().expect("a take").remove(id);
-    eprintln!("removed in {:.3} ms", start.elapsed().as_secs_f64() * 1e3);
-}
-
-/// Prints what frames of the renderer `split` cost over frames of `alone`: medians of ratios of frames that are drawn
-/// one after the other.
-fn compare(gpu: &Gpu, clip: &Clip, alone: &mut Renderer, split: &mut Renderer) {
-    for side in [SMALL, 512] {
-        let camera = clip.info.viewpoints[0].camera(clip.info.up, side, side);
-        let views = [View::from_camera(&camera)];
-        let image = Offscreen::new(gpu, views[0].size, 1, ChannelDepth::Eight).expect("memory for the image");
-        let frame = |renderer: &mut Renderer, t: f64| {
-            let start = Instant::now();
-            let rendered = image.render(gpu, renderer, t, &views, &RenderSettings::default());
-            let counts = rendered.expect("a working device");
-            [start.elapsed().as_secs_f64() * 1e3, counts.alive_ms + counts.sort_ms, counts.sorted.into()]
-        };
-        let pairs: Vec<_> = (0..PAIRS)
-            .map(|i| {
-                let t = f64::from(i) / f64::from(PAIRS);
-                // Each is first in every other pair.
-                if i % 2 == 0 {
-                    let alone = frame(alone, t);
-                    [alone, frame(split, t)]
-                } else {
-                    let split = frame(split, t);
-                    [frame(alone, t), split]
-                }
-            })
-            .collect();
-        let [whole, cpu, sorted] = [0, 1, 2].map(|k| {
-            let mut ratios: Vec<f64> = pairs.iter().map(|[alone, split]| split[k] / alone[k]).collect();
-            median(&mut ratios)
-        });
-        eprintln!(
-            "{side}x{side}, as a take of one segment over a clip: frame {whole:.3}, alive and sort {cpu:.3}, sorted \
-             {sorted:.3}"
-        );
-    }
-}
-
-/// Bytes of an upload, what a frame of a player may write.
-const UPLOAD: usize = 256 << 10;
-
-/// Pairs of frames that are compared.
-const PAIRS: u32 = 100;
-
-fn median(values: &mut [f64]) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values[values.len() / 2]
 }
 
 /// The frame thread of a headset: finds the Gaussians that are alive, culls, sorts, records and submits a frame of two

@@ -422,17 +422,6 @@ fn an_outlier_costs_the_other_rows_of_its_chunk_little() {
 }
 
 #[test]
-fn same_field_same_bytes() {
-    let (source, plate) = (field(Shape::full(5000), 15), static_field(300, 2, 16));
-    for options in Coder::ALL.map(|coder| options(coder, &[1000])) {
-        assert_eq!(
-            package(&source, Some(&plate), &options),
-            package(&source.clone(), Some(&plate), &options)
-        );
-    }
-}
-
-#[test]
 fn contents_match_the_decoded_clip() {
     let (source, plate) = (field(Shape::full(9000), 17), static_field(70, 2, 18));
     use codec::{Region::*, SectionKind::*};

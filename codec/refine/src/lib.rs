@@ -57,7 +57,7 @@
 //! let field = run.pause()?.to_field();
 //!
 //! let order = by_importance(&Ranking::Mass.scores(&field, &[]));
-//! let retained = Floor::new(&field, FloorSettings::default())?.enforce(&order, 100, || ());
+//! let retained = Floor::new(&field, FloorSettings::default()).enforce(&order, 100, || ());
 //! assert_eq!(field.select(&retained.rows).len(), 100);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```

@@ -273,19 +273,6 @@ fn missing_and_damaged_segments_are_left_out() {
 }
 
 #[test]
-fn what_is_there_is_not_missing() {
-    let take = joined(&[1.0; 4]);
-    let plan = plan(&take, 1.5, Direction::Forward, false);
-    let missing = |resident: [usize; 4]| {
-        let missing = plan.missing(|segment| resident[segment]);
-        missing.iter().map(|want| (want.segment, want.layers)).collect::<Vec<_>>()
-    };
-    assert_eq!(missing([0; 4]), [(1, 1), (1, 3), (2, 3), (3, 3)]);
-    assert_eq!(missing([3, 1, 0, 3]), [(1, 3), (2, 3)]);
-    assert_eq!(missing([0, 3, 3, 3]), []);
-}
-
-#[test]
 fn the_least_urgent_segment_makes_room_and_never_one_that_is_drawn() {
     let take = joined(&[1.0; 8]);
     let plan = plan(&take, 2.5, Direction::Forward, false);

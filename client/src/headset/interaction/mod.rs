@@ -21,7 +21,6 @@ mod playback;
 pub(super) mod random;
 mod stick;
 mod store;
-mod turn;
 
 pub use command::Command;
 pub use hands::{Button, Hand, Hands, Pose, Side};
@@ -33,10 +32,14 @@ pub use store::PlacementStore;
 
 use grab::Grab;
 use playback::Playback;
-use stick::StickSnap;
+use stick::{Push, StickSnap};
 
 use crate::clock::Clock;
 use program::{Standpoint, Subject};
+
+/// Angle in radians by which a push of the stick turns the clip about the viewer's head at once: less motion sickness than
+/// a smooth turn.
+const SNAP_TURN: f64 = 30.0 * std::f64::consts::PI / 180.0;
 
 /// State of the hands, and the clip that they move, if there is one.
 #[derive(Clone, Debug, Default)]
@@ -102,9 +105,14 @@ impl Interaction {
 
         let Some(Placed { placement, .. }) = &mut self.clip else { return };
         let before = *placement;
-        let right = pushes[Side::Right as usize];
-        if let Some(turned) = right.and_then(|push| turn::snap_turn(placement, head, push)) {
-            *placement = turned;
+        // As the viewer turns right, the clip moves to the left.
+        let angle = match pushes[Side::Right as usize] {
+            Some(Push::Right) => SNAP_TURN,
+            Some(Push::Left) => -SNAP_TURN,
+            _ => 0.0,
+        };
+        if angle != 0.0 {
+            *placement = placement.turned_about(head.position.as_dvec3(), angle);
             haptics.play(Side::Right, Pulse::SNAP);
         }
 

@@ -143,6 +143,10 @@ fn the_right_stick_turns_by_steps_with_a_pulse() {
     assert_eq!(*bench.placement(), once);
     bench.with(|hands| hands.right.stick = Vec2::ZERO);
     assert_eq!(bench.with(|hands| hands.right.stick = Vec2::NEG_Y), [Command::Coarser]);
+    assert_eq!(*bench.placement(), once, "neither up nor down");
+    bench.with(|hands| hands.right.stick = Vec2::ZERO);
+    bench.with(|hands| hands.right.stick = Vec2::NEG_X);
+    assert!(bench.placement().position().distance(before.position()) < 1e-9, "and back");
 }
 
 #[test]

@@ -113,11 +113,6 @@ impl<'a> JointRounding<'a> {
         JointRounding { rounds, backend, parts }
     }
 
-    /// The same pictures, for another number of rounds at a precision.
-    pub fn with_rounds(self, rounds: NonZero<usize>) -> JointRounding<'a> {
-        JointRounding { rounds, ..self }
-    }
-
     /// Number of rounds at a precision.
     pub(super) fn rounds(&self) -> usize {
         self.rounds.get()

@@ -10,12 +10,10 @@
 //! At budgets far below what a subject needs, features could use up the whole budget. Therefore the
 //! cheapest features are restored first, and with a small fraction of the budget only.
 
-use std::cmp::Reverse;
-use std::collections::BinaryHeap;
-use std::fmt;
-
 use codec::{ALPHA_MIN, Field};
 use rayon::prelude::*;
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
 
 use super::density::{Grid, Kernel};
 use super::persistence::{Connectivity, Feature, MergeTree};
@@ -58,31 +56,6 @@ impl Default for FloorSettings {
         }
     }
 }
-
-/// A setting out of range.
-#[derive(Clone, Debug, PartialEq)]
-pub enum FloorError {
-    /// The threshold is not between 0 and 1.
-    Epsilon(f64),
-    /// The grid is too coarse or too fine.
-    Voxels(usize),
-}
-
-impl fmt::Display for FloorError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            FloorError::Epsilon(epsilon) => {
-                write!(f, "the persistence threshold must lie between 0 and 1, not at {epsilon}")
-            }
-            FloorError::Voxels(voxels) => {
-                let (least, most) = (VOXELS.start(), VOXELS.end());
-                write!(f, "the density grid needs {least} to {most} voxels along an axis, not {voxels}")
-            }
-        }
-    }
-}
-
-impl std::error::Error for FloorError {}
 
 /// The topology of a field, the reference for its subsets.
 pub struct Floor {
@@ -130,15 +103,11 @@ struct Gap {
 impl Floor {
     /// Computes the topology of `field`. The result does not depend on the number of threads.
     ///
-    /// # Errors
-    /// [`FloorError`] if a setting is out of range.
-    pub fn new(field: &Field, settings: FloorSettings) -> Result<Floor, FloorError> {
-        if !(settings.epsilon > 0.0 && settings.epsilon < 1.0) {
-            return Err(FloorError::Epsilon(settings.epsilon));
-        }
-        if !VOXELS.contains(&settings.voxels) {
-            return Err(FloorError::Voxels(settings.voxels));
-        }
+    /// # Panics
+    /// If a setting is out of range.
+    pub fn new(field: &Field, settings: FloorSettings) -> Floor {
+        assert!(settings.epsilon > 0.0 && settings.epsilon < 1.0, "a threshold of {}", settings.epsilon);
+        assert!(VOXELS.contains(&settings.voxels), "{} voxels", settings.voxels);
         let grid = Grid::around(field, &settings.instants, settings.voxels);
         let instant = |&t: &f64| {
             let kernels = grid.kernels(field, t);
@@ -147,7 +116,7 @@ impl Floor {
         };
         let instants: Vec<ReferenceInstant> = settings.instants.par_iter().map(instant).collect();
         let largest = instants.iter().map(|instant| instant.tree.largest()).fold(0.0, f32::max);
-        Ok(Floor { settings, grid, rows: field.len(), largest, instants })
+        Floor { settings, grid, rows: field.len(), largest, instants }
     }
 
     /// Number of persistent features, summed over the reference instants.
@@ -399,7 +368,7 @@ mod tests {
     }
 
     fn floor_of(field: &Field, epsilon: f64, measure: Measure) -> Floor {
-        Floor::new(field, FloorSettings { epsilon, measure, ..FloorSettings::default() }).unwrap()
+        Floor::new(field, FloorSettings { epsilon, measure, ..FloorSettings::default() })
     }
 
     fn are_distinct(rows: &[usize], len: usize) -> bool {
@@ -506,7 +475,7 @@ mod tests {
     fn the_budget_is_exact_and_the_floor_preserves_more() {
         let field = cloud(7, 900);
         let instants = vec![0.25, 0.75];
-        let floor = Floor::new(&field, FloorSettings { instants, voxels: 48, ..Default::default() }).unwrap();
+        let floor = Floor::new(&field, FloorSettings { instants, voxels: 48, ..Default::default() });
         let order = by_importance(&Ranking::Mass.scores(&field, &[]));
         let mut restored = 0;
         for budget in [1, 40, 300, 700, 899] {
@@ -539,7 +508,7 @@ mod tests {
     #[test]
     fn births_never_rise_under_pruning() {
         let field = cloud(8, 300);
-        let floor = Floor::new(&field, FloorSettings { voxels: 40, ..Default::default() }).unwrap();
+        let floor = Floor::new(&field, FloorSettings { voxels: 40, ..Default::default() });
         let mut highest = f32::INFINITY;
         for count in [300, 200, 100, 20] {
             let mut retained = vec![false; 300];
@@ -557,7 +526,7 @@ mod tests {
         let on = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             let settings = FloorSettings { instants: vec![0.3, 0.6], voxels: 40, ..Default::default() };
-            pool.install(|| Floor::new(&field, settings).unwrap().enforce(&order, 300, || ()))
+            pool.install(|| Floor::new(&field, settings).enforce(&order, 300, || ()))
         };
         let one = on(1);
         assert!(one.restored > 0);
@@ -583,32 +552,13 @@ mod tests {
         ] {
             let order = by_mass(&field);
             for instants in [vec![0.0, 0.5, 1.0], vec![]] {
-                let floor =
-                    Floor::new(&field, FloorSettings { instants, voxels: 32, ..Default::default() }).unwrap();
+                let floor = Floor::new(&field, FloorSettings { instants, voxels: 32, ..Default::default() });
                 for budget in [0, 1, 2, 100] {
                     let retained = floor.enforce(&order, budget, || ());
                     assert!(are_distinct(&retained.rows, budget.min(field.len())), "{name}");
                     assert!((0.0..=1.0).contains(&retained.topology.recall()), "{name}");
                 }
             }
-        }
-    }
-
-    #[test]
-    fn settings_out_of_range_are_refused() {
-        let field = balls(&[[0.0; 3]], 0.1, 0.5);
-        let with = |settings: FloorSettings| Floor::new(&field, settings).err();
-        for epsilon in [0.0, -0.1, 1.0, 7.0, f64::INFINITY] {
-            let error = with(FloorSettings { epsilon, ..Default::default() }).unwrap();
-            assert_eq!(error, FloorError::Epsilon(epsilon));
-            assert!(error.to_string().contains("between 0 and 1"));
-        }
-        assert!(with(FloorSettings { epsilon: f64::NAN, ..Default::default() }).is_some());
-        for voxels in [0, 7, 513] {
-            assert_eq!(
-                with(FloorSettings { voxels, ..Default::default() }),
-                Some(FloorError::Voxels(voxels))
-            );
         }
     }
 }

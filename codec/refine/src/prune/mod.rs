@@ -17,10 +17,9 @@
 //! #     ..codec::Field::default()
 //! # };
 //! let order = by_importance(&Ranking::Mass.scores(&field, &[]));
-//! let floor = Floor::new(&field, FloorSettings::default())?;
+//! let floor = Floor::new(&field, FloorSettings::default());
 //! let retained = floor.enforce(&order, 5, || ());
 //! assert_eq!(retained.rows.len(), 5);
-//! # Ok::<(), refine::prune::FloorError>(())
 //! ```
 
 mod density;
@@ -36,7 +35,7 @@ pub(crate) mod scenes;
 mod select;
 mod topology;
 
-pub use floor::{Floor, FloorError, FloorSettings, ROUNDS, Retained};
+pub use floor::{Floor, FloorSettings, ROUNDS, Retained};
 pub use fragments::{weight_per_fragment, within_fragments};
 pub use persistence::{Connectivity, Feature, MergeTree};
 pub(crate) use pictures::PictureErrors;

@@ -17,8 +17,6 @@ pub struct Contribution {
     /// Sum of `alpha T` over the pixels: the derivative of the sum of all pixels with respect to the
     /// Gaussian's colour.
     pub weight: f64,
-    /// Sum of `(alpha T)^2` over the pixels: squared error of the picture per squared error of the colour.
-    pub weight_squared: f64,
     /// Largest `alpha T` of a pixel, 0 to 1.
     pub weight_max: f64,
     /// Sum of `o T` over the pixels that the Gaussian covers, where `o` is its opacity at the instant:
@@ -32,7 +30,6 @@ impl Contribution {
     /// Adds the contribution to other pixels.
     pub fn merge(&mut self, other: &Contribution) {
         self.weight += other.weight;
-        self.weight_squared += other.weight_squared;
         self.weight_max = self.weight_max.max(other.weight_max);
         self.hits += other.hits;
         self.fragments += other.fragments;
@@ -50,7 +47,6 @@ pub fn contributions(field: &Field, camera: &Camera, t: f64, order: Order) -> Ve
         let PixelShare { index, weight, transmittance } = *share;
         sum.merge(&Contribution {
             weight,
-            weight_squared: weight * weight,
             weight_max: weight,
             hits: splats[index].opacity * transmittance,
             fragments: 0.0,

@@ -614,7 +614,6 @@ fn contributions_are_the_blending_weights() {
         let weights: Vec<f64> = image.pixels.iter().map(|pixel| pixel[0]).collect();
         let close = |a: f64, b: f64| assert!((a - b).abs() < 1e-4 * (1.0 + b), "row {row}: {a} for {b}");
         close(actual.weight, weights.iter().sum());
-        close(actual.weight_squared, weights.iter().map(|w| w * w).sum());
         close(actual.weight_max, weights.iter().copied().fold(0.0, f64::max));
         // A Gaussian alone has hits of opacity times its number of pixels.
         let image = render(&(&field.select(&[row])).into(), &camera(), t, Order::Depth);

@@ -47,7 +47,7 @@ impl<'a> FieldAnalysis<'a> {
         progress.stage("pictures of the whole", views.len());
         let judge = Pictures::take_before(&RenderScene::from(field), plate, views, || progress.step());
         progress.stage("topology of the whole", 1);
-        let floor = floor(field, Measure::default())?;
+        let floor = floor(field, Measure::default());
         progress.step();
         Ok(FieldAnalysis { scene, field, plate, settings, progress, contributions, judge, floor })
     }
@@ -154,7 +154,7 @@ pub(super) fn contributions(scene: &Scene, field: &Field, progress: &StagedProgr
 }
 
 /// The topology of a field that packages preserve.
-pub(crate) fn floor(field: &Field, measure: Measure) -> anyhow::Result<Floor> {
+pub(crate) fn floor(field: &Field, measure: Measure) -> Floor {
     let instants = instants(field, FLOOR_INSTANTS);
-    Ok(Floor::new(field, FloorSettings { instants, measure, ..FloorSettings::default() })?)
+    Floor::new(field, FloorSettings { instants, measure, ..FloorSettings::default() })
 }

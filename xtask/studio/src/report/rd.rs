@@ -117,7 +117,7 @@ impl<'a> RateBench<'a> {
     ) -> anyhow::Result<RateBench<'a>> {
         let ReportSubject { scene, field, plate } = subject;
         let analysis = FieldAnalysis::new(scene, field, plate.as_ref(), settings, progress)?;
-        let recall = floor(field, Measure::Recall)?;
+        let recall = floor(field, Measure::Recall);
         let reported = reported_views(subject, image_size);
         progress.stage("images", reported.len());
         let reported = Pictures::take(&subject.to_reference(), reported, || progress.step());

@@ -108,7 +108,7 @@ mod tests {
     fn floored(measure: Measure) -> Retained {
         let (field, _) = figure();
         field.check().unwrap();
-        let floor = Floor::new(&field, FloorSettings { measure, ..FloorSettings::default() }).unwrap();
+        let floor = Floor::new(&field, FloorSettings { measure, ..FloorSettings::default() });
         assert_eq!(floor.features(), 1 + LIMBS, "the body and the tips");
         let order = by_importance(&Ranking::Mass.scores(&field, &[]));
         floor.enforce(&order, 5_000, || ())

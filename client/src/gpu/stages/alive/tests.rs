@@ -244,32 +244,6 @@ fn layers_that_arrive_one_by_one_are_drawn_as_those_that_arrive_at_once() {
 }
 
 #[test]
-fn layers_are_prefixes() {
-    let mut static_field = dynamic_field();
-    static_field.temporal = None;
-    static_field.opacities.fill(1.0);
-    let layers = vec![
-        LayerEnd { static_count: 10, dynamic_count: 0 },
-        LayerEnd { static_count: ROWS, dynamic_count: 0 },
-    ];
-    let run = LayerRun {
-        fields: [&static_field, &Field::default()],
-        rows: [0..ROWS, 0..0],
-        before: LayerEnd::default(),
-        ends: layers,
-        time_index: TimeIndex::default(),
-    };
-    let rows = Rows::new(LayerRows::new(&run, ORIGIN), ROWS as u32);
-    let view = [View::from_camera(&camera())];
-    let mut items = Vec::new();
-    let mut alive = |layers| {
-        let settings = RenderSettings { layers, ..RenderSettings::default() };
-        alive(&rows, 0.5, &FrameViews::new(&view, None), &settings, &mut items)
-    };
-    assert_eq!([Some(0), Some(1), Some(2), Some(9), None].map(&mut alive), [0, 10, 3000, 3000, 3000]);
-}
-
-#[test]
 fn rows_in_the_inset_are_marked() {
     let field = dynamic_field();
     let rows = rows(&field);
