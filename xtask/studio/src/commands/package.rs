@@ -9,9 +9,8 @@ use crate::capture::{CaptureFiles, CaptureSound};
 use crate::fit::{self, FitPlan, PlatePlan, Refinement, RefinementReport, TrainingViews};
 use crate::messages::decimal;
 use crate::package::{
-    Coding, Counts, DropPart, LensFragments, PackageReport, PackageSettings, PrefixStep, QUALITY_DB,
-    SegmentReport, SegmentSources, Snapped, TakeReport, blind_viewpoints, package_take, package_with,
-    prefix_quality,
+    Coding, Counts, DropPart, LensFragments, PackageReport, PackageSettings, QUALITY_DB, SegmentReport,
+    SegmentSources, Snapped, TakeReport, blind_viewpoints, package_take, package_with,
 };
 use crate::playlist;
 use crate::progress::StagedProgress;
@@ -35,9 +34,6 @@ use super::fit_setting::fragment_weight;
 use super::fit_source::FitSource;
 use super::options::JsonOption;
 use super::takes::{self, TakeCommand, TakeOptions, part_seconds};
-
-/// Maximum loss in dB of a prefix of a package against a package of its size.
-const PREFIX_LOSS_DB: f64 = 0.5;
 
 /// Most rounds of joint rounding. The gain falls off long before.
 const JOINT_ROUNDS_MAX: usize = 1000;
@@ -76,14 +72,14 @@ pub struct Args {
     no_floor: bool,
     /// Most fragments to keep, as a fraction of the fragments of the retained Gaussians, 0.01 to 1: leaves out the
     /// Gaussians that show least for the pixels that they cover
-    #[arg(long, value_name = "FRACTION", value_parser = fragments, conflicts_with = "prefix_quality")]
+    #[arg(long, value_name = "FRACTION", value_parser = fragments)]
     fragments: Option<f64>,
     /// Fit the colours of the retained Gaussians to pictures of the whole field
     #[arg(long, requires = "pruned")]
     recolor: bool,
     /// Refine the retained Gaussians for N steps on the photographs of the capture that the field was
     /// fitted to
-    #[arg(long, value_name = "N", conflicts_with_all = ["recolor", "prefix_quality"],
+    #[arg(long, value_name = "N", conflicts_with = "recolor",
           value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
     refine: Option<u64>,
     /// Weight of the area that Gaussians cover in the loss of the refinement, 0 to 1: a headset pays for it. By default as `fit`
@@ -118,9 +114,6 @@ pub struct Args {
     /// Refuse a field with rows that need a repair or have to be dropped, and a package below its --quality
     #[arg(long)]
     strict: bool,
-    /// Check that each prefix of the package is as good as a package of its size
-    #[arg(long = "ladder")]
-    prefix_quality: bool,
     #[command(flatten)]
     json: JsonOption,
     #[command(flatten)]
@@ -195,10 +188,9 @@ fn run_one(args: &Args) -> anyhow::Result<()> {
         println!("{}", written.scene);
         print_report(&written.report);
         print_sound(written.sound.as_ref());
-        print_prefixes(written.prefix_steps.as_deref().unwrap_or_default());
         println!("{}, written in {:.1} s", written.out.display(), start.elapsed().as_secs_f64());
     }
-    written.check_prefixes()
+    Ok(())
 }
 
 /// Makes a package of each take of a list, and a playlist of all.
@@ -222,9 +214,7 @@ fn run_many(args: &Args, list: &Path, folder: &Path) -> anyhow::Result<()> {
         if let Some(sources) = args.take()? {
             return write_take(&args, &sources)?.to_json();
         }
-        let written = write_package(&args)?;
-        written.check_prefixes()?;
-        written.to_json()
+        write_package(&args)?.to_json()
     })
 }
 
@@ -235,7 +225,6 @@ struct WrittenPackage {
     out: PathBuf,
     report: PackageReport,
     sound: Option<SoundReport>,
-    prefix_steps: Option<Vec<PrefixStep>>,
 }
 
 impl WrittenPackage {
@@ -243,23 +232,7 @@ impl WrittenPackage {
         let mut object = serde_json::to_value(&self.report)?;
         object["out"] = json!(self.out);
         object["audio"] = json!(self.sound);
-        if let Some(prefix_steps) = &self.prefix_steps {
-            object["ladder"] = json!(prefix_steps);
-        }
         Ok(object)
-    }
-
-    /// Checks that no prefix loses more than `PREFIX_LOSS_DB`.
-    fn check_prefixes(&self) -> anyhow::Result<()> {
-        let mut failed = self.prefix_steps.iter().flatten().filter(|step| step.loss_db > PREFIX_LOSS_DB);
-        match failed.next() {
-            None => Ok(()),
-            Some(PrefixStep { gaussians, loss_db, .. }) => bail!(
-                "{}: the first {gaussians} Gaussians are {loss_db:.2} dB worse than a package of as many, and \
-                 {PREFIX_LOSS_DB} dB are allowed; make such a package with --budget {gaussians}",
-                self.out.display()
-            ),
-        }
     }
 }
 
@@ -298,7 +271,6 @@ impl Args {
         let others = [
             (is_folder && self.split.is_some(), "--split", "it is a take of segments already"),
             (self.refine.is_some(), "--refine", "a take has the photographs of several fits"),
-            (self.prefix_quality, "--ladder", "it compares whole clips"),
             (!self.selection.is_default(), "--frames", "a take looks at no photographs"),
         ];
         if let Some((_, option, why)) = others.into_iter().find(|(is_given, ..)| *is_given) {
@@ -398,16 +370,11 @@ fn write_package(args: &Args) -> anyhow::Result<WrittenPackage> {
         }
     }
     print_blind_viewpoints(&scene);
-    let prefix_steps = match args.prefix_quality {
-        true => Some(prefix_quality(&scene, &settings, &package, &mut *backend, &progress)?),
-        false => None,
-    };
     Ok(WrittenPackage {
         scene: format!("{}: {}", scene.name, scene.subject.format),
         out,
         report: package.report,
         sound: soundtrack.map(|soundtrack| soundtrack.report().clone()),
-        prefix_steps,
     })
 }
 
@@ -695,24 +662,6 @@ fn print_fidelity(report: &PackageReport) {
     println!("{:16} {}, none in common", "views", views.join(", "));
     if let Some(miss) = &report.miss {
         println!("{:16} {}", "quality", miss.text);
-    }
-}
-
-/// How good the first layers are beside packages of their size.
-fn print_prefixes(prefix_steps: &[PrefixStep]) {
-    if !prefix_steps.is_empty() {
-        println!("{:16} {:>9} {:>8} {:>13} {:>8} {:>8}", "ladder", "bytes", "dB", "own bytes", "dB", "loss");
-    }
-    for step in prefix_steps {
-        println!(
-            "{:16} {:>9} {:>8.2} {:>13} {:>8.2} {:>8.2}",
-            format!("  {}", step.gaussians),
-            step.prefix_bytes,
-            step.prefix_psnr_db,
-            step.own_bytes,
-            step.own_psnr_db,
-            step.loss_db
-        );
     }
 }
 

@@ -199,7 +199,6 @@ const FAILURES: &[Failure] = &[
         "--refine: take: a take has the photographs of several",
         "leave it out",
     ),
-    ("package take --ladder", USAGE, "--ladder: take: it compares whole clips", "leave it out"),
     ("package take --split 1", USAGE, "--split: take: it is a take of segments already", "leave it out"),
     ("package take --holdout odd", USAGE, "--frames: take: a take looks at no photographs", "leave it out"),
     ("package take --budget 0", USAGE, "'0' for '--budget", "1 or more"),

@@ -17,7 +17,6 @@ mod mattes;
 mod package;
 mod plate;
 mod poster;
-mod prefix_quality;
 mod report;
 mod rig;
 mod segments;
