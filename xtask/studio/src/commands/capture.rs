@@ -93,17 +93,35 @@ impl FrameSelection {
         source: &FitSource,
         holdout: Holdout,
     ) -> anyhow::Result<CaptureFiles> {
-        self.part.open_for(folder, self.size, source, holdout)
+        let mut capture_files = self.part.open_fitted(folder, self.size, source)?;
+        source.prepare(&mut capture_files, holdout)?;
+        Ok(capture_files)
     }
 
-    /// The photographs to refine `scene` on, as [`PartSelection::photographs_of`] loads them.
+    /// The photographs of the capture in `folder` to refine `scene` on, which was loaded from `path`: at the frames and
+    /// with the holdout that its field records, or else with the holdout that is selected.
+    ///
+    /// # Errors
+    /// Those of [`Self::open_for`].
     pub(crate) fn photographs_of(
         &self,
         folder: &Path,
         path: &Path,
         scene: &Scene,
     ) -> anyhow::Result<TrainingViews> {
-        self.part.photographs_of(folder, self.size, path, scene, self.holdout())
+        let source = FitSource::of_scene(path, scene);
+        let (holdout, note) = source.held_frames(self.holdout());
+        let mut capture_files = self.open_for(folder, &source, holdout)?;
+        if scene.plate.is_some() {
+            // The field is refined before its plate, so photographs are compared as they are.
+            capture_files.forget_mattes();
+        }
+        source.note_static(&capture_files);
+        let views = load_training_views(&capture_files, holdout)?;
+        if let Some(note) = note {
+            eprintln!("note: {note}");
+        }
+        Ok(views)
     }
 
     /// Whether it selects all frames.
@@ -126,19 +144,7 @@ impl PartSelection {
         })
     }
 
-    /// Opens the capture at the frames of `source`, with the cameras that its fit learned and mattes where it had them.
-    fn open_for(
-        &self,
-        folder: &Path,
-        size: Option<(u32, u32)>,
-        source: &FitSource,
-        holdout: Holdout,
-    ) -> anyhow::Result<CaptureFiles> {
-        let mut capture_files = self.open_fitted(folder, size, source)?;
-        source.prepare(&mut capture_files, holdout)?;
-        Ok(capture_files)
-    }
-
+    /// Opens the capture at the frames of `source`.
     fn open_fitted(
         &self,
         folder: &Path,
@@ -171,34 +177,6 @@ impl PartSelection {
             }
             Ok(())
         })
-    }
-
-    /// The photographs of the capture in `folder` to refine `scene` on, which was loaded from `path`: at the frames and
-    /// with the holdout that its field records, or else with `holdout`.
-    ///
-    /// # Errors
-    /// Those of [`FrameSelection::open_for`].
-    pub(crate) fn photographs_of(
-        &self,
-        folder: &Path,
-        size: Option<(u32, u32)>,
-        path: &Path,
-        scene: &Scene,
-        holdout: Option<Holdout>,
-    ) -> anyhow::Result<TrainingViews> {
-        let source = FitSource::of_scene(path, scene);
-        let (holdout, note) = source.held_frames(holdout);
-        let mut capture_files = self.open_for(folder, size, &source, holdout)?;
-        if scene.plate.is_some() {
-            // The field is refined before its plate, so photographs are compared as they are.
-            capture_files.forget_mattes();
-        }
-        source.note_static(&capture_files);
-        let views = load_training_views(&capture_files, holdout)?;
-        if let Some(note) = note {
-            eprintln!("note: {note}");
-        }
-        Ok(views)
     }
 
     fn open_with(

@@ -64,19 +64,14 @@ pub struct Args {
     #[arg(long, value_name = "N[,N..]", value_delimiter = ',', requires = "budgeted", value_parser = budget)]
     budgets: Vec<NonZeroUsize>,
     /// Size of the pictures that are measured [default: 512x384; of several segments 320x240; with --rd 320x240, and 640x480 for the rate of
-    /// the coder]; with --fit and --refine, size to shrink the photographs to [default: their own]
+    /// the coder]; with --fit, size to shrink the photographs to [default: their own]
     #[arg(long, value_name = "WxH", value_parser = size, conflicts_with = "stability")]
     size: Option<[u32; 2]>,
     /// Tables of fits (NAME.fit.csv) to show; those beside the field by default
     #[arg(long, value_name = "LOG", num_args = 1.., conflicts_with_all = ["rd", "stability", "fit"])]
     fit_log: Vec<PathBuf>,
-    /// Also refine FIELD for N steps on the photographs that it was fitted to, with several weights of the fragment
-    /// term, and judge them by photographs that are held out
-    #[arg(long, value_name = "N", requires = "capture", conflicts_with_all = ["rd", "stability", "fit"],
-          value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
-    refine: Option<u64>,
-    /// Folder of the capture of these photographs; of several segments, also without --refine: compare them with all frames of a few
-    /// cameras, at the cuts and between
+    /// Folder of the capture that several segments were fitted to: compare them with all frames of a few cameras, at the
+    /// cuts and between
     #[arg(long, value_name = "DIR", conflicts_with_all = ["rd", "stability", "fit"])]
     capture: Option<PathBuf>,
     /// Folder for the files of the report
@@ -84,7 +79,7 @@ pub struct Args {
     out: PathBuf,
     #[command(flatten)]
     json: JsonOption,
-    #[command(flatten, next_help_heading = "Of the photographs of --fit, --refine and --capture")]
+    #[command(flatten, next_help_heading = "Of the photographs of --fit and --capture")]
     part: PartSelection,
     #[command(flatten, next_help_heading = "Of the fits of --fit")]
     options: FitOptions,
@@ -144,7 +139,7 @@ impl Args {
     fn page_of(&self) -> Result<Option<PageSubject<'_>>, Fault> {
         let looks_at_photographs = self.fit || self.capture.is_some();
         if !(self.fit || self.options.is_default()) || !(looks_at_photographs || self.part.is_default()) {
-            let what = "--steps and the other options of fits need --fit, --frames and --cameras need --fit or --refine; \
+            let what = "--steps and the other options of fits need --fit, --frames and --cameras need --fit or --capture; \
                         add it, or leave them out";
             return Err(Fault::Usage(what.into()));
         }
@@ -161,15 +156,13 @@ impl Args {
                         one, or choose --rd or --stability";
             return Err(Fault::Usage(what.into()));
         }
-        let fits = [(self.refine.is_some(), "--refine"), (!self.fit_log.is_empty(), "--fit-log")];
-        let of_one = fits.into_iter().find(|(is_given, _)| *is_given).filter(|_| segments > 1);
-        if let Some((_, option)) = of_one {
+        if segments > 1 && !self.fit_log.is_empty() {
             let what =
-                format!("{option}: {name} has {segments} segments, which have several fits; leave it out");
+                format!("--fit-log: {name} has {segments} segments, which have several fits; leave it out");
             return Err(Fault::Usage(what));
         }
-        if segments == 1 && self.capture.is_some() && self.refine.is_none() {
-            let what = format!("--capture: {name} is one field, without cuts; add --refine, or leave it out");
+        if segments == 1 && self.capture.is_some() {
+            let what = format!("--capture: {name} is one field, without cuts; leave it out");
             return Err(Fault::Usage(what));
         }
         Ok(Some(PageSubject { path, segments, reference: others.first().map(PathBuf::as_path) }))
@@ -228,13 +221,7 @@ impl Args {
 
     #[cfg(feature = "measure")]
     fn page_part(&self, path: &Path) -> anyhow::Result<ReportPart> {
-        let request = page::Request {
-            path,
-            size: self.size,
-            logs: &self.fit_log,
-            refinement: self.capture.as_deref().zip(self.refine),
-            part: &self.part,
-        };
+        let request = page::Request { path, size: self.size, logs: &self.fit_log };
         page::measure(&request)?.part()
     }
 

@@ -92,19 +92,6 @@ fn budgets_and_the_size_of_the_images_can_be_chosen() {
     assert!(run("30,60").error(2).contains("--budgets 60"), "no field is larger");
 }
 
-#[test]
-fn a_refinement_is_judged_by_photographs_that_are_held_out() {
-    let folder = stage();
-    let held = ["--held-cameras", "00,01,02,03,04,05,06,07"];
-    fs::write(folder.path().join("field.ply"), write_field_file(&field(20, 0, None, false), &info()))
-        .unwrap();
-    let args = ["report", "field.ply", "--refine", "5", "--capture", "stage", "--cameras", "01,02"];
-    assert!(aarc_studio(folder.path(), &args).error(2).contains("name cameras with --held-cameras"));
-    let all = [&args[..5], &["stage"], &held].concat();
-    assert!(aarc_studio(folder.path(), &all).error(3).contains("photograph"), "none is left to refine on");
-    assert!(!folder.path().join("report").exists());
-}
-
 /// A take of two segments, whose first has two layers, compared with its fields and with others.
 #[test]
 fn a_take_is_measured_over_time() {
@@ -200,10 +187,7 @@ fn a_take_is_compared_with_its_photographs() {
     let error = run("report take.aarc --capture stage --frames 0..3 -o out").error(2);
     assert!(error.contains("stage: it lasts 0.067 s, and the take 0.133 s"), "{error}");
     let error = run("report field.ply --capture stage -o out").error(2);
-    assert!(
-        error.contains("--capture: field.ply is one field, without cuts; add --refine, or leave it out"),
-        "{error}"
-    );
+    assert!(error.contains("--capture: field.ply is one field, without cuts; leave it out"), "{error}");
 }
 
 #[test]
@@ -256,8 +240,7 @@ fn bad_requests_are_refused_before_any_work() {
     assert!(run(&["report", "bad.ply"]).error(3).contains("bad.ply"));
     assert!(run(&["report", "bad.ply", "other.ply"]).error(2).contains("a page is of one field"));
     assert!(run(&["report", "bad.ply", "--size", "9000x9000"]).error(2).contains("9000x9000"));
-    assert!(run(&["report", "bad.ply", "--refine", "9"]).error(2).contains("--capture"));
-    assert!(run(&["report", "bad.ply", "--cameras", "00"]).error(2).contains("--fit or --refine"));
+    assert!(run(&["report", "bad.ply", "--cameras", "00"]).error(2).contains("--fit or --capture"));
     assert_eq!(run(&["report", "--rd"]).code, Some(2), "nothing to report on");
     assert_eq!(run(&["report"]).code, Some(2), "nothing to report on");
     assert!(run(&["report", "bad.ply", "--rd", "--size", "9000x9000"]).error(2).contains("9000x9000"));
