@@ -67,9 +67,6 @@ pub struct Args {
     /// the coder]; with --fit, size to shrink the photographs to [default: their own]
     #[arg(long, value_name = "WxH", value_parser = size, conflicts_with = "stability")]
     size: Option<[u32; 2]>,
-    /// Tables of fits (NAME.fit.csv) to show; those beside the field by default
-    #[arg(long, value_name = "LOG", num_args = 1.., conflicts_with_all = ["rd", "stability", "fit"])]
-    fit_log: Vec<PathBuf>,
     /// Folder of the capture that several segments were fitted to: compare them with all frames of a few cameras, at the
     /// cuts and between
     #[arg(long, value_name = "DIR", conflicts_with_all = ["rd", "stability", "fit"])]
@@ -156,11 +153,6 @@ impl Args {
                         one, or choose --rd or --stability";
             return Err(Fault::Usage(what.into()));
         }
-        if segments > 1 && !self.fit_log.is_empty() {
-            let what =
-                format!("--fit-log: {name} has {segments} segments, which have several fits; leave it out");
-            return Err(Fault::Usage(what));
-        }
         if segments == 1 && self.capture.is_some() {
             let what = format!("--capture: {name} is one field, without cuts; leave it out");
             return Err(Fault::Usage(what));
@@ -221,8 +213,7 @@ impl Args {
 
     #[cfg(feature = "measure")]
     fn page_part(&self, path: &Path) -> anyhow::Result<ReportPart> {
-        let request = page::Request { path, size: self.size, logs: &self.fit_log };
-        page::measure(&request)?.part()
+        page::measure(path, self.size.unwrap_or(page::SIZE))?.part()
     }
 
     fn ablation_part(&self) -> anyhow::Result<ReportPart> {

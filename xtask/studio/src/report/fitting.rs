@@ -46,27 +46,13 @@ pub fn find(input: &Path) -> Result<Vec<PathBuf>, Fault> {
     Ok(found)
 }
 
-/// Reads the tables in `named`, or if there are none, the tables that [`find`] finds beside `input`.
-/// Named tables of one file name get the name of their folder before it. Skips files found beside `input` that are
-/// not tables of a fit, with a note on stderr.
+/// Reads the tables that [`find`] finds beside `input`. Skips files that are not tables of a fit, with a note on stderr.
 ///
 /// # Errors
-/// [`Fault::Data`] if a table in `named` cannot be read.
-pub fn load_all(input: &Path, named: &[PathBuf]) -> Result<Vec<FitLog>, Fault> {
-    if named.is_empty() {
-        let usable =
-            |path: PathBuf| load(&path).inspect_err(|fault| eprintln!("note: skipped: {fault}")).ok();
-        return Ok(find(input)?.into_iter().filter_map(usable).collect());
-    }
-    let mut logs = named.iter().map(|path| load(path)).collect::<Result<Vec<_>, Fault>>()?;
-    let names: Vec<String> = logs.iter().map(|log| log.name.clone()).collect();
-    for (log, path) in logs.iter_mut().zip(named) {
-        let is_shared = names.iter().filter(|name| **name == log.name).count() > 1;
-        if let (true, Some(folder)) = (is_shared, path.parent().and_then(Path::file_name)) {
-            log.name = format!("{}/{}", folder.to_string_lossy(), log.name);
-        }
-    }
-    Ok(logs)
+/// [`Fault::Data`] if the folder cannot be read.
+pub fn load_beside(input: &Path) -> Result<Vec<FitLog>, Fault> {
+    let usable = |path: PathBuf| load(&path).inspect_err(|fault| eprintln!("note: skipped: {fault}")).ok();
+    Ok(find(input)?.into_iter().filter_map(usable).collect())
 }
 
 /// Reads a table.
@@ -183,8 +169,7 @@ mod tests {
         std::fs::write(&table, "nonsense").unwrap();
         let error = load(&table).unwrap_err();
         assert!(error.exit_code() == 3 && error.to_string().contains("a.fit.csv"), "{error}");
-        assert_eq!(load_all(folder.path(), &[]).unwrap(), [], "found, but not named");
-        assert!(load_all(folder.path(), std::slice::from_ref(&table)).is_err());
+        assert_eq!(load_beside(folder.path()).unwrap(), []);
         // A sparse file takes no disk space.
         File::create(&table).unwrap().set_len(BYTES_MAX + 1).unwrap();
         assert!(load(&table).unwrap_err().to_string().contains("too long"));
@@ -212,23 +197,6 @@ mod tests {
         }
         assert!((work(by_fit[1])[2] - 0.8).abs() < 1e-12);
         assert_eq!((front(by_fit[0]), front(by_fit[1])), (vec![true, true, false], vec![false, true, true]));
-    }
-
-    #[test]
-    fn tables_of_one_name_are_told_apart() {
-        let folder = tempfile::tempdir().unwrap();
-        let table = |name: &str| {
-            std::fs::create_dir(folder.path().join(name)).unwrap();
-            let path = folder.path().join(name).join("field.fit.csv");
-            std::fs::write(&path, csv(&[entry(100, Some(20.0))])).unwrap();
-            path
-        };
-        let tables = [table("full"), table("blur")];
-        let names = |paths| {
-            load_all(folder.path(), paths).unwrap().into_iter().map(|log| log.name).collect::<Vec<_>>()
-        };
-        assert_eq!(names(&tables), ["full/field", "blur/field"]);
-        assert_eq!(names(&tables[..1]), ["field"]);
     }
 
     #[test]

@@ -215,7 +215,6 @@ fn a_field_folder_and_a_field_that_was_split_have_reports() {
     assert!(refused.contains("name the field that the take was packaged from"), "{refused}");
     assert!(run("report split.aarc split.aarc").error(3).contains("segments, where one field is expected"));
     assert!(run("report take a.ply").error(2).contains("compared with itself"));
-    assert!(run("report split.aarc --fit-log a.csv").error(2).contains("--fit-log"));
     assert!(run("report split.aarc a.ply a.ply").error(2).contains("several segments and the field"));
     assert!(run("report split.aarc --rd").error(3).contains("`export --ply`"));
     assert!(run("report take --rd").error(3).contains("name a field file in it"));

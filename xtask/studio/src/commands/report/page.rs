@@ -1,6 +1,6 @@
 //! Measures one field for its page.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use codec::Limits;
 use formats::is_package;
@@ -17,23 +17,12 @@ use crate::report::{Findings, ReportSubject, packaging};
 use crate::segments::TakeFile;
 
 /// Default size of the measured pictures.
-const SIZE: [u32; 2] = [512, 384];
+pub(super) const SIZE: [u32; 2] = [512, 384];
 
-/// What a page is made of.
-pub(super) struct Request<'a> {
-    /// A field, or a package or field folder of one segment.
-    pub(super) path: &'a Path,
-    /// Size of the measured pictures.
-    pub(super) size: Option<[u32; 2]>,
-    /// Tables of its fits; the tables beside it if there are none.
-    pub(super) logs: &'a [PathBuf],
-}
-
-/// Measures a package or a field, and reads the tables of its fits.
-pub(super) fn measure(request: &Request) -> anyhow::Result<Findings> {
-    let Request { path, size, logs } = *request;
+/// Measures a field, or a package or field folder of one segment, in pictures of `size`, and reads the tables of its fits.
+pub(super) fn measure(path: &Path, size: [u32; 2]) -> anyhow::Result<Findings> {
     let subject = ReportSubject::load(path)?;
-    let fits = fitting::load_all(path, logs)?;
+    let fits = fitting::load_beside(path)?;
     let progress = StagedProgress::visible();
     let clip = if is_package(path) {
         TakeFile::open(path)?.decode(0)?
@@ -53,8 +42,7 @@ pub(super) fn measure(request: &Request) -> anyhow::Result<Findings> {
         progress.step();
     };
     let whole = subject.to_reference();
-    let playing =
-        playing::measure(gpu, &clip, &whole, UVec2::from(size.unwrap_or(SIZE)), &LAYERS, &mut on_step)?;
+    let playing = playing::measure(gpu, &clip, &whole, UVec2::from(size), &LAYERS, &mut on_step)?;
     let packaging = packaging::measure(&subject, &progress)?;
     progress.finish();
     Ok(Findings { name: subject.scene.name, machine: machine(), playing, packaging, fits })

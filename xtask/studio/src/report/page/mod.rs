@@ -106,7 +106,7 @@ impl Findings {
         }
         text += "<h2>Fitting</h2>\n";
         if self.fits.is_empty() {
-            text += "<p>There is no table of a fit beside the field, and <code>--fit-log</code> names none.</p>\n";
+            text += "<p>There is no table of a fit beside the field.</p>\n";
         } else {
             text += &self.fits()?;
         }
