@@ -181,16 +181,19 @@ fn a_manifest_with_faults_is_refused() {
         m["cameras"][2]["time_offset_s"] = 12.into();
     });
     refused("has no {frame}", &|m| m["images"] = "images/{camera}/000000.png".into());
+    refused("{kamera}", &|m| m["images"] = "images/{kamera}/{frame:06}.png".into());
     refused("has no {camera}", &|m| m["images"] = "images/00/{frame:06}.png".into());
     refused("plates \"plates/00.png\" has no {camera}", &|m| m["plates"] = "plates/00.png".into());
     refused("has a {frame}, but a camera has one plate", &|m| m["plates"] = "{camera}/{frame:06}.png".into());
     refused("00.png: this plate is missing", &|m| m["plates"] = "plates/{camera}.png".into());
     refused("no camera has a photograph", &|m| m["cameras"] = json!([]));
+    refused("no camera has a photograph", &|m| m["images"] = "nowhere/{camera}/{frame:06}.png".into());
     refused("image size 4000000000x3", &|m| {
         m["cameras"][0]["w"] = 4_000_000_000u32.into();
         m["cameras"][0]["h"] = 3.into();
     });
     refused("image size 0x24", &|m| m["cameras"][0]["w"] = 0.into());
+    refused("camera 00: focal lengths", &|m| m["cameras"][0]["K"][0][0] = (-1.0).into());
     refused("skew of 0.5", &|m| m["cameras"][0]["K"][0][1] = 0.5.into());
     refused("must be a rotation", &|m| m["cameras"][2]["w2c"][0] = json!([0, 0, 0, 0]));
     refused("camera 02: the lens has 9 coefficients", &|m| {
@@ -200,6 +203,8 @@ fn a_manifest_with_faults_is_refused() {
         m["cameras"][2]["lens"] = "fisheye".into();
         m["cameras"][2]["D"] = json!([0, 0, 0, 0, 0.1]);
     });
+    fs::write(studio.folder().join("capture/capture.json"), "{").unwrap();
+    assert!(studio.eval().error(3).contains("capture.json"));
 }
 
 #[test]

@@ -500,11 +500,6 @@ fn masks_cut_the_subject_out() {
     let (folder, _) = stage();
     let folder = folder.path();
     write_manifest(folder, |manifest| manifest["masks"] = "masks/{camera}/{frame}.png".into());
-    assert!(
-        aarc_studio(folder, &["eval", "field.ply", "--capture", "."])
-            .error(3)
-            .contains("this mask is missing")
-    );
     for c in 0..3 {
         for frame in 0..FRAMES {
             let path = folder.join(format!("masks/c{c}/{frame}.png"));
@@ -520,42 +515,6 @@ fn masks_cut_the_subject_out() {
     assert_eq!(splits["train"]["without_subject"], 2);
     assert!(splits["train"]["psnr_fg"].is_null(), "the subject is equal: {splits}");
     assert!(splits["train"]["psnr_full"].as_f64().unwrap() < 40.0, "what is cut off is missed: {splits}");
-}
-
-#[test]
-fn bad_captures_are_refused_with_one_line() {
-    let (folder, _) = stage();
-    let folder = folder.path();
-    let error = |code| aarc_studio(folder, &["eval", "field.ply", "--capture", "."]).error(code);
-    assert!(error(3).contains("no capture"));
-    fs::write(folder.join("capture.json"), "{").unwrap();
-    assert!(error(3).contains("capture.json"));
-    for (change, what) in [
-        (json!({"images": "nowhere/{camera}/{frame}.png"}), "no camera has a photograph"),
-        (json!({"images": "images/{kamera}.png"}), "{kamera}"),
-        (json!({"frames": 0}), "0 frames"),
-        (json!({"surprise": 1}), "surprise"),
-    ] {
-        write_manifest(folder, |manifest| {
-            let fields = change.as_object().unwrap().clone();
-            manifest.as_object_mut().unwrap().extend(fields);
-        });
-        assert!(error(3).contains(what), "{what}: {}", error(3));
-    }
-    write_manifest(folder, |manifest| manifest["cameras"][1]["w"] = 47.into());
-    assert!(error(3).contains("48x36 pixels, but its camera has 47x36"), "{}", error(3));
-    write_manifest(folder, |manifest| manifest["cameras"][0]["K"][0][0] = (-1.0).into());
-    assert!(error(3).contains("camera c0: focal lengths"), "{}", error(3));
-    write_manifest(folder, |manifest| {
-        manifest["cameras"].as_array_mut().unwrap().iter_mut().for_each(|c| c["held"] = true.into())
-    });
-    assert!(error(3).contains("none is left to fit to"));
-    write_manifest(folder, |_| ());
-    fs::write(folder.join("images/c0/00.png"), b"no image").unwrap();
-    assert!(error(3).contains("images/c0/00.png"), "{}", error(3));
-    let unknown =
-        aarc_studio(folder, &["eval", "field.ply", "--capture", ".", "--held-cameras", "x"]).error(2);
-    assert!(unknown.contains("no camera \"x\""));
 }
 
 /// Size of a picture that was written.

@@ -78,6 +78,7 @@ const FAILURES: &[Failure] = &[
         "give more, or depth maps",
     ),
     ("fit stage --anchor bare", DATA, "no anchor: no depth map", "name them as the photographs"),
+    ("fit stage --anchor nowhere", DATA, "no anchor: no depth map", "name them as the photographs"),
     ("fit stage --from nope.ply", DATA, "nope.ply: there is no such file", "check the path"),
     ("fit stage --from field.ply --set filter=mip", USAGE, "--set filter: a fit that starts", "leave it out"),
     ("fit stage --from field.ply", USAGE, "field.ply is of 50 frames", "select its frames with --frames"),
@@ -164,6 +165,9 @@ const FAILURES: &[Failure] = &[
     ("package keys", DATA, "keys/scene.json: unknown field `colour`", "`package --help` shows its keys"),
     ("package moving", DATA, "moving/plate.ply: a background plate must be static", "`export --at`"),
     ("package field.ply -o no/clip.aarc", USAGE, "cannot write no/clip.aarc", "make it first"),
+    // Not even root can make files there.
+    #[cfg(target_os = "linux")]
+    ("package field.ply -o /proc/clip.aarc", USAGE, "cannot write /proc/clip.aarc", "name another place"),
     (
         "package field.ply --refine 9",
         USAGE,
@@ -305,6 +309,9 @@ const FAILURES: &[Failure] = &[
         "name one --capture for each",
     ),
     ("report nope.ply --rd", DATA, "nope.ply: there is no such file", "check the path"),
+    ("report points.ply --rd", DATA, "points.ply: PLY element vertex lacks", "export Gaussians"),
+    #[cfg(feature = "measure")]
+    ("report points.ply", DATA, "points.ply: PLY element vertex lacks", "export Gaussians"),
     ("report field.ply --rd -o clip.aarc", USAGE, "clip.aarc is a file", "name another folder"),
     ("report field.ply clip.aarc", USAGE, "a page is of one field", "name one, or choose --rd"),
     ("report field.ply --fit", DATA, "field.ply: a file", "a capture is a folder, so name that"),
@@ -356,7 +363,12 @@ const FAILURES: &[Failure] = &[
     #[cfg(feature = "gpu")]
     ("fit stage --backend gpu", DEVICE, "no graphics device was found", "install a Vulkan driver"),
     #[cfg(feature = "onnx")]
-    ("depths stage --backbone net -o maps", DEVICE, "no ONNX Runtime", "set ORT_DYLIB_PATH"),
+    (
+        "depths stage --backbone net -o maps",
+        DEVICE,
+        "no ONNX Runtime",
+        "(pip install onnxruntime, or libonnxruntime-dev of Debian 13) and set ORT_DYLIB_PATH",
+    ),
 ];
 
 /// A folder with a capture, a field, a package, and files that are none of these.

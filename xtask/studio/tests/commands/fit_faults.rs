@@ -4,7 +4,6 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use crate::small_stage;
 use crate::small_stage::{stage, stage_of};
 use crate::tool::aarc_studio;
 use formats::import;
@@ -188,20 +187,4 @@ fn frames_are_not_equally_spaced() {
     let as_taken = held(frames.map(|frame| (frame - 10) as f64 / 6.0));
     let even = held([0.0, 0.25, 0.5, 0.75, 1.0]);
     assert!(as_taken > even + 0.5, "{as_taken} {even} dB");
-}
-
-/// The file of a fit by an earlier program.
-#[test]
-fn an_earlier_checkpoint_is_refused() {
-    let folder = stage();
-    let folder = folder.path();
-    let args = ["fit", "stage", "-o", "field.ply", "--steps", "100000", "--set", "checkpoint-every=0.01"];
-    let checkpoint = folder.join("field.checkpoint");
-    small_stage::kill_when(folder, &args, || checkpoint.exists());
-    let mut bytes = fs::read(&checkpoint).unwrap();
-    bytes[7] -= 1;
-    fs::write(&checkpoint, &bytes).unwrap();
-    let error = aarc_studio(folder, &args).error(3);
-    assert!(error.contains("field.checkpoint: no checkpoint of this version; remove it to start"), "{error}");
-    assert!(fs::read(&checkpoint).unwrap() == bytes, "it stays");
 }

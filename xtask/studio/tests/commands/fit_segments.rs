@@ -1,15 +1,14 @@
 //! `cargo xtask fit --segments`: several processes share the parts of a take.
 
-use std::collections::BTreeMap;
 use std::fs;
-use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::path::Path;
+use std::process::Command;
 use std::thread;
 use std::time::Duration;
 
-use crate::small_stage::{kill_when, psnr_of, stage_of};
+use crate::small_stage::{field_files, kill_when, measured_take, stage_of, start, wait_for};
 use crate::tool;
-use crate::tool::{aarc_studio, outcome};
+use crate::tool::aarc_studio;
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -34,22 +33,6 @@ fn refused(folder: &Path, code: i32, more: &[&str]) -> String {
     aarc_studio(folder, &fit(more)).error(code)
 }
 
-fn start(folder: &Path, more: &[&str]) -> Child {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_aarc-studio"));
-    command.current_dir(folder).args(fit(more)).stdout(Stdio::piped()).stderr(Stdio::piped());
-    command.spawn().unwrap()
-}
-
-/// The files of the field folder.
-fn field_files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
-    outcome::contents(&folder.join("field"))
-}
-
-/// PSNR of the subject in the photographs that were fitted to.
-fn measured(folder: &Path) -> f64 {
-    psnr_of("field", folder, "train")
-}
-
 #[test]
 fn even_parts_and_then_odd_ones_become_a_field_folder() {
     let folder = take();
@@ -69,20 +52,21 @@ fn even_parts_and_then_odd_ones_become_a_field_folder() {
     let last = fitted(folder, &["--segments", "odd", "--shard", "0/2"]);
     assert_eq!((&last["fitted"], &last["resumed_at"]), (&4.into(), &3.into()), "{last}");
     assert!(last["segments"].as_u64() > Some(2) && !folder.join("field/fit").exists(), "{last}");
-    let shared = measured(folder);
+    let shared = measured_take(folder);
 
     // As good as one process that slides along the take.
     let files = field_files(folder);
     fs::remove_dir_all(folder.join("field")).unwrap();
     fitted(folder, &[]);
-    let slid = measured(folder);
+    let slid = measured_take(folder);
     println!("{shared:.2} dB shared, {slid:.2} dB slid");
     assert!(shared > slid - 0.5 && slid > 12.5, "{shared} {slid}");
 
     // Machines that begin at the same time make the same, and one of them makes the background.
     fs::remove_dir_all(folder.join("field")).unwrap();
     for segments in ["even", "odd"] {
-        let both = ["0/2", "1/2"].map(|shard| start(folder, &["--segments", segments, "--shard", shard]));
+        let both =
+            ["0/2", "1/2"].map(|shard| start(folder, &fit(&["--segments", segments, "--shard", shard])));
         for process in both {
             let output = process.wait_with_output().unwrap();
             assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
@@ -114,12 +98,9 @@ fn a_process_that_comes_late_finds_nothing_to_do() {
 fn a_part_that_another_process_fitted_meanwhile_stays() {
     let folder = take();
     let folder = folder.path();
-    let mut first = start(folder, &["--segments", "0..3"]);
+    let mut first = start(folder, &fit(&["--segments", "0..3"]));
     let signal = |name: &str| Command::new("kill").args([name, &first.id().to_string()]).status().unwrap();
-    let begun = folder.join("field/fit/part-0000.lock");
-    while !begun.exists() {
-        thread::sleep(Duration::from_millis(2));
-    }
+    wait_for(&folder.join("field/fit/part-0000.lock"));
     assert!(signal("-STOP").success());
     fitted(folder, &["--segments", "2..4"]);
     let part = fs::read(folder.join("field/fit/part-0002")).unwrap();
@@ -173,7 +154,7 @@ fn ranges_meet_where_they_end() {
     assert_eq!(first["fitted"], 2, "{first}");
     let second = fitted(folder, &["--segments", "0..2"]);
     assert_eq!((&second["fitted"], second["segments"].is_null()), (&4.into(), false), "{second}");
-    assert!(measured(folder) > 12.5);
+    assert!(measured_take(folder) > 12.5);
 }
 
 #[test]
@@ -202,19 +183,11 @@ fn processes_do_not_fit_parts_beside_each_other_at_once() {
     let folder = take();
     let folder = folder.path();
     // It takes longer than those that are refused.
-    let long = |more: &[&str]| -> Vec<String> {
-        fit(more).into_iter().map(|word| if word == "150" { "2000" } else { word }.to_owned()).collect()
-    };
-    let start = |more: &[&str]| {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_aarc-studio"));
-        command.current_dir(folder).args(long(more)).stdout(Stdio::null()).stderr(Stdio::piped());
-        command.spawn().unwrap()
-    };
-    let refused = |more: &[&str]| {
-        let words = long(more);
-        aarc_studio(folder, &words.iter().map(String::as_str).collect::<Vec<_>>()).error(2)
-    };
-    let mut first = start(&["--segments", "1..2", "--set", "checkpoint-every=0.01"]);
+    fn long<'a>(more: &[&'a str]) -> Vec<&'a str> {
+        fit(more).into_iter().map(|word| if word == "150" { "2000" } else { word }).collect()
+    }
+    let refused = |more: &[&str]| aarc_studio(folder, &long(more)).error(2);
+    let mut first = start(folder, &long(&["--segments", "1..2", "--set", "checkpoint-every=0.01"]));
     while !folder.join("field/fit/part-0001.checkpoint").exists() {
         assert!(first.try_wait().unwrap().is_none(), "it fits");
         thread::sleep(Duration::from_millis(5));
@@ -263,5 +236,5 @@ fn a_full_disk_costs_the_part_that_is_fitted_and_nothing_else() {
     assert!(!folder.join("field/fit/part-0001").exists(), "nothing half-written");
     let rest = fitted(folder, &[]);
     assert_eq!((&rest["resumed_at"], &rest["fitted"]), (&1.into(), &4.into()), "{rest}");
-    assert!(measured(folder) > 12.5);
+    assert!(measured_take(folder) > 12.5);
 }

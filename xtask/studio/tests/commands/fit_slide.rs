@@ -1,13 +1,12 @@
 //! `cargo xtask fit` into a field folder: the fit slides along a take.
 
-use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::Command;
 use std::thread;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use crate::small_stage::{kill_when, psnr_of, stage_of};
+use crate::small_stage::{field_files, kill_when, measured_take, stage_of, start, wait_for};
 use crate::tool::aarc_studio;
 use image::{GrayImage, RgbImage};
 use serde_json::Value;
@@ -39,35 +38,6 @@ fn fitted(folder: &Path) -> Value {
     aarc_studio(folder, &[&FIT[..], &["--json"]].concat()).json()
 }
 
-/// The files of the field folder, by name.
-fn field_files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
-    let files = fs::read_dir(folder.join("field")).unwrap();
-    let contents = |entry: fs::DirEntry| {
-        (entry.file_name().into_string().unwrap(), fs::read(entry.path()).expect("no folder is left in it"))
-    };
-    files.map(|entry| contents(entry.unwrap())).collect()
-}
-
-/// PSNR of the subject in the photographs that were fitted to.
-fn measured(folder: &Path) -> f64 {
-    psnr_of("field", folder, "train")
-}
-
-/// Starts the fit.
-fn start(folder: &Path) -> Child {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_aarc-studio"));
-    command.current_dir(folder).args(FIT).stdout(Stdio::null()).stderr(Stdio::piped());
-    command.spawn().unwrap()
-}
-
-fn wait_for(path: &Path) {
-    let start = Instant::now();
-    while !path.exists() {
-        assert!(start.elapsed() < Duration::from_secs(240), "{} is not there", path.display());
-        thread::sleep(Duration::from_millis(2));
-    }
-}
-
 #[test]
 fn a_take_becomes_a_field_folder() {
     let folder = take();
@@ -76,8 +46,8 @@ fn a_take_becomes_a_field_folder() {
     assert_eq!((json["parts"].as_u64(), json["resumed_at"].as_u64()), (Some(3), Some(0)), "{json}");
     let files = field_files(folder);
     assert_eq!(files.len() as u64, json["segments"].as_u64().unwrap() + 1, "segments and field.json");
-    assert!(files.contains_key("field.json"));
-    let psnr = measured(folder);
+    assert!(files.contains_key(&folder.join("field/field.json")));
+    let psnr = measured_take(folder);
     println!("{psnr:.2} dB: {json}");
     assert!(psnr > 14.0, "{psnr}");
     let package = ["package", "field", "-o", "take.aarc", "--coder", "fixed", "--rank", "mass", "--json"];
@@ -150,7 +120,7 @@ fn a_killed_fit_goes_on_with_the_same_result() {
 fn two_processes_do_not_fit_to_one_folder() {
     let folder = take();
     let folder = folder.path();
-    let mut first = start(folder);
+    let mut first = start(folder, &FIT);
     wait_for(&folder.join("field/fit/lock"));
     // Until it holds the lock.
     thread::sleep(Duration::from_millis(50));
@@ -160,7 +130,7 @@ fn two_processes_do_not_fit_to_one_folder() {
         "{error}"
     );
     assert!(first.wait().unwrap().success(), "the first goes on");
-    assert!(measured(folder) > 14.0);
+    assert!(measured_take(folder) > 14.0);
 }
 
 #[test]
@@ -171,7 +141,7 @@ fn photographs_vanish_while_it_fits() {
     let uninterrupted = field_files(folder);
     fs::remove_dir_all(folder.join("field")).unwrap();
 
-    let fit = start(folder);
+    let fit = start(folder, &FIT);
     // The photographs of the last part are not read before the second one begins.
     wait_for(&folder.join("field/fit/part-0000.fit.csv"));
     let photograph = folder.join("stage/images/00/000039.png");
@@ -205,7 +175,7 @@ fn the_subject_leaves_and_a_camera_fails() {
         fs::remove_file(file("images", 2, frame)).unwrap();
     }
     fitted(folder);
-    let psnr = measured(folder);
+    let psnr = measured_take(folder);
     assert!(psnr > 14.0, "{psnr}");
     // It is gone.
     let at = |time: &str| {
@@ -285,7 +255,7 @@ fn parts_may_be_longer_than_the_take_and_shorter_than_an_interval() {
     for (split, parts) in [("100", 1), ("0.02", 7)] {
         let json = aarc_studio(folder, &[&fit[..], &["--split", split]].concat()).json();
         assert_eq!(json["parts"], parts, "{json}");
-        assert!(measured(folder) > 10.0, "{split}: {}", measured(folder));
+        assert!(measured_take(folder) > 10.0, "{split}: {}", measured_take(folder));
         fs::remove_dir_all(folder.join("field")).unwrap();
     }
     // Its segments record the frames that were held out.

@@ -231,13 +231,6 @@ fn a_field_folder_and_a_field_that_was_split_have_reports() {
 fn bad_requests_are_refused_before_any_work() {
     let folder = tempdir().unwrap();
     let run = |args: &[&str]| aarc_studio(folder.path(), args);
-    assert!(run(&["report", "none.ply", "--rd"]).error(3).contains("none.ply"));
-    assert!(!folder.path().join("report").exists());
-    fs::write(folder.path().join("bad.ply"), "ply\n").unwrap();
-    assert!(run(&["report", "bad.ply", "--rd"]).error(3).contains("bad.ply"));
-    assert!(run(&["report", "bad.ply", "--rd", "-o", "bad.ply"]).error(2).contains("bad.ply"));
-    assert!(run(&["report", "bad.ply"]).error(3).contains("bad.ply"));
-    assert!(run(&["report", "bad.ply", "other.ply"]).error(2).contains("a page is of one field"));
     assert!(run(&["report", "bad.ply", "--size", "9000x9000"]).error(2).contains("9000x9000"));
     assert!(run(&["report", "bad.ply", "--cameras", "00"]).error(2).contains("--fit or --capture"));
     assert_eq!(run(&["report", "--rd"]).code, Some(2), "nothing to report on");
