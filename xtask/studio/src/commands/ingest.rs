@@ -2,8 +2,6 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::ValueEnum;
-
 use crate::ingest::{self, ExtractFormat, IngestOptions, MattePolicy, Offsets, ResizePolicy, UpSource};
 
 use super::options::{JsonOption, OutOption};
@@ -41,43 +39,18 @@ pub struct Args {
     height: Option<f64>,
     /// What happened to videos of another size than their calibration: they are refused without it
     #[arg(long, value_name = "HOW")]
-    resize: Option<Resize>,
+    resize: Option<ResizePolicy>,
     /// Write the frames as pictures instead of references to the videos
     #[arg(long, value_name = "FORMAT")]
-    extract: Option<Extract>,
+    extract: Option<ExtractFormat>,
     /// Folder of pictures or videos without the subject, named as the videos; by default the median of each video serves
     #[arg(long, value_name = "DIR")]
     plates: Option<PathBuf>,
     /// Whether masks of the subject are made, by the difference from the plates
     #[arg(long, value_name = "on|off", default_value = "on")]
-    mattes: Mattes,
+    mattes: MattePolicy,
     #[command(flatten)]
     json: JsonOption,
-}
-
-/// What happened to videos. The variants' docs are help texts.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Resize {
-    /// Pictures were scaled, each side by itself
-    Scale,
-    /// As much was cut off, or added, on both sides
-    Crop,
-}
-
-/// Format of pictures. The variants' docs are help texts.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Extract {
-    /// With small losses
-    Jpeg,
-    /// Without loss
-    Png,
-}
-
-/// Whether masks are made.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Mattes {
-    On,
-    Off,
 }
 
 /// A point; clap would take an array for several values.
@@ -97,19 +70,10 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
         origin: args.origin.map(|Origin(origin)| origin),
         metres_per_unit: args.metres_per_unit,
         height_m: args.height,
-        resize: args.resize.map(|resize| match resize {
-            Resize::Scale => ResizePolicy::Scale,
-            Resize::Crop => ResizePolicy::Crop,
-        }),
-        extract: args.extract.map(|extract| match extract {
-            Extract::Jpeg => ExtractFormat::Jpeg,
-            Extract::Png => ExtractFormat::Png,
-        }),
+        resize: args.resize,
+        extract: args.extract,
         plates: args.plates.clone(),
-        mattes: match args.mattes {
-            Mattes::On => MattePolicy::On,
-            Mattes::Off => MattePolicy::Off,
-        },
+        mattes: args.mattes,
     };
     // JSON alone belongs on standard output.
     let mut say = |line: &str| if args.json.is_given { eprintln!("{line}") } else { println!("{line}") };

@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use clap::ValueEnum;
+
 /// Options of [`ingest`](super::ingest).
 #[derive(Clone, Debug, Default)]
 pub struct IngestOptions {
@@ -30,13 +32,13 @@ pub struct IngestOptions {
     pub mattes: MattePolicy,
 }
 
-/// Whether mattes are made.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+/// Whether mattes are made. The variants' docs are help texts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum MattePolicy {
-    /// By difference from plates.
+    /// By difference from plates
     #[default]
     On,
-    /// Plates only.
+    /// Plates only
     Off,
 }
 
@@ -63,21 +65,21 @@ pub enum UpSource {
     Cameras,
 }
 
-/// How a camera follows a video of another size.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// How a camera follows a video of another size. The variants' docs are help texts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum ResizePolicy {
-    /// Pictures were scaled.
+    /// Pictures were scaled, each side by itself
     Scale,
-    /// As much was cut off or added on both sides.
+    /// As much was cut off, or added, on both sides
     Crop,
 }
 
-/// Format of extracted pictures.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// Format of extracted pictures. The variants' docs are help texts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum ExtractFormat {
-    /// JPEG of quality 95.
+    /// With small losses, at quality 95
     Jpeg,
-    /// PNG, without loss.
+    /// Without loss
     Png,
 }
 
