@@ -23,30 +23,6 @@ pub use photographs::TakePhotographs;
 pub(crate) use take::layers_parameter;
 pub use take::{LayerInstant, TakeFindings, TakeInstant, TakeSetup};
 
-/// Parameters that other players have, with the reason why this one lacks them.
-const NO_PARAMETERS: [(&str, &str); 5] = [
-    (
-        "16-bit sort keys",
-        "Depths are sorted by all bits, in passes over the digits in which they differ; the column <i>sort</i> is \
-         the upper bound of what fewer bits could save. Keys of 22 bits were tried: they save a tenth of a millisecond and \
-         draw visible pixels in the wrong order.",
-    ),
-    (
-        "projection in the vertex stage or by compute",
-        "The vertex stage is the one path, and runs on every device. The column <i>vertices</i> counts its invocations; \
-         a compute stage would project a quarter as often.",
-    ),
-    (
-        "record precision",
-        "There is one record format. Its error is part of the player's error above, and the packer's tests bound it.",
-    ),
-    (
-        "SH degree, motion order, rotation over time",
-        "If they are missing above, the clip has none to leave out.",
-    ),
-    ("resolution schedule of a fit", "A fit uses one resolution for all its steps."),
-];
-
 impl Findings {
     /// The text for a terminal: a line for each value of each parameter.
     fn table(&self) -> String {
@@ -89,11 +65,6 @@ impl Findings {
         for parameter in &self.playing.parameters {
             section(&mut text, parameter)?;
         }
-        text += "<h3>Not parameters</h3>\n<ul>\n";
-        for (name, why) in NO_PARAMETERS {
-            let _ = writeln!(text, "<li><b>{name}</b>: {why}</li>");
-        }
-        text += "</ul>\n";
         self.pictures(&mut text)?;
         text += "<h2>Only what this scene needs</h2>\n\
              <p>Each optional part that the clip lacks was added with values that change no pixel, then rendered, \
