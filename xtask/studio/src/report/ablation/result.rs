@@ -115,8 +115,6 @@ pub struct PicturedView {
 pub struct Picture {
     /// Name of the method, or `photograph`.
     pub method: String,
-    /// Path of the PNG within the folder of the report.
-    pub path: String,
     /// The PNG.
     pub png: Vec<u8>,
 }

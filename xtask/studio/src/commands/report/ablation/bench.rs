@@ -159,8 +159,7 @@ impl Bench<'_> {
             // A folder of pictures may lack some.
             if path.is_file() {
                 let png = fs::read(&path).map_err(|error| unreadable(&path, &error))?;
-                let path = format!("{}/{}", folder.replace(' ', "%20"), photo.file);
-                self.ablation.views[i].pictures.push(Picture { method: method.into(), path, png });
+                self.ablation.views[i].pictures.push(Picture { method: method.into(), png });
             }
         }
         Ok(())
