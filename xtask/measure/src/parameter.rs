@@ -105,6 +105,26 @@ impl Quartiles {
 }
 
 impl ParameterValue {
+    /// A value with a PSNR in dB, infinite where there is no error, and without further errors and times.
+    pub fn new(
+        value: &str,
+        default: bool,
+        cost: Quartiles,
+        psnr_db: f64,
+        counts: &[(&str, f64)],
+    ) -> ParameterValue {
+        ParameterValue {
+            value: value.to_owned(),
+            default,
+            on_front: false,
+            cost,
+            errors: ImageErrors { psnr_db: psnr_db.is_finite().then_some(psnr_db), ..ImageErrors::default() },
+            run_time_ms: None,
+            stages_ms: BTreeMap::new(),
+            counts: counts.iter().map(|(name, count)| ((*name).to_owned(), *count)).collect(),
+        }
+    }
+
     /// PSNR in dB, infinite where there is no error.
     pub fn psnr_db(&self) -> f64 {
         self.errors.psnr_db.unwrap_or(f64::INFINITY)
@@ -162,16 +182,7 @@ mod tests {
 
     fn point(value: &str, cost: [f64; 3], psnr_db: f64) -> ParameterValue {
         let [low, median, high] = cost;
-        ParameterValue {
-            value: value.into(),
-            default: value == "default",
-            on_front: false,
-            cost: Quartiles { low, median, high },
-            errors: ImageErrors { psnr_db: psnr_db.is_finite().then_some(psnr_db), ..ImageErrors::default() },
-            run_time_ms: None,
-            stages_ms: BTreeMap::new(),
-            counts: BTreeMap::new(),
-        }
+        ParameterValue::new(value, value == "default", Quartiles { low, median, high }, psnr_db, &[])
     }
 
     fn front(points: Vec<ParameterValue>) -> (Vec<bool>, Parameter) {

@@ -1,13 +1,12 @@
 //! Work, time and PSNR of fits, read from the tables that `fit` writes beside fields.
 
-use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use crate::fit::log::{LogEntry, parse, table_path};
 use crate::messages::unreadable;
-use measure::parameter::{FlowStage, ImageErrors, Parameter, ParameterValue, Quartiles};
+use measure::parameter::{FlowStage, Parameter, ParameterValue, Quartiles};
 use program::Fault;
 
 /// Largest table accepted, in bytes: enough for a line for each of a million steps.
@@ -95,15 +94,10 @@ pub fn parameter(logs: &[FitLog]) -> Option<Parameter> {
             ("gaussians", entry.gaussians as f64),
             ("gaussians_in_a_picture", entry.drawn as f64),
         ];
+        let value = format!("{} at step {}", log.name, entry.step);
         ParameterValue {
-            value: format!("{} at step {}", log.name, entry.step),
-            default: false,
-            on_front: false,
-            cost: Quartiles::exactly(work),
-            errors: ImageErrors { psnr_db: psnr_db.is_finite().then_some(psnr_db), ..ImageErrors::default() },
             run_time_ms: Some(Quartiles::exactly(1e3 * entry.seconds)),
-            stages_ms: BTreeMap::new(),
-            counts: counts.map(|(name, count)| (name.to_owned(), count)).into(),
+            ..ParameterValue::new(&value, false, Quartiles::exactly(work), psnr_db, &counts)
         }
     };
     let points: Vec<ParameterValue> =

@@ -3,7 +3,6 @@
 //!
 //! Each is compared with the whole field, in the images that `package` compares, at the size of the reports.
 
-use std::collections::BTreeMap;
 use std::time::Instant;
 
 use codec::Field;
@@ -13,7 +12,7 @@ use refine::prune::{Candidate, Pictures, Ranking, Selection, recolor};
 use super::subject::ReportSubject;
 use crate::package::{FieldAnalysis, LAYERS, LensCounter, PackageSettings, recolor_views, render_scene};
 use crate::progress::StagedProgress;
-use measure::parameter::{FlowStage, ImageErrors, Parameter, ParameterValue, Quartiles};
+use measure::parameter::{FlowStage, Parameter, ParameterValue, Quartiles};
 
 /// Budgets of fragments, as fractions; 1 leaves out none.
 const FRACTIONS: [f64; 6] = [1.0, 0.95, 0.9, 0.85, 0.7, 0.5];
@@ -59,15 +58,12 @@ fn selection(
         let floor = if candidate.retained.restored > 0 { " with floor" } else { "" };
         let recall = candidate.retained.topology.recall();
         let label = format!("{}{floor}", candidate.ranking.name());
-        ParameterValue {
-            cost: Quartiles::exactly(1.0 - recall),
-            counts: counts([
-                ("gaussians", candidate.retained.rows.len() as f64),
-                ("features_preserved", recall),
-                ("restored", candidate.retained.restored as f64),
-            ]),
-            ..point(&label, i == best, candidate.psnr_db)
-        }
+        let counts = [
+            ("gaussians", candidate.retained.rows.len() as f64),
+            ("features_preserved", recall),
+            ("restored", candidate.retained.restored as f64),
+        ];
+        ParameterValue::new(&label, i == best, Quartiles::exactly(1.0 - recall), candidate.psnr_db, &counts)
     };
     let ranking = Parameter {
         stage: FlowStage::Packaging,
@@ -86,11 +82,9 @@ fn selection(
     let start = Instant::now();
     let pictures = Pictures::take(&render_scene(field, plate.as_ref()), recolor_views(scene, field), || ());
     let recolored = recolor(&field.select(&selected.retained.rows), plate.as_ref(), &pictures, || ());
-    let seconds = start.elapsed().as_secs_f64();
-    let refitted = ParameterValue {
-        cost: Quartiles::exactly(seconds),
-        ..point("recolored", false, analysis.psnr(&recolored))
-    };
+    let seconds = Quartiles::exactly(start.elapsed().as_secs_f64());
+    let kept = ParameterValue::new("as they were", true, Quartiles::exactly(0.0), selected.psnr_db, &[]);
+    let refitted = ParameterValue::new("recolored", false, seconds, analysis.psnr(&recolored), &[]);
     let colours = Parameter {
         stage: FlowStage::Packaging,
         name: "recolor".into(),
@@ -100,7 +94,7 @@ fn selection(
         ),
         why_default: "it takes time, and changes colours that were fitted to photographs".into(),
         cost: "s of packaging".into(),
-        points: vec![point("as they were", true, selected.psnr_db), refitted],
+        points: vec![kept, refitted],
     };
     [ranking, colours].map(Parameter::mark_front)
 }
@@ -124,11 +118,13 @@ fn fragments(subject: &ReportSubject, analysis: &FieldAnalysis, rows: &[usize]) 
         }
         let part = subject.field.select(&kept);
         let per_pixel = counter.per_pixel(&render_scene(&part, subject.plate.as_ref()));
-        points.push(ParameterValue {
-            cost: Quartiles::exactly(per_pixel),
-            counts: counts([("gaussians", kept.len() as f64)]),
-            ..point(&format!("{fraction}"), is_whole, analysis.psnr(&part))
-        });
+        points.push(ParameterValue::new(
+            &fraction.to_string(),
+            is_whole,
+            Quartiles::exactly(per_pixel),
+            analysis.psnr(&part),
+            &[("gaussians", kept.len() as f64)],
+        ));
     }
     Parameter {
         stage: FlowStage::Packaging,
@@ -142,24 +138,6 @@ fn fragments(subject: &ReportSubject, analysis: &FieldAnalysis, rows: &[usize]) 
         points,
     }
     .mark_front()
-}
-
-/// A point with a PSNR only.
-fn point(value: &str, default: bool, psnr_db: f64) -> ParameterValue {
-    ParameterValue {
-        value: value.into(),
-        default,
-        on_front: false,
-        cost: Quartiles::default(),
-        errors: ImageErrors { psnr_db: psnr_db.is_finite().then_some(psnr_db), ..ImageErrors::default() },
-        run_time_ms: None,
-        stages_ms: BTreeMap::new(),
-        counts: BTreeMap::new(),
-    }
-}
-
-fn counts<const N: usize>(counts: [(&str, f64); N]) -> BTreeMap<String, f64> {
-    counts.map(|(name, count)| (name.to_owned(), count)).into()
 }
 
 #[cfg(test)]

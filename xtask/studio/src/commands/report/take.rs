@@ -1,11 +1,10 @@
 //! Measures segments for their page: what they cost over time, and their error over time and over layers.
 
-use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::bail;
 use codec::{Camera, Segment, SegmentLayer, Take};
-use measure::parameter::{ImageErrors, ParameterValue, Quartiles};
+use measure::parameter::{ParameterValue, Quartiles};
 use program::Fault;
 use refine::fit::Cpu;
 use refine::image::{Image, psnr};
@@ -365,16 +364,10 @@ impl LayerErrors {
                 ("gaussians_decoded", gaussians as f64),
                 ("covered_fragments", self.fragments[k - 1] as f64 / pictures as f64),
             ];
-            ParameterValue {
-                value: if k == layers.len() { format!("{k}, all") } else { k.to_string() },
-                default: k == layers.len(),
-                on_front: false,
-                cost: Quartiles::exactly(bytes as f64 * 8e-6 / file.take().duration_s),
-                errors: ImageErrors { psnr_db: finite(error), ..ImageErrors::default() },
-                run_time_ms: None,
-                stages_ms: BTreeMap::new(),
-                counts: counts.map(|(name, count)| (name.to_owned(), count)).into(),
-            }
+            let is_all = k == layers.len();
+            let value = if is_all { format!("{k}, all") } else { k.to_string() };
+            let mbps = Quartiles::exactly(bytes as f64 * 8e-6 / file.take().duration_s);
+            ParameterValue::new(&value, is_all, mbps, error, &counts)
         };
         (1..=layers.len()).map(point).collect()
     }

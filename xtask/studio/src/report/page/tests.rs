@@ -1,33 +1,25 @@
 //! The page and its files hold all findings.
 
-use std::collections::BTreeMap;
-
 use super::*;
 use crate::fit::log::{Density, LogEntry};
 use crate::report::fitting::FitLog;
 use measure::parameter::{ImageErrors, Quartiles};
 use measure::playing::{ClipFeature, NamedPicture, Playing, PlayingSetup, ResourceUse};
 
-fn counts(counts: &[(&str, f64)]) -> BTreeMap<String, f64> {
-    counts.iter().map(|(name, count)| ((*name).to_owned(), *count)).collect()
-}
-
 fn point(value: &str, cost: f64, psnr_db: f64) -> ParameterValue {
     let time = Quartiles { low: cost - 0.25, median: cost, high: cost + 0.25 };
+    let counts = [("covered_fragments", 12_345_678.0), ("pipelines", 1.0)];
+    let point = ParameterValue::new(value, value == "exact", time, psnr_db, &counts);
     ParameterValue {
-        value: value.into(),
-        default: value == "exact",
-        on_front: false,
-        cost: time,
         errors: ImageErrors {
-            psnr_db: psnr_db.is_finite().then_some(psnr_db),
             ssim: Some(0.99),
             worst_tile_db: Some(30.5),
             flicker: Some(0.125),
+            ..point.errors
         },
         run_time_ms: Some(time),
         stages_ms: [("sort".to_owned(), Quartiles::exactly(1.5))].into(),
-        counts: counts(&[("covered_fragments", 12_345_678.0), ("pipelines", 1.0)]),
+        ..point
     }
 }
 
@@ -41,7 +33,7 @@ fn findings() -> Findings {
         points: vec![point("exact", 9.0, 50.0), point("near", 4.0, 52.0)],
     };
     let resources = |bytes: f64| ResourceUse {
-        counts: counts(&[("gpu_bytes", bytes)]),
+        counts: [("gpu_bytes".to_owned(), bytes)].into(),
         frame_ms: Some(Quartiles::exactly(3.0)),
     };
     let feature = ClipFeature {
