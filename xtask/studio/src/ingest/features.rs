@@ -82,14 +82,19 @@ impl Grey {
     /// Blurred with 1 2 1 in both directions, `times` times.
     fn blurred(mut self, times: usize) -> Grey {
         for _ in 0..times {
-            for step in [1, self.width] {
-                let from = self.values.clone();
-                for i in step..self.values.len() - step {
-                    self.values[i] = 0.25 * (from[i - step] + 2.0 * from[i] + from[i + step]);
-                }
-            }
+            // Each row by itself, as the end of one lies beside the start of the next.
+            self.values.chunks_mut(self.width).for_each(|row| blur(row, 1));
+            blur(&mut self.values, self.width);
         }
         self
+    }
+}
+
+/// Blurs values that lie `step` apart with 1 2 1, but for those at the ends.
+fn blur(values: &mut [f32], step: usize) {
+    let from = values.to_owned();
+    for i in step..values.len().saturating_sub(step) {
+        values[i] = 0.25 * (from[i - step] + 2.0 * from[i] + from[i + step]);
     }
 }
 
@@ -252,6 +257,16 @@ mod tests {
             let hash = (hash ^ (hash >> 15)).wrapping_mul(0x2c1b_3c6d);
             image::Rgb([(hash >> 8) as u8, (hash >> 16) as u8, (hash >> 24) as u8])
         })
+    }
+
+    #[test]
+    fn a_row_is_blurred_without_its_neighbours_ends() {
+        let (width, height) = (5, 4);
+        let values = (0..width * height).map(|i| if i % width == width - 1 { 1.0 } else { 0.0 }).collect();
+        let blurred = Grey { width, height, values }.blurred(1);
+        for row in blurred.values.chunks(width) {
+            assert_eq!(row, [0.0, 0.0, 0.0, 0.25, 1.0]);
+        }
     }
 
     #[test]
