@@ -1,5 +1,6 @@
 //! Runs `ffmpeg` and `ffprobe`, which decode and encode all videos. Both are found on the PATH.
 
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, ErrorKind, PipeWriter, Read, Seek, Write};
 use std::path::Path;
@@ -9,6 +10,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
 
 use program::Fault;
+use serde::Deserialize;
 
 /// Runs `program` with the arguments that `set_up` gives it, to its end.
 ///
@@ -18,6 +20,70 @@ pub(crate) fn output(program: &str, set_up: impl FnOnce(&mut Command)) -> Result
     let mut command = Command::new(program);
     set_up(&mut command);
     command.stdin(Stdio::null()).output().map_err(|error| not_run(program, &error))
+}
+
+/// What ffprobe says of a file, of what it is asked.
+#[derive(Default, Deserialize)]
+#[serde(default)]
+pub(crate) struct Probed {
+    pub(crate) streams: Vec<ProbedStream>,
+    pub(crate) packets: Vec<ProbedPacket>,
+    pub(crate) format: ProbedFormat,
+    /// The last line that it says of errors, without the path of the file.
+    #[serde(skip)]
+    pub(crate) error: Option<String>,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(default)]
+pub(crate) struct ProbedStream {
+    pub(crate) codec_type: Option<String>,
+    pub(crate) codec_name: Option<String>,
+    pub(crate) codec_tag_string: Option<String>,
+    pub(crate) width: u32,
+    pub(crate) height: u32,
+    pub(crate) color_space: Option<String>,
+    pub(crate) color_transfer: Option<String>,
+    pub(crate) avg_frame_rate: Option<String>,
+    pub(crate) nb_frames: Option<String>,
+    pub(crate) nb_read_packets: Option<String>,
+    pub(crate) channels: Option<u32>,
+    pub(crate) tags: BTreeMap<String, String>,
+    pub(crate) side_data_list: Vec<ProbedSideData>,
+}
+
+#[derive(Deserialize)]
+pub(crate) struct ProbedSideData {
+    pub(crate) rotation: Option<f64>,
+}
+
+#[derive(Deserialize)]
+pub(crate) struct ProbedPacket {
+    pub(crate) pts_time: Option<String>,
+    #[serde(default)]
+    pub(crate) flags: String,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(default)]
+pub(crate) struct ProbedFormat {
+    pub(crate) duration: Option<String>,
+    pub(crate) start_time: Option<String>,
+    pub(crate) tags: BTreeMap<String, String>,
+}
+
+/// Asks ffprobe about a file. Of one that it cannot read, it says an error alone.
+///
+/// # Errors
+/// [`Fault::Usage`] if it is not installed or cannot be run.
+pub(crate) fn probed(path: &Path, arguments: &[&str]) -> Result<Probed, Fault> {
+    let output = output("ffprobe", |command| {
+        command.args(["-v", "error"]).args(arguments).args(["-of", "json", "-i"]).arg(path);
+    })?;
+    let said = String::from_utf8_lossy(&output.stderr);
+    let probed = serde_json::from_slice(&output.stdout).ok().filter(|_| output.status.success());
+    let error = (!said.trim().is_empty()).then(|| last_line(&said, path));
+    Ok(Probed { error, ..probed.unwrap_or_default() })
 }
 
 /// A run that has begun; it is killed when it is dropped.
@@ -153,7 +219,7 @@ impl Drop for Feeding {
 }
 
 /// The last line that ffmpeg or ffprobe says, without the path of the file.
-pub(crate) fn last_line(said: &str, path: &Path) -> String {
+fn last_line(said: &str, path: &Path) -> String {
     let line = said.lines().rev().find(|line| !line.trim().is_empty()).unwrap_or("it says nothing");
     line.replace(&format!("{}: ", path.display()), "").trim().to_owned()
 }

@@ -14,10 +14,9 @@ use std::sync::Mutex;
 
 use image::RgbImage;
 use program::Fault;
-use serde::Deserialize;
 
 use super::image_file::{bad, lfs_pointer};
-use crate::ffmpeg::{self, Running, last_line};
+use crate::ffmpeg::{self, Running};
 use crate::messages::unreadable;
 
 /// Longest row of frames that are decoded to reach one, rather than to seek it.
@@ -58,23 +57,13 @@ impl Video {
         std::fs::metadata(path).map_err(|error| unreadable(path, &error))?;
         lfs_pointer(path).map_or(Ok(()), Err)?;
         let entries = "stream=width,height,color_space,color_transfer:stream_side_data=rotation:packet=pts_time,flags:format=start_time";
-        let arguments = ["-v", "error", "-select_streams", "V:0", "-show_entries", entries, "-of", "json"];
-        let output = ffmpeg::output("ffprobe", |command| {
-            command.args(arguments).arg(path);
-        })?;
-        let said = String::from_utf8_lossy(&output.stderr);
-        let probed = serde_json::from_slice::<Probed>(&output.stdout).ok();
-        let probed = probed.filter(|_| output.status.success()).unwrap_or_default();
+        let probed = ffmpeg::probed(path, &["-select_streams", "V:0", "-show_entries", entries])?;
         let Some(stream) = probed.streams.first() else {
-            return Err(match said.trim().is_empty() {
-                true => bad(path, "it has no video; name a video file"),
-                false => bad(
-                    path,
-                    format!(
-                        "no video that ffmpeg can read: {}; copy it again, or convert it",
-                        last_line(&said, path)
-                    ),
-                ),
+            return Err(match probed.error {
+                None => bad(path, "it has no video; name a video file"),
+                Some(error) => {
+                    bad(path, format!("no video that ffmpeg can read: {error}; copy it again, or convert it"))
+                }
             });
         };
         let first_packets = probed.packets.iter().filter(|packet| !packet.flags.contains('D'));
@@ -195,44 +184,6 @@ struct Decoding {
     pictures: ChildStdout,
     /// Number of the next frame in the pipe.
     next: usize,
-}
-
-/// What ffprobe says.
-#[derive(Default, Deserialize)]
-struct Probed {
-    #[serde(default)]
-    packets: Vec<Packet>,
-    #[serde(default)]
-    streams: Vec<Stream>,
-    #[serde(default)]
-    format: Format,
-}
-
-#[derive(Deserialize)]
-struct Packet {
-    pts_time: Option<String>,
-    #[serde(default)]
-    flags: String,
-}
-
-#[derive(Deserialize)]
-struct Stream {
-    width: u32,
-    height: u32,
-    color_space: Option<String>,
-    color_transfer: Option<String>,
-    #[serde(default)]
-    side_data_list: Vec<SideData>,
-}
-
-#[derive(Deserialize)]
-struct SideData {
-    rotation: Option<f64>,
-}
-
-#[derive(Default, Deserialize)]
-struct Format {
-    start_time: Option<String>,
 }
 
 fn seconds(text: Option<&str>) -> Option<f64> {

@@ -6,13 +6,12 @@ use std::str::FromStr;
 
 use program::Fault;
 use refine::metrics::median;
-use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
 use super::store::{Store, file_name, identity};
 use crate::capture::{Video, bad};
-use crate::ffmpeg;
+use crate::ffmpeg::{self, ProbedStream};
 use crate::messages::unreadable;
 
 /// File extensions of videos.
@@ -113,10 +112,13 @@ fn probed(path: &Path) -> Result<Probe, Fault> {
     let video = Video::open(path)?;
     let entries = "stream=codec_type,codec_name,codec_tag_string,avg_frame_rate,nb_frames:stream_tags:\
                    stream_side_data=rotation:format=duration,start_time:format_tags";
-    let said: Said = asked(path, &["-show_entries", entries])?;
-    let is = |kind: &'static str| move |stream: &&Stream| stream.codec_type.as_deref() == Some(kind);
+    let said = ffmpeg::probed(path, &["-show_entries", entries])?;
+    let is = |kind: &'static str| move |stream: &&ProbedStream| stream.codec_type.as_deref() == Some(kind);
     let Some(pictures) = said.streams.iter().find(is("video")) else {
-        return Err(bad(path, "it has no video; name a video file"));
+        return Err(match said.error {
+            None => bad(path, "it has no video; name a video file"),
+            Some(error) => bad(path, format!("ffprobe says nothing of it: {error}; convert it to MP4")),
+        });
     };
     let frames = video.times_s.len();
     // MP4 counts its frames before their data, and a copy that was cut off lacks the last of them.
@@ -170,20 +172,11 @@ fn probed(path: &Path) -> Result<Probe, Fault> {
     })
 }
 
-/// What ffprobe says of a file if it is asked so.
-fn asked<T: DeserializeOwned>(path: &Path, arguments: &[&str]) -> Result<T, Fault> {
-    let output = ffmpeg::output("ffprobe", |command| {
-        command.args(["-v", "error"]).args(arguments).args(["-of", "json"]).arg(path);
-    })?;
-    serde_json::from_slice(&output.stdout)
-        .map_err(|error| bad(path, format!("ffprobe says nothing of it: {error}; convert it to MP4")))
-}
-
 /// Number of pictures in an MP4, with those that its edit list hides: a part that was cut without recoding has frames
 /// before its first and after its last one.
 fn packets(path: &Path) -> Result<usize, Fault> {
     let entries = "stream=nb_read_packets";
-    let said: Said = asked(
+    let said = ffmpeg::probed(
         path,
         &["-ignore_editlist", "1", "-select_streams", "V:0", "-count_packets", "-show_entries", entries],
     )?;
@@ -238,41 +231,6 @@ fn fitted_interval_s(times_s: &[f64], steps: impl Fn(f64) -> Option<f64>) -> f64
         }
     }
     above / below
-}
-
-#[derive(Deserialize)]
-struct Said {
-    #[serde(default)]
-    streams: Vec<Stream>,
-    #[serde(default)]
-    format: Format,
-}
-
-#[derive(Deserialize)]
-struct Stream {
-    codec_type: Option<String>,
-    codec_name: Option<String>,
-    codec_tag_string: Option<String>,
-    avg_frame_rate: Option<String>,
-    nb_frames: Option<String>,
-    nb_read_packets: Option<String>,
-    #[serde(default)]
-    tags: BTreeMap<String, String>,
-    #[serde(default)]
-    side_data_list: Vec<SideData>,
-}
-
-#[derive(Default, Deserialize)]
-struct Format {
-    duration: Option<String>,
-    start_time: Option<String>,
-    #[serde(default)]
-    tags: BTreeMap<String, String>,
-}
-
-#[derive(Deserialize)]
-struct SideData {
-    rotation: Option<f64>,
 }
 
 /// The commonest rate of the videos, of those that differ by less than rounding; the higher of two as common.

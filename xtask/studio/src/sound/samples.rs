@@ -7,7 +7,6 @@ use std::process::Stdio;
 
 use codec::SOUND_RATE_HZ;
 use program::{Fault, counted};
-use serde::Deserialize;
 
 use super::source::SoundSource;
 use crate::ffmpeg::{self, Running};
@@ -30,18 +29,6 @@ pub(super) struct Samples {
     /// Factor that brings the loudest sample to full scale, 1 if it is not above.
     gain: f32,
     notes: Vec<String>,
-}
-
-/// What ffprobe says of a file.
-#[derive(Deserialize)]
-struct Said {
-    #[serde(default)]
-    streams: Vec<SaidStream>,
-}
-
-#[derive(Deserialize)]
-struct SaidStream {
-    channels: Option<u32>,
 }
 
 impl Samples {
@@ -189,18 +176,10 @@ fn write_finite(decoder: impl Read, file: &mut File) -> io::Result<Written> {
 pub(super) fn probe(path: &Path) -> Result<u32, Fault> {
     std::fs::metadata(path).map_err(|error| unreadable(path, &error))?;
     let bad = |what: String| Fault::Data(format!("{}: {what}", path.display()));
-    let output = ffmpeg::output("ffprobe", |command| {
-        command.args(["-v", "error", "-select_streams", "a:0", "-show_entries", "stream=channels"]);
-        command.args(["-of", "json", "-i"]).arg(path);
-    })?;
-    if !output.status.success() {
-        let said = ffmpeg::last_line(&String::from_utf8_lossy(&output.stderr), path);
-        return Err(bad(format!("it is no sound that ffmpeg reads: {said}; convert it to WAV")));
-    }
-    let said: Said = serde_json::from_slice(&output.stdout)
-        .map_err(|error| bad(format!("ffprobe says nothing of it: {error}")))?;
-    match said.streams.first().and_then(|stream| stream.channels).filter(|channels| *channels > 0) {
-        Some(channels) => Ok(channels),
-        None => Err(bad("there is no sound in it; name another file, or leave --audio out".into())),
+    let said = ffmpeg::probed(path, &["-select_streams", "a:0", "-show_entries", "stream=channels"])?;
+    match (said.streams.first().and_then(|stream| stream.channels), said.error) {
+        (Some(channels), _) if channels > 0 => Ok(channels),
+        (_, Some(error)) => Err(bad(format!("it is no sound that ffmpeg reads: {error}; convert it to WAV"))),
+        _ => Err(bad("there is no sound in it; name another file, or leave --audio out".into())),
     }
 }
