@@ -8,6 +8,8 @@ use formats::{Hints, ImportError, Imported, MARK, write_commented_field_file};
 use program::Fault;
 use refine::capture::Holdout;
 
+use crate::parse::{range, three_numbers};
+
 /// Value of the comment on mattes.
 const MATTES: &str = "difference";
 
@@ -72,7 +74,7 @@ impl FitRecord {
     fn take(&mut self, key: &str, value: &str) -> Result<(), ()> {
         match key {
             "holdout" => self.holdout = Some(Holdout::named(value).ok_or(())?),
-            "frames" => self.frames = Some(frames(value).ok_or(())?),
+            "frames" => self.frames = Some(range(value).ok_or(())?),
             "seconds" => self.seconds = Some(seconds(value).ok_or(())?),
             "timing" => self.timing = Some(u32::from_str_radix(value, 16).map_err(drop)?),
             "origin" => self.origin = Some(point(value).ok_or(())?),
@@ -115,12 +117,6 @@ pub fn fitted_field_file(field: &Field, info: &ClipInfo, record: &FitRecord) -> 
     write_commented_field_file(field, info, &record.comments())
 }
 
-/// A range A..B that is not empty.
-fn frames(value: &str) -> Option<Range<usize>> {
-    let (start, end) = value.split_once("..")?;
-    Some(start.parse().ok()?..end.parse().ok()?).filter(|frames: &Range<usize>| !frames.is_empty())
-}
-
 /// Two finite numbers in ascending order.
 fn seconds(value: &str) -> Option<[f64; 2]> {
     let (first, last) = value.split_once(' ')?;
@@ -130,6 +126,5 @@ fn seconds(value: &str) -> Option<[f64; 2]> {
 
 /// Three finite numbers.
 fn point(value: &str) -> Option<[f64; 3]> {
-    let numbers: Vec<f64> = value.split(' ').map(|number| number.parse().ok()).collect::<Option<_>>()?;
-    numbers.try_into().ok().filter(|point: &[f64; 3]| point.iter().all(|x| x.is_finite()))
+    three_numbers(value, ' ').filter(|point: &[f64; 3]| point.iter().all(|x| x.is_finite()))
 }

@@ -145,21 +145,26 @@ impl Input {
     /// # Errors
     /// [`Fault::Usage`] that lists the viewpoints.
     pub fn viewpoint(&self, name: Option<&str>) -> Result<Viewpoint, Fault> {
-        let mut viewpoints = match self {
-            Input::Take(take) => take.viewpoints.clone(),
-            Input::Scene(scene) => scene.info.viewpoints.clone(),
+        let viewpoints = match self {
+            Input::Take(take) => &take.viewpoints,
+            Input::Scene(scene) => &scene.info.viewpoints,
         };
-        let name = name.unwrap_or("0");
-        let named = viewpoints.iter().position(|viewpoint| viewpoint.name == name);
-        match named.or_else(|| name.parse().ok()).filter(|&index| index < viewpoints.len()) {
-            Some(index) => Ok(viewpoints.swap_remove(index)),
-            None => {
-                let known = viewpoints.iter().enumerate().map(|(i, v)| format!("{i} \"{}\"", v.name));
-                let known = known.collect::<Vec<_>>().join(", ");
-                Err(Fault::Usage(format!("--view {name}: there is no such viewpoint; there are {known}")))
-            }
-        }
+        viewpoint(viewpoints, name.unwrap_or("0")).cloned()
     }
+}
+
+/// The viewpoint with this name or index.
+///
+/// # Errors
+/// [`Fault::Usage`] that lists the viewpoints.
+pub(crate) fn viewpoint<'v>(viewpoints: &'v [Viewpoint], name: &str) -> Result<&'v Viewpoint, Fault> {
+    let named = viewpoints.iter().find(|viewpoint| viewpoint.name == name);
+    let numbered = || viewpoints.get(name.parse::<usize>().ok()?);
+    named.or_else(numbered).ok_or_else(|| {
+        let known = viewpoints.iter().enumerate().map(|(i, viewpoint)| format!("{i} \"{}\"", viewpoint.name));
+        let known = known.collect::<Vec<_>>().join(", ");
+        Fault::Usage(format!("--view {name}: there is no such viewpoint; there are {known}"))
+    })
 }
 
 /// Converts seconds to clip time. Up to half a captured frame beyond the end counts as the end, because

@@ -18,6 +18,7 @@ pub mod machine;
 mod messages;
 pub mod package;
 mod page;
+mod parse;
 pub mod playlist;
 pub mod progress;
 pub mod report;

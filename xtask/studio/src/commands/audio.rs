@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use program::Fault;
 
 use crate::capture::CaptureSound;
+use crate::parse::three_numbers;
 use crate::sound::{SoundSource, Soundtrack};
 
 /// What `--audio` says to leave out the sound of a capture.
@@ -34,9 +35,8 @@ fn seconds(text: &str) -> Result<f64, String> {
 }
 
 fn position(text: &str) -> Result<[f32; 3], String> {
-    let numbers: Option<Vec<f32>> = text.split(',').map(|x| x.trim().parse().ok()).collect();
-    let position = numbers.and_then(|numbers| <[f32; 3]>::try_from(numbers).ok());
-    let position = position.filter(|position| position.iter().all(|x| x.is_finite()));
+    let position =
+        three_numbers(text, ',').filter(|position: &[f32; 3]| position.iter().all(|x| x.is_finite()));
     position.ok_or_else(|| "three numbers with commas between them, as in 0,1.6,0".into())
 }
 

@@ -9,6 +9,7 @@ use crate::capture::CaptureFiles;
 use crate::fit::{TrainingViews, file_crc};
 use crate::lpips_weights::load_lpips;
 use crate::messages::count;
+use crate::parse::range;
 use crate::scene::Scene;
 use anyhow::bail;
 use clap::ValueEnum;
@@ -18,6 +19,7 @@ use refine::capture::{Holdout, Split};
 use refine::fit::Lpips;
 
 use super::fit_source::FitSource;
+use super::render;
 
 /// The cameras, frames and pixels of a capture that a command reads, and the frames that it holds out.
 #[derive(clap::Args, Clone, Debug)]
@@ -289,11 +291,9 @@ pub(crate) fn note_assumed_fps(capture_files: &CaptureFiles, remedy: &str) {
 }
 
 fn frames(text: &str) -> Result<Range<usize>, String> {
-    let parts = text.split_once("..").and_then(|(a, b)| Some(a.parse().ok()?..b.parse().ok()?));
-    parts.filter(|range: &Range<usize>| !range.is_empty()).ok_or_else(|| "frames as 0..9".into())
+    range(text).ok_or_else(|| "frames as 0..9".into())
 }
 
 fn size(text: &str) -> Result<(u32, u32), String> {
-    let parts = text.split_once('x').and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
-    parts.filter(|(w, h)| *w > 0 && *h > 0).ok_or_else(|| "width and height as 512x375".into())
+    render::size(text).map(<(u32, u32)>::from)
 }

@@ -262,6 +262,7 @@ fn more_pictures(
     Ok(prefixes)
 }
 
-fn write_picture(path: &Path, image: &Image) -> Result<(), Fault> {
+/// Writes a PNG.
+pub(super) fn write_picture(path: &Path, image: &Image) -> Result<(), Fault> {
     output::write_png(path, &image.to_rgb8(), (image.width, image.height))
 }

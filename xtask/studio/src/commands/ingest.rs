@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::ingest::{self, ExtractFormat, IngestOptions, MattePolicy, Offsets, ResizePolicy, UpSource};
+use crate::parse::three_numbers;
 
 use super::options::{JsonOption, OutOption};
 
@@ -87,8 +88,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
 
 /// Three finite numbers.
 fn vector(text: &str) -> Option<[f64; 3]> {
-    let numbers: Option<Vec<f64>> = text.split(',').map(|number| number.trim().parse().ok()).collect();
-    <[f64; 3]>::try_from(numbers?).ok().filter(|vector| vector.iter().all(|x| x.is_finite()))
+    three_numbers(text, ',').filter(|vector: &[f64; 3]| vector.iter().all(|x| x.is_finite()))
 }
 
 fn up(text: &str) -> Result<UpSource, String> {

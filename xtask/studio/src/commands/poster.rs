@@ -13,7 +13,9 @@ use glam::DVec3;
 use program::{Fault, output};
 use serde_json::json;
 
+use crate::input::viewpoint;
 use crate::messages::{bad_package, decimal, unreadable};
+use crate::parse::three_numbers;
 use crate::segments::TakeFile;
 
 use super::options::JsonOption;
@@ -166,16 +168,6 @@ fn check_direction(eye: [f32; 3], target: [f32; 3], up: [f32; 3]) -> Result<(), 
     )))
 }
 
-fn viewpoint<'a>(viewpoints: &'a [Viewpoint], name: &str) -> Result<&'a Viewpoint, Fault> {
-    let named = viewpoints.iter().find(|viewpoint| viewpoint.name == name);
-    let numbered = || viewpoints.get(name.parse::<usize>().ok()?);
-    named.or_else(numbered).ok_or_else(|| {
-        let known = viewpoints.iter().enumerate().map(|(i, viewpoint)| format!("{i} \"{}\"", viewpoint.name));
-        let known = known.collect::<Vec<_>>().join(", ");
-        Fault::Usage(format!("--view {name}: there is no such viewpoint; there are {known}"))
-    })
-}
-
 fn print(path: &Path, poster: Option<&Poster>, is_json: bool) {
     if is_json {
         let poster = poster.map(|poster| {
@@ -211,9 +203,7 @@ fn view(text: &str) -> Result<PosterView, Infallible> {
 }
 
 fn point(text: &str) -> Option<[f32; 3]> {
-    let numbers: Option<Vec<f32>> = text.split(',').map(|number| number.trim().parse().ok()).collect();
-    let point = numbers.and_then(|numbers| <[f32; 3]>::try_from(numbers).ok());
-    point.filter(|point| point.iter().all(|x| x.abs() <= COORDINATE_MAX))
+    three_numbers(text, ',').filter(|point: &[f32; 3]| point.iter().all(|x| x.abs() <= COORDINATE_MAX))
 }
 
 fn degrees(text: &str) -> Option<f32> {

@@ -15,6 +15,7 @@ use codec::Camera;
 use glam::{DMat2, DMat3, DVec2, DVec3};
 use rayon::prelude::*;
 use refine::capture::Lens;
+use refine::metrics::median;
 use serde::{Deserialize, Serialize};
 
 use super::calibration::RigCamera;
@@ -242,11 +243,10 @@ fn movement(camera: &Camera, first: &Features, later: &Features) -> Option<f64> 
     let matches = first.matches(later, |i, j| apart(first.points[i], later.points[j]) < MOVED_MAX * side);
     let by = |axis: usize| {
         let difference = |[i, j]: &[usize; 2]| f64::from(later.points[*j][axis] - first.points[*i][axis]);
-        let mut moved: Vec<f64> = matches.iter().map(difference).collect();
-        moved.sort_by(f64::total_cmp);
-        moved[moved.len() / 2]
+        median(matches.iter().map(difference).collect())
     };
-    (matches.len() >= MOVED_MATCHES).then(|| by(0).hypot(by(1)))
+    let moved = by(0)?.hypot(by(1)?);
+    (matches.len() >= MOVED_MATCHES).then_some(moved)
 }
 
 #[cfg(test)]

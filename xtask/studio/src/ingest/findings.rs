@@ -1,6 +1,7 @@
 //! [`IngestFindings`]: what the steps found, and what of it deserves a warning.
 
 use refine::matte::GAIN_MAX;
+use refine::metrics::median;
 use serde::Serialize;
 
 use super::calibration::RigCamera;
@@ -157,15 +158,14 @@ pub(super) fn drift_warnings(starts: &Starts, videos: &[RigVideo], fps: f64, fra
 /// What the check against pictures tells.
 pub(super) fn describe_epipolar(check: &EpipolarCheck) -> String {
     let telling: Vec<f64> = check.pairs.iter().filter_map(|pair| pair.all.median_px).collect();
-    let mut sorted = telling.clone();
-    sorted.sort_by(f64::total_cmp);
     let how_many = format!("{} of {} match enough to tell", telling.len(), count(check.pairs.len(), "pair"));
-    match sorted.last() {
+    let worst = telling.iter().copied().max_by(f64::total_cmp);
+    match median(telling).zip(worst) {
         None => format!("not checked: {how_many}"),
-        Some(worst) => format!(
+        Some((median, worst)) => format!(
             "corners are {} px from their epipolar lines, at worst {} px ({how_many})",
-            decimal(sorted[sorted.len() / 2], 2),
-            decimal(*worst, 2)
+            decimal(median, 2),
+            decimal(worst, 2)
         ),
     }
 }

@@ -5,6 +5,7 @@ use std::str::FromStr;
 
 use program::Fault;
 
+use crate::parse;
 use crate::takes::Shard;
 
 /// Parts that one machine of several fits.
@@ -33,15 +34,12 @@ impl FromStr for Segments {
 
     /// From `even`, `odd` or `A..B`.
     fn from_str(text: &str) -> Result<Segments, String> {
-        let range = || {
-            let (start, end) = text.split_once("..")?;
-            let range = start.parse().ok()?..end.parse().ok()?;
-            (!range.is_empty()).then_some(Segments::Range(range))
-        };
         match text {
             "even" => Ok(Segments::Even),
             "odd" => Ok(Segments::Odd),
-            _ => range().ok_or_else(|| "even, odd, or A..B with A below B".into()),
+            _ => parse::range(text)
+                .map(Segments::Range)
+                .ok_or_else(|| "even, odd, or A..B with A below B".into()),
         }
     }
 }

@@ -1,5 +1,7 @@
 //! Least squares over the graph of pairs: a number for each camera, whose differences are the pairs' differences.
 
+use refine::metrics::median;
+
 use super::pair::{CONFIDENCE_MIN, SoundPair};
 
 /// Deviation in seconds that is always kept.
@@ -23,10 +25,8 @@ pub(super) fn starts(cameras: usize, pairs: &[SoundPair]) -> Solution {
 /// Drifts in parts per million against the median one.
 pub(super) fn drifts(cameras: usize, pairs: &[SoundPair]) -> Vec<f64> {
     let mut values = solve(cameras, pairs, |pair| pair.drift_ppm, KEPT_PPM).values;
-    let mut sorted = values.clone();
-    sorted.sort_by(f64::total_cmp);
-    let median = sorted.get(cameras / 2).copied().unwrap_or(0.0);
-    values.iter_mut().for_each(|value| *value -= median);
+    let middle = median(values.clone()).unwrap_or(0.0);
+    values.iter_mut().for_each(|value| *value -= middle);
     values
 }
 
@@ -60,10 +60,9 @@ fn solve(cameras: usize, pairs: &[SoundPair], difference: fn(&SoundPair) -> f64,
         let is_outlier = worst.is_some_and(|worst| {
             used[worst] = false;
             let others = least_squares(cameras, pairs, &used, difference);
-            let mut sizes: Vec<f64> =
-                (0..pairs.len()).filter(|i| used[*i]).map(|i| residual(&others, i).abs()).collect();
-            sizes.sort_by(f64::total_cmp);
-            let is_outlier = residual(&others, worst).abs() > kept.max(4.0 * sizes[sizes.len() / 2]);
+            let sizes = (0..pairs.len()).filter(|i| used[*i]).map(|i| residual(&others, i).abs()).collect();
+            let usual = median(sizes).unwrap_or(0.0);
+            let is_outlier = residual(&others, worst).abs() > kept.max(4.0 * usual);
             used[worst] = !is_outlier;
             is_outlier
         });

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use refine::metrics::median;
 use serde::Serialize;
 
 use crate::package::PackageReport;
@@ -89,18 +90,10 @@ impl SegmentReport {
 impl TakeReport {
     /// Number of the segment with the lowest PSNR, that PSNR, and the median of all.
     pub(super) fn fidelity(segments: &[SegmentReport]) -> (usize, f64, f64) {
-        let psnr = |i: usize| segments[i].package.self_psnr_db;
-        let mut order: Vec<usize> = (0..segments.len()).collect();
-        order.sort_by(|&a, &b| psnr(a).total_cmp(&psnr(b)));
-        let half = order.len() / 2;
-        let median = match order.len() % 2 {
-            // Equal ones may be infinite.
-            0 if psnr(order[half - 1]) != psnr(order[half]) => {
-                0.5 * (psnr(order[half - 1]) + psnr(order[half]))
-            }
-            _ => psnr(order[half]),
-        };
-        (order[0], psnr(order[0]), median)
+        let psnrs: Vec<f64> = segments.iter().map(|segment| segment.package.self_psnr_db).collect();
+        let worst =
+            (0..psnrs.len()).min_by(|&a, &b| psnrs[a].total_cmp(&psnrs[b])).expect("a take has segments");
+        (worst, psnrs[worst], median(psnrs).expect("a take has segments"))
     }
 
     /// Sums of the counts of all segments by reason.

@@ -1,6 +1,6 @@
 //! Pseudorandom numbers that depend on the seed, the camera and the quantity alone.
 
-use crate::synth::stage::split_mix;
+use crate::synth::stage::{split_mix, unit};
 
 /// A quantity that is drawn.
 #[derive(Clone, Copy, Debug)]
@@ -42,8 +42,7 @@ impl Draw {
 /// A number from -1 to 1, evenly distributed.
 pub(super) fn draw(seed: u64, camera: usize, quantity: Draw) -> f64 {
     let key = split_mix(split_mix(seed) ^ camera as u64);
-    let drawn = split_mix(key ^ split_mix(quantity.number()));
-    (drawn >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+    2.0 * unit(split_mix(key ^ split_mix(quantity.number()))) - 1.0
 }
 
 /// A number that follows a normal distribution with variance 1 but for its tails: none is above 3.5.

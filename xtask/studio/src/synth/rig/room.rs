@@ -5,7 +5,7 @@
 
 use glam::{DVec3, dvec3};
 
-use crate::synth::stage::{noise, split_mix};
+use crate::synth::stage::{noise, split_mix, unit};
 
 /// Corners in metres. The soles of the figure are above the floor.
 const LOW: DVec3 = dvec3(-4.4, -0.05, -4.0);
@@ -107,7 +107,7 @@ fn clouds(point: DVec3) -> f64 {
 /// A number from 0 to 1 for a pair of whole numbers.
 fn chance(kind: u64, [a, b]: [f64; 2]) -> f64 {
     let number = [a as i64 as u64, b as i64 as u64].into_iter().fold(kind, |hash, x| split_mix(hash ^ x));
-    (number >> 11) as f64 / (1u64 << 53) as f64
+    unit(number)
 }
 
 /// Planks along z of different lengths and tints, with gaps and grain.

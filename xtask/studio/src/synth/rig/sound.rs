@@ -11,7 +11,7 @@ use glam::DVec3;
 
 use super::draws::normal;
 use super::perturbations::CameraErrors;
-use crate::synth::stage::split_mix;
+use crate::synth::stage::{split_mix, unit};
 
 /// Samples a second.
 pub(super) const RATE: u32 = 48_000;
@@ -99,7 +99,7 @@ impl Sound {
         let syllable = |number: i64| {
             let drawn = |kind: u64| {
                 let key = split_mix(split_mix(self.seed ^ 0x7370_6565_6368) ^ number as u64);
-                (split_mix(key ^ kind) >> 11) as f64 / (1u64 << 53) as f64
+                unit(split_mix(key ^ kind))
             };
             let center = (number as f64 + 0.25 + 0.5 * drawn(0)) * SYLLABLE_S;
             let half = HALF_SYLLABLE_S[0] + (HALF_SYLLABLE_S[1] - HALF_SYLLABLE_S[0]) * drawn(1);

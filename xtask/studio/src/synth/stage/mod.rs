@@ -22,7 +22,7 @@ use program::Fault;
 
 pub(super) use figure::FigurePart;
 pub(super) use motion::Motion;
-pub(super) use texture::{noise, split_mix};
+pub(super) use texture::{noise, split_mix, unit};
 pub(super) use trace::{PixelSamples, Rays, is_shaded, sample_pixel};
 pub use write::write;
 pub(super) use write::{mask_png, name};

@@ -7,7 +7,7 @@
 
 use std::f64::consts::TAU;
 
-use super::texture::split_mix;
+use super::texture::{split_mix, unit};
 
 /// Frames from the start of a blow to the start of the next one.
 const BLOW_FRAMES: usize = 32;
@@ -273,7 +273,7 @@ impl Draws {
 
     /// Evenly distributed over a range.
     fn within(&mut self, [low, high]: [f64; 2]) -> f64 {
-        between(low, high, (self.next() >> 11) as f64 / (1u64 << 53) as f64)
+        between(low, high, unit(self.next()))
     }
 
     fn coin(&mut self) -> bool {

@@ -74,9 +74,14 @@ pub(in crate::synth) fn noise(point: DVec3) -> f64 {
         let weight = |axis: usize| if step[axis] == 1 { u[axis] } else { 1.0 - u[axis] };
         let at = [x, y, z].into_iter().zip(step).map(|(c, step)| c.wrapping_add(step));
         let number = at.fold(0, |hash, c| split_mix(hash ^ c));
-        sum += weight(0) * weight(1) * weight(2) * (number >> 11) as f64 / (1u64 << 53) as f64;
+        sum += weight(0) * weight(1) * weight(2) * unit(number);
     }
     sum
+}
+
+/// From 0 to 1, evenly for pseudorandom numbers.
+pub(in crate::synth) fn unit(number: u64) -> f64 {
+    (number >> 11) as f64 / (1u64 << 53) as f64
 }
 
 /// A pseudorandom number (the finaliser of SplitMix64).

@@ -8,12 +8,12 @@ use program::{Fault, output};
 use refine::capture::{Holdout, PhotoId, Split};
 use refine::fit::Cpu;
 use refine::fit::Lpips;
-use refine::image::Image;
 use serde::Deserialize;
 use serde_json::{Value, json};
 
 use crate::capture::{CameraCorrections, CaptureFiles};
 use crate::commands::capture::load_training_views;
+use crate::commands::eval::write_picture;
 use crate::commands::fit::{FitOptions, FitResult, fit_and_write};
 use crate::commands::fit_plate::fit_plate;
 use crate::eval::{self, Crop, SplitMeasures, Subject, fragments_per_lit_pixel, judge, parse_csv};
@@ -403,8 +403,4 @@ impl Bench<'_> {
         };
         Ok(json!({"fragments_per_lit_pixel": fragments}))
     }
-}
-
-fn write_picture(path: &Path, image: &Image) -> Result<(), Fault> {
-    output::write_png(path, &image.to_rgb8(), (image.width, image.height))
 }
