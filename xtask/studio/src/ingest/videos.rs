@@ -115,10 +115,8 @@ fn probed(path: &Path) -> Result<Probe, Fault> {
     let said = ffmpeg::probed(path, &["-show_entries", entries])?;
     let is = |kind: &'static str| move |stream: &&ProbedStream| stream.codec_type.as_deref() == Some(kind);
     let Some(pictures) = said.streams.iter().find(is("video")) else {
-        return Err(match said.error {
-            None => bad(path, "it has no video; name a video file"),
-            Some(error) => bad(path, format!("ffprobe says nothing of it: {error}; convert it to MP4")),
-        });
+        let error = said.error.unwrap_or_else(|| "no video".into());
+        return Err(bad(path, format!("ffprobe says nothing of it: {error}; convert it to MP4")));
     };
     let frames = video.times_s.len();
     // MP4 counts its frames before their data, and a copy that was cut off lacks the last of them.
@@ -126,10 +124,8 @@ fn probed(path: &Path) -> Result<Probe, Fault> {
         && frames < stated
         && packets(path)? < stated
     {
-        return Err(bad(
-            path,
-            format!("the file is cut off after frame {frames} of {stated}; copy or record it again"),
-        ));
+        let what = format!("the file is cut off after frame {frames} of {stated}; copy or record it again");
+        return Err(bad(path, what));
     }
     let (fps, is_variable) = rate(&video.times_s)
         .ok_or_else(|| bad(path, "it has a single frame; record it again, or convert it to MP4"))?;
