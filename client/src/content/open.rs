@@ -81,7 +81,7 @@ impl Arrival {
 }
 
 /// Opens a clip or a take: a path, whose head is read at once; a URL; or the demo where `name` is
-/// `None`. With the feature `import`, a path may also name a field in the format of another program.
+/// `None`. With the feature `formats`, a path may also name a field in the format of another program.
 ///
 /// # Errors
 /// As [`OpenTake::open`]; [`Fault::Usage`] for a URL if this program was built without the feature `net`, or if

@@ -2,7 +2,8 @@
 //!
 //! The file is a convenience: if it is missing or damaged, clips start in front of the viewer, and one line in
 //! the log says why. A thread writes every change soon after it is made, so that no frame waits for the disk and a
-//! player that is killed loses none. It adds the change to the file as it then is: another player may have written, too.
+//! player that is killed loses a quarter of a second at most. It adds the change to the file as it then is: another
+//! player may have written, too.
 
 use std::io;
 use std::path::{Path, PathBuf};
