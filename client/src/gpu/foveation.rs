@@ -46,20 +46,8 @@ impl Foveation {
         let size = part_size(full, side_max);
         gpu.allocate("the inset", || {
             let image = || {
-                let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
-                    label: Some("foveation"),
-                    size: wgpu::Extent3d {
-                        width: size.x,
-                        height: size.y,
-                        depth_or_array_layers: eyes as u32,
-                    },
-                    mip_level_count: 1,
-                    sample_count: 1,
-                    dimension: wgpu::TextureDimension::D2,
-                    format,
-                    usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING,
-                    view_formats: &[],
-                });
+                let sampled = wgpu::TextureUsages::TEXTURE_BINDING;
+                let texture = gpu.image("foveation", size, eyes as u32, format, sampled);
                 let targets = layer_views(&texture, format, eyes_per_pass);
                 (sampled_views(&texture, eyes_per_pass), targets)
             };

@@ -20,18 +20,8 @@ impl Picture {
     /// # Errors
     /// [`Fault::Device`] if there is not enough memory.
     pub(crate) fn new(gpu: &Gpu, format: Format, size: [u32; 2]) -> Result<Picture, Fault> {
-        let [width, height] = size;
         let texture = gpu.allocate("the picture", || {
-            gpu.device.create_texture(&wgpu::TextureDescriptor {
-                label: Some("picture"),
-                size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
-                mip_level_count: 1,
-                sample_count: 1,
-                dimension: wgpu::TextureDimension::D2,
-                format,
-                usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC,
-                view_formats: &[],
-            })
+            gpu.image("picture", size.into(), 1, format, wgpu::TextureUsages::COPY_SRC)
         })?;
         Ok(Picture { view: texture.create_view(&Default::default()), texture, size })
     }

@@ -49,12 +49,11 @@ impl Readback {
         gpu.allocate("reading an image back", || Readback {
             size,
             format,
-            buffer: gpu.device.create_buffer(&wgpu::BufferDescriptor {
-                label: Some("readback"),
-                size: bytes,
-                usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
-                mapped_at_creation: false,
-            }),
+            buffer: gpu.empty_buffer(
+                "readback",
+                bytes,
+                wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+            ),
         })
     }
 

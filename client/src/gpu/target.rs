@@ -73,16 +73,7 @@ impl Offscreen {
         let readback = Readback::new(gpu, size, depth.format())?;
         gpu.allocate("the image", || Offscreen {
             layers,
-            texture: gpu.device.create_texture(&wgpu::TextureDescriptor {
-                label: Some("offscreen"),
-                size: wgpu::Extent3d { width: size.x, height: size.y, depth_or_array_layers: layers },
-                mip_level_count: 1,
-                sample_count: 1,
-                dimension: wgpu::TextureDimension::D2,
-                format: depth.format(),
-                usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC,
-                view_formats: &[],
-            }),
+            texture: gpu.image("offscreen", size, layers, depth.format(), wgpu::TextureUsages::COPY_SRC),
             readback,
             foveation: None,
             linear: None,

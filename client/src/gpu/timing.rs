@@ -39,15 +39,7 @@ struct Slot {
 impl GpuTimer {
     /// Creates a timer; `None` if the device has no timestamps.
     pub(super) fn new(gpu: &Gpu) -> Option<GpuTimer> {
-        let buffer = |usage| {
-            let descriptor = wgpu::BufferDescriptor {
-                label: Some("timing"),
-                size: BYTES,
-                usage,
-                mapped_at_creation: false,
-            };
-            gpu.device.create_buffer(&descriptor)
-        };
+        let buffer = |usage| gpu.empty_buffer("timing", BYTES, usage);
         let slot = |_| Slot {
             queries: gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
                 label: Some("timing"),

@@ -14,6 +14,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::thread::ThreadId;
 
+use glam::UVec2;
 use program::Fault;
 
 pub(super) use loss::{Fragile, Loss};
@@ -316,6 +317,39 @@ impl Gpu {
         }
         buffer.unmap();
         Ok(buffer)
+    }
+
+    /// Creates a buffer of `size` bytes that the GPU or later writes fill, within [`Gpu::allocate`].
+    pub(in crate::gpu) fn empty_buffer(
+        &self,
+        label: &str,
+        size: u64,
+        usage: wgpu::BufferUsages,
+    ) -> wgpu::Buffer {
+        let descriptor =
+            wgpu::BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false };
+        self.device.create_buffer(&descriptor)
+    }
+
+    /// Creates an image of `size` pixels and `layers` layers to draw into, within [`Gpu::allocate`].
+    pub(in crate::gpu) fn image(
+        &self,
+        label: &str,
+        size: UVec2,
+        layers: u32,
+        format: wgpu::TextureFormat,
+        further: wgpu::TextureUsages,
+    ) -> wgpu::Texture {
+        self.device.create_texture(&wgpu::TextureDescriptor {
+            label: Some(label),
+            size: wgpu::Extent3d { width: size.x, height: size.y, depth_or_array_layers: layers },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format,
+            usage: wgpu::TextureUsages::RENDER_ATTACHMENT | further,
+            view_formats: &[],
+        })
     }
 
     /// The fault of a lost device with its cause.

@@ -65,11 +65,7 @@ impl Counter {
                 write_mask: wgpu::ColorWrites::empty(),
             };
             let size = set.order_buffer.size();
-            let buffer = |usage| {
-                let descriptor =
-                    wgpu::BufferDescriptor { label: Some("counts"), size, usage, mapped_at_creation: false };
-                gpu.device.create_buffer(&descriptor)
-            };
+            let buffer = |usage| gpu.empty_buffer("counts", size, usage);
             let counts = buffer(
                 wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST,
             );
@@ -149,16 +145,7 @@ impl Counter {
 
     fn count_view(&self, gpu: &Gpu, sets: &[DrawnSet], part: DrawnPart, view: &View) -> Result<(), Fault> {
         let texture = gpu.allocate("counting", || {
-            gpu.device.create_texture(&wgpu::TextureDescriptor {
-                label: Some("count"),
-                size: wgpu::Extent3d { width: view.size.x, height: view.size.y, depth_or_array_layers: 1 },
-                mip_level_count: 1,
-                sample_count: 1,
-                dimension: wgpu::TextureDimension::D2,
-                format: FORMAT,
-                usage: wgpu::TextureUsages::RENDER_ATTACHMENT,
-                view_formats: &[],
-            })
+            gpu.image("count", view.size, 1, FORMAT, wgpu::TextureUsages::empty())
         })?;
         let target = texture.create_view(&Default::default());
         let mut encoder = gpu.encoder();

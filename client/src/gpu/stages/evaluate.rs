@@ -57,12 +57,8 @@ impl Buffers {
             .transpose()?;
         // A binding must not be empty, even if nothing is drawn from it.
         let buffer = |label: &str, row_bytes: usize, rows: usize| {
-            gpu.device.create_buffer(&wgpu::BufferDescriptor {
-                label: Some(label),
-                size: (row_bytes * rows.max(1)) as u64,
-                usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
-                mapped_at_creation: false,
-            })
+            let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
+            gpu.empty_buffer(label, (row_bytes * rows.max(1)) as u64, usage)
         };
         let optional = |label, row_bytes, rows| (row_bytes > 0).then(|| buffer(label, row_bytes, rows));
         gpu.allocate("the clip", || Buffers {

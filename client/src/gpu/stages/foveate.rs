@@ -22,12 +22,8 @@ impl ComposePass {
         views: u32,
         [wide, inset]: [&wgpu::TextureView; 2],
     ) -> ComposePass {
-        let uniforms = gpu.device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("foveation"),
-            size: u64::from(views) * size_of::<Foveation>() as u64,
-            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        });
+        let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
+        let uniforms = gpu.empty_buffer("foveation", u64::from(views) * size_of::<Foveation>() as u64, usage);
         let linear = gpu.device.create_sampler(&wgpu::SamplerDescriptor {
             label: Some("foveation"),
             mag_filter: wgpu::FilterMode::Linear,

@@ -40,16 +40,8 @@ impl LinearLight {
     ) -> Result<LinearLight, Fault> {
         let layers_per_pass = if gpu.caps.multiview { layers } else { 1 };
         gpu.allocate("the image over the room", || {
-            let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
-                label: Some("linear light"),
-                size: wgpu::Extent3d { width: size.x, height: size.y, depth_or_array_layers: layers },
-                mip_level_count: 1,
-                sample_count: 1,
-                dimension: wgpu::TextureDimension::D2,
-                format,
-                usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING,
-                view_formats: &[],
-            });
+            let texture =
+                gpu.image("linear light", size, layers, format, wgpu::TextureUsages::TEXTURE_BINDING);
             let layout = layout(gpu);
             let bind = |view: &wgpu::TextureView| {
                 let entry = wgpu::BindGroupEntry {

@@ -47,12 +47,8 @@ impl PassUniforms {
 
     pub(in crate::gpu) fn new(gpu: &Gpu, layout: &wgpu::BindGroupLayout, views: u32) -> PassUniforms {
         let views_bytes = views as usize * size_of::<ViewUniform>();
-        let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("pass"),
-            size: (VIEWS_OFFSET + views_bytes) as u64,
-            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        });
+        let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
+        let buffer = gpu.empty_buffer("pass", (VIEWS_OFFSET + views_bytes) as u64, usage);
         let entry = |binding, offset: usize, bytes: usize| wgpu::BindGroupEntry {
             binding,
             resource: wgpu::BindingResource::Buffer(wgpu::BufferBinding {
