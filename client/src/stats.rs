@@ -122,9 +122,47 @@ impl Summary {
     }
 }
 
+/// The latest `N` numbers of a series.
+#[cfg(any(feature = "window", feature = "xr"))]
+#[derive(Debug, Default)]
+pub(crate) struct Latest<const N: usize> {
+    pub(crate) values: Vec<f64>,
+    /// Index of the oldest one once there are `N`.
+    next: usize,
+}
+
+#[cfg(any(feature = "window", feature = "xr"))]
+impl<const N: usize> Latest<N> {
+    pub(crate) fn push(&mut self, value: f64) {
+        if self.values.len() < N {
+            self.values.push(value);
+        } else {
+            self.values[self.next] = value;
+            self.next = (self.next + 1) % N;
+        }
+    }
+
+    /// Their summary; `None` before the first.
+    pub(crate) fn summary(&self) -> Option<Summary> {
+        (!self.values.is_empty()).then(|| Summary::new(self.values.iter().copied()))
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[cfg(any(feature = "window", feature = "xr"))]
+    #[test]
+    fn only_the_latest_numbers_count() {
+        let mut latest = Latest::<100>::default();
+        assert_eq!(latest.summary(), None);
+        (0..107).for_each(|_| latest.push(1.0));
+        (0..99).for_each(|_| latest.push(10.0));
+        assert_eq!(latest.values.len(), 100);
+        assert_eq!(latest.values.iter().filter(|&&value| value == 1.0).count(), 1);
+        assert_eq!(latest.summary(), Some(Summary { median: 10.0, p95: 10.0 }));
+    }
 
     #[test]
     fn summary_by_rank() {

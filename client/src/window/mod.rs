@@ -6,7 +6,6 @@
 mod bar;
 mod camera;
 mod display;
-mod frame_times;
 mod icon;
 mod icons;
 mod keys;

@@ -19,7 +19,6 @@ use winit::event_loop::{ActiveEventLoop, EventLoopProxy};
 use winit::window::{Fullscreen, Theme, Window};
 
 use super::bar::Choices;
-use super::frame_times::FrameTimes;
 use super::icon;
 use super::library::{Library, Opening};
 use super::overlay::Message;
@@ -35,6 +34,7 @@ use crate::content::{Arrival, OpenEvent, OpenTake, SourceOptions, is_url, title}
 use crate::folders;
 use crate::gpu::{Format, FrameCounts, FrameLayout, Gpu, Picture, RenderSettings, Renderer, SurfaceFrame};
 use crate::player::{Beginning, TakePlayer};
+use crate::stats::Latest;
 use crate::terminal::Reporter;
 use crate::view::View;
 use crate::worker::join_in_time;
@@ -60,6 +60,9 @@ const AHEAD_MAX_S: f64 = 0.034;
 
 /// How long a part of a take may be missing before the window says so: shorter waits are barely seen.
 const LOADING_PATIENCE: Duration = Duration::from_millis(250);
+
+/// Frames whose times the statistics sum up: two seconds at 60 frames per second.
+const FRAMES_SUMMARISED: usize = 120;
 
 /// What to say where no dialog chooses a file.
 const NO_DIALOG: &str =
@@ -204,7 +207,8 @@ pub(super) struct Session {
     /// Inputs of the present picture; `None` if it must be drawn again.
     drawn: Option<PictureState>,
     counts: FrameCounts,
-    frame_times: FrameTimes,
+    /// Milliseconds between frames while the clip plays.
+    frame_ms: Latest<FRAMES_SUMMARISED>,
     /// Time of the previous frame; `None` after a rest, which the clip's clock does not count.
     last_frame: Option<Instant>,
     /// Whether the previous frame asked for this one at once.
@@ -273,7 +277,7 @@ impl Session {
             speaker,
             drawn: None,
             counts: FrameCounts::default(),
-            frame_times: FrameTimes::default(),
+            frame_ms: Latest::default(),
             last_frame: None,
             is_continuous: false,
             awaits_frame: false,
@@ -525,7 +529,7 @@ impl Session {
             return Ok(Next::After(HIDDEN_STEP));
         };
         if self.is_continuous {
-            self.frame_times.push(elapsed_s);
+            self.frame_ms.push(elapsed_s * 1e3);
         }
 
         let ctx = self.screen.input.egui_ctx().clone();
@@ -802,7 +806,7 @@ impl Session {
         if let Some(gpu_ms) = self.playing.renderer.as_mut().and_then(Renderer::gpu_ms) {
             rows.push(("GPU", format!("{gpu_ms:.2} ms")));
         }
-        if let Some(times) = self.frame_times.summary() {
+        if let Some(times) = self.frame_ms.summary() {
             rows.push(("frame p50, p95", format!("{:.1}, {:.1} ms", times.median, times.p95)));
         }
         rows.push(("size", format!("{} x {}", size[0], size[1])));

@@ -15,7 +15,7 @@ use crate::args::Args;
 use crate::gpu::{Coverage, FrameCounts, Gpu, Level, Pixels, RenderSettings};
 use crate::headset::pacing::Pacing;
 use crate::headset::show::Show;
-use crate::stats::{FrameStats, Summary, TakeStats};
+use crate::stats::{FrameStats, Latest, Summary, TakeStats};
 use crate::view::View;
 
 /// File names of the eyes.
@@ -72,10 +72,10 @@ pub(super) struct Report {
     missed_before: u64,
     pacing: Pacing,
     period_ns: i64,
-    cpu_ms: Latest,
-    alive_ms: Latest,
-    sort_ms: Latest,
-    gpu_ms: Latest,
+    cpu_ms: Latest<CAPACITY>,
+    alive_ms: Latest<CAPACITY>,
+    sort_ms: Latest<CAPACITY>,
+    gpu_ms: Latest<CAPACITY>,
     loading: WhileLoading,
     /// Number of frames at each level, and the last frame.
     levels: [u64; Level::ALL.len()],
@@ -113,28 +113,6 @@ pub(super) struct EyeImages {
     pub(super) pixels: Vec<Pixels>,
     /// Image of the panel, if it was drawn.
     pub(super) panel: Option<Pixels>,
-}
-
-/// The latest [`CAPACITY`] of a series of numbers.
-#[derive(Default)]
-struct Latest {
-    values: Vec<f64>,
-    next: usize,
-}
-
-impl Latest {
-    fn push(&mut self, value: f64) {
-        if self.values.len() < CAPACITY {
-            self.values.push(value);
-        } else {
-            self.values[self.next] = value;
-            self.next = (self.next + 1) % CAPACITY;
-        }
-    }
-
-    fn summary(&self) -> Summary {
-        Summary::new(self.values.iter().copied())
-    }
 }
 
 fn seconds(ns: i64) -> f64 {
@@ -381,10 +359,10 @@ impl Report {
             while_loading: self.loading,
             sessions_lost: self.sessions_lost,
             quality: self.quality(),
-            cpu_ms: self.cpu_ms.summary(),
-            alive_ms: self.alive_ms.summary(),
-            sort_ms: self.sort_ms.summary(),
-            gpu_ms: (!self.gpu_ms.values.is_empty()).then(|| self.gpu_ms.summary()),
+            cpu_ms: self.cpu_ms.summary().unwrap_or_default(),
+            alive_ms: self.alive_ms.summary().unwrap_or_default(),
+            sort_ms: self.sort_ms.summary().unwrap_or_default(),
+            gpu_ms: self.gpu_ms.summary(),
             frames,
         })
     }
@@ -550,10 +528,6 @@ mod tests {
         for number in 0..10 {
             report.on_frame(work(number), Drawn::default());
         }
-        assert!(!report.is_complete() && !report.is_last() && report.cpu_ms.values.is_empty());
-        let mut latest = Latest::default();
-        (0..CAPACITY + 10).for_each(|i| latest.push(i as f64));
-        assert_eq!(latest.values.len(), CAPACITY);
-        assert!(!latest.values.contains(&9.0) && latest.values.contains(&10.0));
+        assert!(!report.is_complete() && !report.is_last() && report.cpu_ms.summary().is_none());
     }
 }
