@@ -295,39 +295,14 @@ impl OpenTake {
         self.layout
     }
 
-    /// Whether it comes from a server.
-    pub(crate) fn is_remote(&self) -> bool {
-        self.source.is_remote()
+    /// Where its bytes come from.
+    pub(crate) fn source(&self) -> &TakeSource {
+        &self.source
     }
 
     /// Whether the file is another version by now. Asks the disk, but no server.
     pub fn is_replaced(&self) -> bool {
         self.source.is_replaced()
-    }
-
-    /// Whether another version that was found is complete, as far as can be told.
-    pub(crate) fn has_settled(&self) -> bool {
-        self.source.has_settled()
-    }
-
-    /// Whether it comes from a server, part by part.
-    pub(crate) fn has_ranges(&self) -> bool {
-        self.source.has_ranges()
-    }
-
-    /// Ends a read that waits for a server, and those that follow, until [`OpenTake::resume`].
-    pub(crate) fn cancel(&self) {
-        self.source.cancel();
-    }
-
-    /// Ends a read that waits for a server for good.
-    pub(crate) fn close(&self) {
-        self.source.close();
-    }
-
-    /// Takes back [`OpenTake::cancel`].
-    pub(crate) fn resume(&self) {
-        self.source.resume();
     }
 
     /// Reads, decodes and packs the wanted layers of a segment, or more if these were decoded before.

@@ -73,7 +73,7 @@ impl SegmentLoader {
                     let Some(want) = wants.queue.pop_front() else { break };
                     wants.under_way.push(want);
                     wants.is_cancelled = false;
-                    ours.resume();
+                    ours.source().resume();
                     want
                 };
                 let packed = ours.load(want);
@@ -105,7 +105,7 @@ impl SegmentLoader {
         let is_wanted = |want: &Want| list.iter().any(|other| other.segment == want.segment);
         if wants.under_way.last().is_some_and(|want| !list.is_empty() && !is_wanted(want)) {
             wants.is_cancelled = true;
-            self.opened.cancel();
+            self.opened.source().cancel();
         }
         wants.queue = behind(&wants.under_way, list).collect();
         let is_needed = !wants.queue.is_empty();
@@ -179,7 +179,7 @@ impl Drop for SegmentLoader {
     /// Ends the read under way, and leaves the thread behind: a frame waits neither for a network nor for a decoder.
     fn drop(&mut self) {
         lock(&self.wants).queue.clear();
-        self.opened.close();
+        self.opened.source().close();
         self.worker.leave_behind();
     }
 }

@@ -184,7 +184,7 @@ impl TakePlayer {
         wake: impl Fn() + Send + 'static,
     ) -> Result<(Renderer, TakePlayer), Fault> {
         // What is read from a disk comes at once, and what plays later has time.
-        let extent = match beginning.is_blocking && opened.is_remote() {
+        let extent = match beginning.is_blocking && opened.source().is_remote() {
             true => Extent::FirstLayers,
             false => Extent::All,
         };
@@ -315,7 +315,7 @@ impl TakePlayer {
             SegmentEvent::Packed(Loaded { want, packed, traffic }) => {
                 self.counts.loaded += 1;
                 // Of a file that is read whole, fewer layers come no sooner. The only segment is loaded once.
-                if self.opened.has_ranges() && self.counts.segments > 1 {
+                if self.opened.source().has_ranges() && self.counts.segments > 1 {
                     self.layer_choice
                         .on_segment(traffic, |layers| needs(&self.opened.take, layers, &self.head));
                 }
@@ -477,7 +477,7 @@ impl TakePlayer {
         // Further layers of a segment that waits for room have no place yet.
         let waiting = self.waiting.as_ref().map(|(want, _)| want.segment);
         missing.retain(|want| Some(want.segment) != waiting);
-        if self.opened.is_remote() && self.counts.segments == 1 {
+        if self.opened.source().is_remote() && self.counts.segments == 1 {
             // Each layer is drawn as soon as it is there.
             missing.iter_mut().for_each(|want| want.layers = want.from + 1);
         }
@@ -526,7 +526,7 @@ impl TakePlayer {
 
     /// Whether another version has taken the place of the file, and can be opened. Noticed when a segment is loaded.
     pub fn is_replaced(&self) -> bool {
-        self.opened.has_settled()
+        self.opened.source().has_settled()
     }
 
     /// Whether the next frame uploads a part of a segment.
