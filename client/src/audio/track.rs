@@ -124,7 +124,7 @@ impl SoundTrack {
     }
 
     /// Whether there is no sound: always.
-    #[cfg(any(feature = "window", feature = "xr"))]
+    #[cfg(any(test, feature = "window", feature = "xr"))]
     pub(crate) fn is_empty(&self) -> bool {
         true
     }
@@ -184,7 +184,7 @@ impl SoundTrack {
     }
 
     /// Whether there is no sound so far.
-    #[cfg(any(feature = "window", feature = "xr"))]
+    #[cfg(any(test, feature = "window", feature = "xr"))]
     pub(crate) fn is_empty(&self) -> bool {
         self.len() == 0
     }

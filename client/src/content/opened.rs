@@ -206,7 +206,7 @@ impl OpenTake {
     }
 
     /// Whether there is nothing to play: the image is the same at all times, and silent.
-    #[cfg(any(feature = "window", feature = "xr"))]
+    #[cfg(any(test, feature = "window", feature = "xr"))]
     pub(crate) fn is_static(&self) -> bool {
         let TakeLayout { features, room, .. } = self.layout;
         // Of several segments, only their heads say. One with sound plays, although nothing moves.
