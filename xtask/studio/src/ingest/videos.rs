@@ -11,7 +11,7 @@ use serde_json::json;
 
 use super::store::{Store, file_name, identity};
 use crate::capture::{Video, bad};
-use crate::ffmpeg::{self, ProbedStream};
+use crate::ffmpeg::{self, Probed, ProbedStream};
 use crate::messages::unreadable;
 
 /// File extensions of videos.
@@ -50,7 +50,7 @@ pub struct Probe {
     pub rotation: i32,
     /// Name of the codec.
     pub codec: String,
-    /// Frames per second where none are missing.
+    /// Frames per second, without regard to missing frames.
     pub fps: f64,
     /// Whether the intervals between frames differ.
     pub is_variable: bool,
@@ -112,11 +112,10 @@ fn probed(path: &Path) -> Result<Probe, Fault> {
     let video = Video::open(path)?;
     let entries = "stream=codec_type,codec_name,codec_tag_string,avg_frame_rate,nb_frames:stream_tags:\
                    stream_side_data=rotation:format=duration,start_time:format_tags";
-    let said = ffmpeg::probed(path, &["-show_entries", entries])?;
+    let said = asked(path, &["-show_entries", entries])?;
     let is = |kind: &'static str| move |stream: &&ProbedStream| stream.codec_type.as_deref() == Some(kind);
     let Some(pictures) = said.streams.iter().find(is("video")) else {
-        let error = said.error.unwrap_or_else(|| "no video".into());
-        return Err(bad(path, format!("ffprobe says nothing of it: {error}; convert it to MP4")));
+        return Err(bad(path, "it has no video; name a video file"));
     };
     let frames = video.times_s.len();
     // MP4 counts its frames before their data, and a copy that was cut off lacks the last of them.
@@ -168,11 +167,21 @@ fn probed(path: &Path) -> Result<Probe, Fault> {
     })
 }
 
+/// What ffprobe says of a file, of at least one of its streams.
+fn asked(path: &Path, arguments: &[&str]) -> Result<Probed, Fault> {
+    let said = ffmpeg::probed(path, arguments)?;
+    if said.streams.is_empty() {
+        let error = said.error.unwrap_or_else(|| "no stream".into());
+        return Err(bad(path, format!("ffprobe says nothing of it: {error}; convert it to MP4")));
+    }
+    Ok(said)
+}
+
 /// Number of pictures in an MP4, with those that its edit list hides: a part that was cut without recoding has frames
 /// before its first and after its last one.
 fn packets(path: &Path) -> Result<usize, Fault> {
     let entries = "stream=nb_read_packets";
-    let said = ffmpeg::probed(
+    let said = asked(
         path,
         &["-ignore_editlist", "1", "-select_streams", "V:0", "-count_packets", "-show_entries", entries],
     )?;
