@@ -134,7 +134,8 @@ pub(crate) struct StateWriter<C> {
 
 impl<C: Send + 'static> StateWriter<C> {
     /// Starts the thread. `add` adds changes to `file` in `folder`, in their order, and all that came within
-    /// [`WRITE_INTERVAL`] of a write at once. Failures go to the log; `add` gets the changes again with the next one, and once more at the end.
+    /// [`WRITE_INTERVAL`] of a write at once. Failures go to the log; `add` gets the changes again with the next one, and
+    /// once more at the end.
     pub(crate) fn start(
         file: StateFile,
         folder: PathBuf,

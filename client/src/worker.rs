@@ -175,7 +175,7 @@ impl<R, E> Drop for Worker<R, E> {
     }
 }
 
-/// Takes the events of work that is apart. Breaks where nobody wants more of it.
+/// Takes an event of the work that [`apart`] does, and breaks to leave that work behind.
 pub(crate) type OnEvent<'a, E> = &'a mut dyn FnMut(E) -> ControlFlow<()>;
 
 /// Does `work` on a thread of its own, and passes its events on. `None` if `on_event` breaks or the work `is_overtaken`,

@@ -47,7 +47,8 @@ pub(crate) struct LocalFile {
     path: PathBuf,
     file: Mutex<File>,
     opened: Version,
-    /// Whether another version is at the path and stays as it is; a thread looks from the first one on.
+    /// Whether a replacement stays as it is. A thread that [`watch`]es keeps it up to date, from the first replacement on:
+    /// no frame waits for the disk.
     has_settled: OnceLock<Arc<AtomicBool>>,
 }
 
@@ -87,12 +88,12 @@ impl LocalFile {
     }
 }
 
-/// The version at `path`, if it is not the one that was opened. A file that was deleted or renamed plays on.
+/// The version at `path`, if it differs from the `opened` one. A deleted or renamed file has no replacement.
 fn replacement(path: &Path, opened: &Version) -> Option<Version> {
     std::fs::metadata(path).ok().map(Version).filter(|now| now != opened)
 }
 
-/// Tells whether a replacement stays as it is, as long as somebody wants to know: no frame waits for the disk.
+/// Looks at `path` again and again, and tells whether a replacement stays as it is, until the file is closed.
 fn watch(path: &Path, opened: &Version, told: &Weak<AtomicBool>) {
     let mut seen = Settling::default();
     while let Some(has_settled) = told.upgrade() {
@@ -211,7 +212,8 @@ impl TakeSource {
         }
     }
 
-    /// Whether [`TakeSource::is_replaced`] found another version that is complete, as far as can be told. Asks nobody.
+    /// Whether the version that [`TakeSource::is_replaced`] found is complete, as far as can be told. Asks neither the disk
+    /// nor a server.
     pub(crate) fn has_settled(&self) -> bool {
         match self {
             TakeSource::File(file) => {

@@ -48,8 +48,8 @@ const LEAST_SIZE: LogicalSize<u32> = LogicalSize::new(800, 400);
 /// Part of each side of the screen that a new window takes at most: a desktop has bars, and a window a title.
 const SCREEN_PART: f64 = 0.9;
 
-/// Interval between the steps of a clip in a hidden window: sound stops where none comes for a quarter of a second. It is
-/// also the longest wait for a frame that was requested: on Wayland none comes while nobody sees the window.
+/// Interval between the steps of a clip in a hidden window: sound stops after a quarter of a second without a step. It is
+/// also the longest wait for a requested frame: Wayland sends none while the window is hidden.
 const HIDDEN_STEP: Duration = Duration::from_millis(100);
 
 /// Interval between looks whether a part of a take has come, while the clip pauses.

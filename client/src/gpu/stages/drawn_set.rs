@@ -54,10 +54,10 @@ impl DrawnSet {
         let groups = [Some(pass_layout), Some(&layout)];
         let rows = set.buffers.rows;
         let capacity = if foveated { rows.next_multiple_of(BATCH as usize) + rows } else { rows };
-        let [storage, uniform] = [wgpu::BufferUsages::STORAGE, wgpu::BufferUsages::UNIFORM]
-            .map(|usage| usage | wgpu::BufferUsages::COPY_DST);
-        let order_buffer = gpu.empty_buffer("order", 4 * capacity.max(1) as u64, storage);
-        let slots = features.segmented.then(|| gpu.empty_buffer("slots", SLOTS_BYTES as u64, uniform));
+        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
+        let order_buffer = gpu.empty_buffer("order", 4 * capacity.max(1) as u64, usage);
+        let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
+        let slots = features.segmented.then(|| gpu.empty_buffer("slots", SLOTS_BYTES as u64, usage));
         let purpose = Purpose::Draw { views: eyes_per_pass, foveated, f16: gpu.caps.f16 };
         let target = wgpu::ColorTargetState {
             format,
