@@ -412,13 +412,27 @@ fn check_steps(source: &Source) {
     }
 }
 
+/// Whether the clip shows row `i` although its window is centred outside.
+fn shows_tail(field: &Field, i: usize) -> bool {
+    let is_outside =
+        |temporal: &Temporal| temporal.s[i].is_finite() && !(0.0..=1.0).contains(&temporal.tau[i]);
+    field.temporal.as_ref().is_some_and(is_outside) && field.alive_interval(i).is_some()
+}
+
 /// Whether opacity and colours of decoded row `j` may come from source row `i`, for quantiser indices
 /// of 0 and the step `step` of a chunk.
 fn appearance_holds(step: f64, source: &Field, i: usize, decoded: &Field, j: usize) -> bool {
+    // Where the clip shows a tail of a window alone, the opacity makes up for the rounding of the window: what shows is close.
+    let shown = |field: &Field, row: usize| {
+        let of_tail = |tau: &f32| field.opacity_at(row, f64::from(*tau).clamp(0.0, 1.0));
+        let tau =
+            field.temporal.as_ref().map(|temporal| &temporal.tau[row]).filter(|_| shows_tail(source, i));
+        tau.map_or_else(|| f64::from(field.opacities[row]), of_tail)
+    };
     // Rounding keeps visible opacities visible and invisible opacities invisible: up to a step more.
-    let opacity = |x: f32| f64::from(x).max(0.5 * ALPHA_MIN).ln();
-    let off = (opacity(source.opacities[i]) - opacity(decoded.opacities[j])).abs();
-    let opacity_holds = off <= 1.5 * (1.2 * step).min(0.4) + 1e-5;
+    let off = [shown(source, i), shown(decoded, j)].map(|x| x.max(0.5 * ALPHA_MIN).ln());
+    let steps = if shows_tail(source, i) { 3.0 } else { 1.5 };
+    let opacity_holds = (off[0] - off[1]).abs() <= steps * (1.2 * step).min(0.4) + 1e-5;
     // Half a step of luma and a quarter of each difference. Harmonics are three orthogonal numbers,
     // which may be rounded by up to a step.
     let luma = (1.45 * step).min(0.5);
