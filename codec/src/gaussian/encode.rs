@@ -232,6 +232,11 @@ fn target<'a>(field: &'a Field, i: usize, step: f64, columns: Columns) -> Target
             let c = span.orthogonal(powers, tau);
             (0..4).for_each(|k| trajectory[k][axis] = c[k]);
         }
+        let is_codable = trajectory.as_flattened().iter().all(|x| x.abs() < f64::from(f32::MAX));
+        if !is_codable && field.alive_interval(i).is_none() {
+            // The clip never shows it: it may stay at its centre.
+            trajectory = [field.centers[i].map(f64::from), [0.0; 3], [0.0; 3], [0.0; 3]];
+        }
         if let Some(rates) = &temporal.rotation_rates {
             // The coded quaternion is the rotation at the decoded tau.
             rate = rates[i].map(f64::from);
