@@ -412,10 +412,11 @@ fn check_steps(source: &Source) {
     }
 }
 
-/// Whether the clip shows row `i` although its window is centred outside.
+/// Whether the clip shows row `i` although its window, which has a width that can be coded, is centred outside.
 fn shows_tail(field: &Field, i: usize) -> bool {
-    let is_outside =
-        |temporal: &Temporal| temporal.s[i].is_finite() && !(0.0..=1.0).contains(&temporal.tau[i]);
+    let is_outside = |temporal: &Temporal| {
+        (1e-8..f32::INFINITY).contains(&temporal.s[i]) && !(0.0..=1.0).contains(&temporal.tau[i])
+    };
     field.temporal.as_ref().is_some_and(is_outside) && field.alive_interval(i).is_some()
 }
 

@@ -34,6 +34,12 @@ pub(super) fn width_step(step: f64) -> f64 {
     step.min(WIDTH_STEP_MAX)
 }
 
+/// The narrowest width that has a code of its own.
+#[cfg(feature = "encode")]
+pub(super) fn narrowest() -> f64 {
+    math::exp(NARROWEST + 1.0)
+}
+
 /// The coded number of a window width; 0 for an infinite one.
 #[cfg(feature = "encode")]
 pub(super) fn width_number(s: f64) -> f64 {
