@@ -1,6 +1,6 @@
 // Stage adam: one step of Adam (Kingma and Ba, "Adam", 2015) within the bounds, for the Gaussians that the
-// image shows. One thread per number of a drawn row, per quaternion, per three scales, or per window's width with
-// the motion.
+// image shows. A thread takes numbers of drawn rows; one takes all of a quaternion, of the three scales, or of a window's
+// width with the motion.
 //
 // In: gradients, learning rates, bounds, statistics. In and out: parameters, moments. Bias correction
 // counts the gradients of each row, not the steps.
@@ -113,13 +113,9 @@ fn step_motion(to: u32, by: u32, log_width: f32, rate: f32, bias: vec2<f32>) {
     }
 }
 
-@compute @workgroup_size(GROUP)
-fn adam(at: Invocation) {
-    let index = thread(at);
+// Steps a number of a drawn row, with the others that depend on it.
+fn step_number(index: u32) {
     let i = index / NUMBERS;
-    if i >= totals[DRAWN] || totals[PAIRS] > uniforms.pair_capacity {
-        return;
-    }
     let row = order[i];
     let of_row = statistics[row];
     if of_row.is_usable == 0u {
@@ -158,5 +154,15 @@ fn adam(at: Invocation) {
         } else {
             step_scales(to, by, rate, bias);
         }
+    }
+}
+
+@compute @workgroup_size(GROUP)
+fn adam(at: Invocation) {
+    if totals[PAIRS] > uniforms.pair_capacity {
+        return;
+    }
+    for (var index = thread(at); index < totals[DRAWN] * NUMBERS; index += at.groups.x * at.groups.y * GROUP) {
+        step_number(index);
     }
 }

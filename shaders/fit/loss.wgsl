@@ -1,36 +1,64 @@
 // Stage loss: 0.8 L1 + 0.2 (1 - SSIM), means over all pixels and three channels (the paper's Eq. 9 without
-// LPIPS), and its gradient with respect to the image. L1 also compares alpha with the mask, or with 1.
+// LPIPS), and its gradient with respect to the image. L1 also compares alpha with the mask, or with 1. The image is compared as
+// the camera shows it.
 //
-// The window of SSIM (Wang et al. 2004) is separable, with zeros beyond the edges. One thread per pixel:
+// The window of SSIM (Wang et al. 2004) is separable, with zeros beyond the edges. One group per tile, one thread per
+// pixel; a channel at a time, the group blurs what its windows cover along rows, then along columns. compare: the moments;
+// leaves the derivatives of the similarity. loss_backward: these; the gradient.
 //
-// blur_rows: moments, blurred along rows. compare: blurs them across rows; similarity and its derivatives.
-// blur_derivatives: derivatives, blurred along rows. loss_backward: blurs them across rows; the gradient.
-// sum_loss: the sums for the loss, one group.
-//
-// In: image, photograph. In and out: d_image, to which the gradient is added. Out: sums in the totals.
+// In: image, photograph. In and out: d_image, to which the gradient is added if it has the gradient of another term. Out: sums
+// over the pixels of each tile, in `tile_sums`.
 
-@group(0) @binding(3) var<storage, read_write> totals: array<u32>;
-// Red, green, blue over black, and alpha.
 @group(0) @binding(14) var<storage, read> image: array<vec4<f32>>;
 // One byte each: red (lowest), green, blue, and 0 for an invalid pixel, 1 outside of the subject, else the mask.
 // Invalid pixels count as equal and have no gradient.
 @group(0) @binding(15) var<storage, read> photograph: array<u32>;
-// Blurred along rows, `[quantity][channel][pixel]`: first the MOMENTS, then the DERIVATIVES.
-@group(0) @binding(16) var<storage, read_write> blurred: array<f32>;
+// By tile: absolute difference, with the difference of alpha, and similarity, over the channels; the gradient with respect to
+// the response.
+@group(0) @binding(16) var<storage, read_write> tile_sums: array<f32>;
 // `[derivative][channel][pixel]`: with respect to the mean of the image, its mean square, the mean product.
 @group(0) @binding(17) var<storage, read_write> derivatives: array<f32>;
-// Per pixel, summed over the channels: absolute difference, with the difference of alpha; similarity.
-@group(0) @binding(18) var<storage, read_write> differences: array<vec2<f32>>;
 @group(0) @binding(19) var<storage, read_write> d_image: array<vec4<f32>>;
 
 // Mean of the image and of the photograph, mean of their squares, mean product.
 const MOMENTS: u32 = 5u;
 const DERIVATIVES: u32 = 3u;
-const HALF: i32 = 5;
+const HALF: u32 = 5u;
+const TAPS: u32 = 2u * HALF + 1u;
 const C1: f32 = 0.0001;
 const C2: f32 = 0.0009;
 
-var<workgroup> parts: array<vec2<f32>, SCAN_GROUP>;
+const PIXELS: u32 = TILE * TILE;
+// What the windows of a tile cover along an axis, and in all; the same blurred along rows.
+const COVERED: u32 = TILE + 2u * HALF;
+const INPUTS: u32 = COVERED * COVERED;
+const ROWS: u32 = COVERED * TILE;
+
+// Inputs of the windows, one quantity after the other, and behind them these blurred along rows; then numbers to be summed.
+var<workgroup> scratch: array<f32, 2u * INPUTS + MOMENTS * ROWS>;
+
+struct Place {
+    @builtin(workgroup_id) tile: vec3<u32>,
+    @builtin(local_invocation_index) local: u32,
+}
+
+// A pixel of the tile; it may be outside the image.
+fn pixel_of(at: Place) -> vec2<u32> {
+    return at.tile.xy * TILE + vec2<u32>(at.local % TILE, at.local / TILE);
+}
+
+fn is_inside(pixel: vec2<u32>) -> bool {
+    return all(pixel < uniforms.size);
+}
+
+fn index_of(pixel: vec2<u32>) -> u32 {
+    return pixel.y * uniforms.size.x + pixel.x;
+}
+
+// The pixel of number `k` of those that the windows of a tile cover; outside of the image for what is beyond an edge.
+fn covered(tile: vec2<u32>, k: u32) -> vec2<u32> {
+    return tile * TILE + vec2<u32>(k % COVERED, k / COVERED) - HALF;
+}
 
 fn is_valid(pixel: u32) -> bool {
     return (photograph[pixel] >> 24u) != 0u;
@@ -51,69 +79,65 @@ fn alpha_difference(pixel: u32) -> f32 {
     return uniforms.alpha_channels * (image[pixel].w - opacity);
 }
 
-// Colour of the image; the photograph's colour for an invalid pixel.
-fn image_color(pixel: u32) -> vec3<f32> {
-    if is_valid(pixel) {
-        return image[pixel].xyz;
+// Colour of the image as the camera shows it; the photograph's colour for an invalid pixel.
+fn image_color(pixel: vec2<u32>) -> vec3<f32> {
+    let index = index_of(pixel);
+    if is_valid(index) {
+        return factor_at(pixel) * color_of(image[index]);
     }
-    return target_color(pixel);
+    return target_color(index);
 }
 
-fn pixels() -> u32 {
-    return uniforms.size.x * uniforms.size.y;
+fn slot(derivative: u32, channel: u32, pixel: u32) -> u32 {
+    return (3u * derivative + channel) * uniforms.size.x * uniforms.size.y + pixel;
 }
 
-fn slot(quantity: u32, channel: u32, pixel: u32) -> u32 {
-    return (3u * quantity + channel) * pixels() + pixel;
-}
-
-// First and last offset of the window about `at`, clipped to an axis of `size` pixels.
-fn window(at: u32, size: u32) -> vec2<i32> {
-    return vec2<i32>(max(-HALF, -i32(at)), min(HALF, i32(size) - 1 - i32(at)));
-}
-
-// A quantity in `blurred`, blurred across rows.
-fn blurred_across(quantity: u32, channel: u32, pixel: u32) -> f32 {
-    let range = window(pixel / uniforms.size.x, uniforms.size.y);
+// A quantity that was blurred along rows, blurred along the column of a thread. Quantities begin at `start` in `scratch`.
+fn blurred(start: u32, quantity: u32, local: u32) -> f32 {
     var sum = 0.0;
-    for (var offset = range.x; offset <= range.y; offset++) {
-        let other = u32(i32(pixel) + offset * i32(uniforms.size.x));
-        sum += WINDOW[offset + HALF] * blurred[slot(quantity, channel, other)];
+    for (var tap = 0u; tap < TAPS; tap++) {
+        sum += WINDOW[tap] * scratch[start + quantity * ROWS + local + tap * TILE];
     }
     return sum;
 }
 
-@compute @workgroup_size(GROUP)
-fn blur_rows(at: Invocation) {
-    let pixel = thread(at);
-    if pixel >= pixels() {
-        return;
+// Leaves the moments of a channel, blurred along rows.
+fn blur_moments(at: Place, channel: u32) {
+    for (var k = at.local; k < INPUTS; k += PIXELS) {
+        let pixel = covered(at.tile.xy, k);
+        var both = vec2<f32>(0.0);
+        if is_inside(pixel) {
+            both = vec2<f32>(image_color(pixel)[channel], target_color(index_of(pixel))[channel]);
+        }
+        scratch[k] = both.x;
+        scratch[INPUTS + k] = both.y;
     }
-    var moments: array<vec3<f32>, 5>;
-    let range = window(pixel % uniforms.size.x, uniforms.size.x);
-    for (var offset = range.x; offset <= range.y; offset++) {
-        let weight = WINDOW[offset + HALF];
-        let other = u32(i32(pixel) + offset);
-        let a = image_color(other);
-        let b = target_color(other);
-        moments[0] += weight * a;
-        moments[1] += weight * b;
-        moments[2] += weight * (a * a);
-        moments[3] += weight * (b * b);
-        moments[4] += weight * (a * b);
-    }
-    for (var i = 0u; i < MOMENTS; i++) {
-        for (var channel = 0u; channel < 3u; channel++) {
-            blurred[slot(i, channel, pixel)] = moments[i][channel];
+    workgroupBarrier();
+    for (var k = at.local; k < ROWS; k += PIXELS) {
+        let first = k / TILE * COVERED + k % TILE;
+        var moments: array<f32, MOMENTS>;
+        for (var tap = 0u; tap < TAPS; tap++) {
+            let weight = WINDOW[tap];
+            let a = scratch[first + tap];
+            let b = scratch[INPUTS + first + tap];
+            moments[0] += weight * a;
+            moments[1] += weight * b;
+            moments[2] += weight * (a * a);
+            moments[3] += weight * (b * b);
+            moments[4] += weight * (a * b);
+        }
+        for (var i = 0u; i < MOMENTS; i++) {
+            scratch[2u * INPUTS + i * ROWS + k] = moments[i];
         }
     }
+    workgroupBarrier();
 }
 
-// Similarity of two windows; leaves its derivatives.
-fn similarity_at(channel: u32, pixel: u32) -> f32 {
-    var moments: array<f32, 5>;
+// Similarity of the windows about a pixel; leaves its derivatives.
+fn similarity_at(channel: u32, local: u32, pixel: u32) -> f32 {
+    var moments: array<f32, MOMENTS>;
     for (var i = 0u; i < MOMENTS; i++) {
-        moments[i] = blurred_across(i, channel, pixel);
+        moments[i] = blurred(2u * INPUTS, i, local);
     }
     let aa = moments[0] * moments[0];
     let bb = moments[1] * moments[1];
@@ -131,79 +155,123 @@ fn similarity_at(channel: u32, pixel: u32) -> f32 {
     return similarity;
 }
 
-@compute @workgroup_size(GROUP)
-fn compare(at: Invocation) {
-    let pixel = thread(at);
-    if pixel >= pixels() {
-        return;
+// Sums `count` numbers of each thread, `[number][thread]` in `scratch`, into those of the tile from `first` on.
+fn sum_tile(at: Place, first: u32, count: u32) {
+    workgroupBarrier();
+    let all = (at.tile.y * uniforms.tiles.x + at.tile.x) * TILE_NUMBERS;
+    // Sums of TILE threads, then the sums of these.
+    var sum = 0.0;
+    let number = at.local / TILE;
+    if number < count {
+        for (var k = 0u; k < TILE; k++) {
+            sum += scratch[number * PIXELS + k * TILE + at.local % TILE];
+        }
     }
+    workgroupBarrier();
+    scratch[at.local] = sum;
+    workgroupBarrier();
+    if at.local < count {
+        var total = 0.0;
+        for (var k = 0u; k < TILE; k++) {
+            total += scratch[at.local * TILE + k];
+        }
+        tile_sums[all + first + at.local] = total;
+    }
+}
+
+@compute @workgroup_size(PIXELS)
+fn compare(at: Place) {
+    let pixel = pixel_of(at);
+    let index = index_of(pixel);
     var similarities = 0.0;
     for (var channel = 0u; channel < 3u; channel++) {
-        similarities += similarity_at(channel, pixel);
-    }
-    let difference = abs(image_color(pixel) - target_color(pixel));
-    let absolute = difference.x + difference.y + difference.z + abs(alpha_difference(pixel));
-    differences[pixel] = vec2<f32>(absolute, similarities);
-}
-
-@compute @workgroup_size(GROUP)
-fn blur_derivatives(at: Invocation) {
-    let pixel = thread(at);
-    if pixel >= pixels() {
-        return;
-    }
-    let range = window(pixel % uniforms.size.x, uniforms.size.x);
-    for (var i = 0u; i < 3u * DERIVATIVES; i++) {
-        var sum = 0.0;
-        for (var offset = range.x; offset <= range.y; offset++) {
-            sum += WINDOW[offset + HALF] * derivatives[i * pixels() + u32(i32(pixel) + offset)];
+        blur_moments(at, channel);
+        if is_inside(pixel) {
+            similarities += similarity_at(channel, at.local, index);
         }
-        blurred[i * pixels() + pixel] = sum;
     }
+    var absolute = 0.0;
+    if is_inside(pixel) {
+        let difference = abs(image_color(pixel) - target_color(index));
+        absolute = difference.x + difference.y + difference.z + abs(alpha_difference(index));
+    }
+    scratch[at.local] = absolute;
+    scratch[PIXELS + at.local] = similarities;
+    sum_tile(at, 0u, 2u);
 }
 
-@compute @workgroup_size(GROUP)
-fn loss_backward(at: Invocation) {
-    let pixel = thread(at);
-    if pixel >= pixels() {
-        return;
-    }
-    if !is_valid(pixel) {
-        d_image[pixel] = vec4<f32>(0.0);
-        return;
-    }
-    var by: array<vec3<f32>, 3>;
+// Leaves the derivatives of a channel, blurred along rows.
+fn blur_derivatives(at: Place, channel: u32) {
     for (var i = 0u; i < DERIVATIVES; i++) {
-        for (var channel = 0u; channel < 3u; channel++) {
-            by[i][channel] = blurred_across(i, channel, pixel);
+        for (var k = at.local; k < INPUTS; k += PIXELS) {
+            let pixel = covered(at.tile.xy, k);
+            var derivative = 0.0;
+            if is_inside(pixel) {
+                derivative = derivatives[slot(i, channel, index_of(pixel))];
+            }
+            scratch[k] = derivative;
         }
+        workgroupBarrier();
+        for (var k = at.local; k < ROWS; k += PIXELS) {
+            let first = k / TILE * COVERED + k % TILE;
+            var sum = 0.0;
+            for (var tap = 0u; tap < TAPS; tap++) {
+                sum += WINDOW[tap] * scratch[first + tap];
+            }
+            scratch[INPUTS + i * ROWS + k] = sum;
+        }
+        workgroupBarrier();
+    }
+}
+
+// Gradient with respect to what the camera shows of a pixel, given the blurred derivatives.
+fn gradient_at(pixel: vec2<u32>, by: array<vec3<f32>, DERIVATIVES>) -> vec4<f32> {
+    let index = index_of(pixel);
+    if !is_valid(index) {
+        return vec4<f32>(0.0);
     }
     let a = image_color(pixel);
-    let b = target_color(pixel);
-    let each = 1.0 / f32(3u * pixels());
+    let b = target_color(index);
+    let each = 1.0 / f32(3u * uniforms.size.x * uniforms.size.y);
     let by_structure = each * (by[0] + 2.0 * a * by[1] + b * by[2]);
     // sign(NaN) is undefined, but the other term is NaN then.
-    let gradient = (1.0 - LAMBDA) * each * sign(a - b) - LAMBDA * by_structure;
-    let by_alpha = (1.0 - LAMBDA) * each * uniforms.alpha_channels * sign(alpha_difference(pixel));
-    d_image[pixel] += vec4<f32>(gradient, by_alpha);
+    let by_color = (1.0 - LAMBDA) * each * sign(a - b) - LAMBDA * by_structure;
+    let by_alpha = (1.0 - LAMBDA) * each * uniforms.alpha_channels * sign(alpha_difference(index));
+    var gradient = vec4<f32>(by_color, by_alpha);
+    if uniforms.adds_gradient != 0u {
+        gradient += d_image[index];
+    }
+    return gradient;
 }
 
-// Leaves the sums over all pixels in the totals, as bits of floats.
-@compute @workgroup_size(SCAN_GROUP)
-fn sum_loss(@builtin(local_invocation_index) local: u32) {
-    var sum = vec2<f32>(0.0);
-    for (var pixel = local; pixel < pixels(); pixel += SCAN_GROUP) {
-        sum += differences[pixel];
-    }
-    parts[local] = sum;
-    for (var stride = SCAN_GROUP / 2u; stride > 0u; stride /= 2u) {
-        workgroupBarrier();
-        if local < stride {
-            parts[local] += parts[local + stride];
+@compute @workgroup_size(PIXELS)
+fn loss_backward(at: Place) {
+    let pixel = pixel_of(at);
+    let index = index_of(pixel);
+    var by: array<vec3<f32>, DERIVATIVES>;
+    for (var channel = 0u; channel < 3u; channel++) {
+        blur_derivatives(at, channel);
+        for (var i = 0u; i < DERIVATIVES; i++) {
+            by[i][channel] = blurred(INPUTS, i, at.local);
         }
+        workgroupBarrier();
     }
-    if local == 0u {
-        totals[ABSOLUTE] = bitcast<u32>(parts[0].x);
-        totals[SIMILARITY] = bitcast<u32>(parts[0].y);
+    var by_color: array<vec4<f32>, 3>;
+    var by_vignette = 0.0;
+    if is_inside(pixel) {
+        let d_seen = gradient_at(pixel, by);
+        let d_color = d_seen.xyz * factor_at(pixel);
+        by_color[0] = d_color.x * image[index];
+        by_color[1] = d_color.y * image[index];
+        by_color[2] = d_color.z * image[index];
+        by_vignette = dot(d_seen.xyz, color_of(image[index])) * square_of(pixel);
+        d_image[index] = vec4<f32>(0.0, 0.0, 0.0, d_seen.w) + color_backward(d_color);
+    }
+    if uniforms.learns_camera != 0u {
+        for (var number = 0u; number < 12u; number++) {
+            scratch[number * PIXELS + at.local] = by_color[number / 4u][number % 4u];
+        }
+        scratch[12u * PIXELS + at.local] = by_vignette;
+        sum_tile(at, 2u, RESPONSE_NUMBERS);
     }
 }

@@ -2,7 +2,8 @@
 // Gaussian, which is projected again for its intermediate results.
 //
 // In: the sums that `rasterize_backward` left per pair. Out: row `i` of the gradient is the gradient of row
-// `order[i]` of the parameters, 0 if it is not finite. Updates the statistics.
+// `order[i]` of the parameters, 0 if it is not finite; where the camera is learned, the gradient with respect to the view,
+// summed over each group. Updates the statistics.
 
 @group(0) @binding(3) var<storage, read_write> totals: array<atomic<u32>>;
 // Rows of the drawn splats.
@@ -13,6 +14,10 @@
 @group(0) @binding(20) var<storage, read> d_pairs: array<f32>;
 @group(0) @binding(21) var<storage, read_write> d_parameters: array<f32>;
 @group(0) @binding(22) var<storage, read_write> statistics: array<Statistics>;
+// By group of threads.
+@group(0) @binding(18) var<storage, read_write> view_sums: array<ViewGradient>;
+
+var<workgroup> views: array<ViewGradient, GROUP>;
 
 // Gradient with respect to a splat.
 struct SplatGradient {
@@ -260,14 +265,9 @@ fn rotation_backward(projected: Projected, d_view: vec3<f32>, d_axes: array<vec3
     return sum;
 }
 
-// Clears and counts a gradient that is not finite, and updates the statistics.
-fn finish(i: u32, row: u32, screen_gradient: f32, health: Health, by_view: ViewGradient) {
+// Clears and counts a gradient that is not finite, and updates the statistics. Returns whether it is finite.
+fn finish(i: u32, row: u32, screen_gradient: f32, health: Health) -> bool {
     let is_good = health.is_finite && is_finite(screen_gradient);
-    if is_good {
-        put_view(i, by_view);
-    } else {
-        put_view(i, ViewGradient());
-    }
     if !is_good {
         for (var column = 0u; column < COLUMNS; column++) {
             let first = place(uniforms.gaussians, START[column], COUNT[column], i);
@@ -284,22 +284,18 @@ fn finish(i: u32, row: u32, screen_gradient: f32, health: Health, by_view: ViewG
     statistics[row].images += 1u;
     statistics[row].visits += select(0u, 1u, is_usable);
     statistics[row].is_usable = select(0u, 1u, is_usable);
+    return is_good;
 }
 
-@compute @workgroup_size(GROUP)
-fn project_backward(at: Invocation) {
-    let i = thread(at);
-    if i >= atomicLoad(&totals[DRAWN]) || atomicLoad(&totals[PAIRS]) > uniforms.pair_capacity {
-        return;
-    }
+// Leaves the gradient of drawn Gaussian `i` with respect to its parameters; returns the one with respect to the view.
+fn gaussian_backward(i: u32) -> ViewGradient {
     let row = order[i];
     let window = window_of(row);
     var projected: Projected;
     if !project_into(row, window, &projected) {
         // Only on a device that computes the same numbers differently in `project`.
         statistics[row].is_usable = 0u;
-        put_view(i, ViewGradient());
-        return;
+        return ViewGradient();
     }
     let d_splat = splat_backward(row, projected.splat);
     var health = Health(true, true);
@@ -316,8 +312,41 @@ fn project_backward(at: Invocation) {
     let d_since = motion_backward(&health, i, row, window.since, d_world, d_rotation);
     let fading = window_backward(&health, i, window, d_splat.log_opacity, d_since);
     let turned = rotation_backward(projected, d_view, d_axes);
-    let by_view = ViewGradient(turned, d_since - fading, d_world, log_focal);
     // The image spans [-1, 1] along both axes.
     let on_screen = d_splat.center * vec2<f32>(uniforms.size) * 0.5;
-    finish(i, row, sqrt(dot(on_screen, on_screen)), health, by_view);
+    if !finish(i, row, sqrt(dot(on_screen, on_screen)), health) {
+        return ViewGradient();
+    }
+    return ViewGradient(turned, d_since - fading, d_world, log_focal);
+}
+
+// Sums the gradients of the threads of a group with respect to the view.
+fn sum_views(at: Invocation, by_view: ViewGradient) {
+    views[at.local] = by_view;
+    for (var stride = GROUP / 2u; stride > 0u; stride /= 2u) {
+        workgroupBarrier();
+        if at.local < stride {
+            let other = views[at.local + stride];
+            views[at.local].rotation += other.rotation;
+            views[at.local].time += other.time;
+            views[at.local].center += other.center;
+            views[at.local].log_focal += other.log_focal;
+        }
+    }
+    let group = thread(at) / GROUP;
+    if at.local == 0u && group < arrayLength(&view_sums) {
+        view_sums[group] = views[0];
+    }
+}
+
+@compute @workgroup_size(GROUP)
+fn project_backward(at: Invocation) {
+    let i = thread(at);
+    var by_view = ViewGradient();
+    if i < atomicLoad(&totals[DRAWN]) && atomicLoad(&totals[PAIRS]) <= uniforms.pair_capacity {
+        by_view = gaussian_backward(i);
+    }
+    if uniforms.learns_camera != 0u {
+        sum_views(at, by_view);
+    }
 }

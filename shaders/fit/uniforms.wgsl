@@ -26,6 +26,10 @@ struct StepUniforms {
     near: f32,
     // Weight of alpha in the loss, against a channel of colour.
     alpha_channels: f32,
+    // 1 to add the gradient of the loss to the one in d_image, else 0.
+    adds_gradient: u32,
+    // 1 to leave the gradient with respect to the camera, else 0.
+    learns_camera: u32,
 }
 
 @group(0) @binding(0) var<uniform> uniforms: StepUniforms;

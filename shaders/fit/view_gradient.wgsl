@@ -1,4 +1,4 @@
-// The gradient of a drawn Gaussian with respect to the view, where the camera is learned.
+// The gradient with respect to the view, of a Gaussian or of several.
 
 struct ViewGradient {
     // With respect to a rotation vector, in camera axes, which turns the scene about the camera.

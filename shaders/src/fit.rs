@@ -2,7 +2,7 @@
 //! backpropagate the loss and take a step of Adam.
 //!
 //! ```text
-//! project -> sort -> bin -> rasterize -> [camera ->] loss -> [camera ->] rasterize_backward -> project_backward -> adam
+//! project -> sort -> bin -> rasterize -> loss -> rasterize_backward -> project_backward -> sum, adam
 //! ```
 //!
 //! [`compose`] assembles a stage for the columns of a scene; absent columns cost neither memory nor
@@ -31,25 +31,19 @@ pub const LAMBDA: f32 = 0.2;
 
 /// Threads per group of most kernels.
 pub const GROUP: u32 = 64;
+/// Threads per group of a sort, and of the kernels that sum over a group: a thread for each value of a digit.
+pub const SUM_GROUP: u32 = DIGITS;
 /// Number of values of a digit of [`Stage::Sort`].
 pub const DIGITS: u32 = 1 << DIGIT_BITS;
 /// Bits per digit.
-pub const DIGIT_BITS: u32 = 5;
-/// Keys per thread of [`Stage::Sort`].
-pub const CHUNK: u32 = 64;
-/// Numbers per thread of [`Stage::Scan`].
-pub const BLOCK: u32 = 64;
+pub const DIGIT_BITS: u32 = 8;
 /// Floats that `rasterize_backward` leaves per splat-tile pair.
 pub const SPLAT_NUMBERS: u32 = 9;
 /// Number of columns of the parameters: centres, rotations, log-scales, logits, spherical harmonics, `tau`,
 /// log-widths, motion, rotation rates.
 pub const COLUMNS: usize = 9;
 const _: () = assert!(COLUMNS == layout::AdamUniforms::SH_REST as usize);
-/// [`layout::Series::shift`] of a series that is only scanned.
-pub const NO_DIGITS: u32 = 32;
 
-/// Threads of a kernel with a single group.
-const SCAN_GROUP: u32 = 256;
 /// Sort key of a Gaussian that is not drawn.
 const NOT_DRAWN: u32 = u32::MAX;
 /// Added to the squared Mahalanobis distance at which alpha is 1/255: more than the rounding error of the
@@ -81,9 +75,9 @@ pub mod binding {
     pub const SORTED_KEYS: u32 = 8;
     /// [`ROWS`], sorted.
     pub const SORTED_ROWS: u32 = 9;
-    /// Numbers to scan: `u32`.
+    /// Number of keys with each digit in each part of a series: `u32`.
     pub const COUNTS: u32 = 10;
-    /// Sums of the blocks of [`COUNTS`]: `u32`.
+    /// Tiles of each block of drawn splats: `u32`.
     pub const BLOCK_SUMS: u32 = 11;
     /// Rows of the drawn splats, front to back: `u32`.
     pub const ORDER: u32 = 12;
@@ -93,13 +87,13 @@ pub mod binding {
     pub const IMAGE: u32 = 14;
     /// Red, green, blue and validity, a byte each: `u32` per pixel.
     pub const PHOTOGRAPH: u32 = 15;
-    /// Moments of SSIM, then their derivatives, blurred along rows: 15 `f32` per pixel.
-    pub const BLURRED: u32 = 16;
+    /// Sums over the pixels of a tile: [`TILE_NUMBERS`](super::TILE_NUMBERS) `f32` each.
+    pub const TILE_SUMS: u32 = 16;
     /// Derivatives of SSIM with respect to the moments: 9 `f32` per pixel.
     pub const DERIVATIVES: u32 = 17;
-    /// Absolute difference and similarity, summed over the channels: 2 `f32` per pixel.
-    pub const DIFFERENCES: u32 = 18;
-    /// Gradient with respect to [`IMAGE`]: 4 `f32` per pixel.
+    /// Gradient with respect to the view, by [`GROUP`](super::GROUP) drawn Gaussians: [`VIEW_BYTES`](super::VIEW_BYTES) each.
+    pub const VIEW_SUMS: u32 = 18;
+    /// Gradient with respect to the image: 4 `f32` per pixel.
     pub const D_IMAGE: u32 = 19;
     /// Gradient sums: [`SPLAT_NUMBERS`](super::SPLAT_NUMBERS) `f32` per splat-tile pair.
     pub const D_PAIRS: u32 = 20;
@@ -119,24 +113,23 @@ pub mod binding {
     pub const TILE_PAIRS: u32 = 27;
     /// [`Response`](super::layout::Response).
     pub const RESPONSE: u32 = 28;
-    /// [`IMAGE`] as the camera shows it.
-    pub const SEEN: u32 = 29;
-    /// Gradient with respect to the view by drawn Gaussian: [`VIEW_BYTES`](super::VIEW_BYTES) each.
-    pub const D_VIEW: u32 = 30;
     /// Gradient with respect to the camera: [`CAMERA_NUMBERS`](super::CAMERA_NUMBERS) `f32`.
-    pub const D_CAMERA: u32 = 31;
+    pub const D_CAMERA: u32 = 29;
 }
 
-/// Size in bytes of the gradient of a Gaussian with respect to the view.
+/// Size in bytes of a gradient with respect to the view.
 pub const VIEW_BYTES: u64 = 32;
 
 /// Numbers of a camera that are learned: time, rotation, translation, logarithm of the focal lengths, colours, vignette.
 pub const CAMERA_NUMBERS: usize = 21;
 
+/// Numbers of [`binding::TILE_SUMS`] per tile: absolute difference, similarity, gradient with respect to the response.
+pub const TILE_NUMBERS: u32 = 15;
+
 /// Size of a splat in bytes.
 pub const SPLAT_BYTES: u64 = 64;
 
-/// The columns of a scene, its filter, and whether its cameras are learned.
+/// The columns of a scene, and its filter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Columns {
     /// Degree of the spherical harmonics, 0 to 3.
@@ -149,8 +142,6 @@ pub struct Columns {
     pub rotates: bool,
     /// Whether the scene has the mip filter, which compensates opacities.
     pub mip: bool,
-    /// Whether the image is seen through a camera's response, and a step leaves the gradient with respect to the camera.
-    pub learns_cameras: bool,
 }
 
 impl Columns {
@@ -176,38 +167,35 @@ impl Columns {
 pub enum Stage {
     /// Projects Gaussians to splats.
     Project,
-    /// Exclusive prefix sums.
-    Scan,
     /// One pass of a radix sort.
     Sort,
     /// Lists the splat-tile pairs.
     Bin,
     /// Composites splats into pixels.
     Rasterize,
-    /// Shows the image as the camera does, and backpropagates to the camera.
-    Camera,
-    /// Compares the image with the photograph.
+    /// Compares the image, as the camera shows it, with the photograph.
     Loss,
     /// Backpropagates from pixels to splats.
     RasterizeBackward,
     /// Backpropagates from splats to parameters.
     ProjectBackward,
+    /// Sums the loss and the gradient with respect to the camera.
+    Sum,
     /// Moves the parameters along the gradient.
     Adam,
 }
 
 impl Stage {
     /// All stages.
-    pub const ALL: [Stage; 10] = [
+    pub const ALL: [Stage; 9] = [
         Stage::Project,
-        Stage::Scan,
         Stage::Sort,
         Stage::Bin,
         Stage::Rasterize,
-        Stage::Camera,
         Stage::Loss,
         Stage::RasterizeBackward,
         Stage::ProjectBackward,
+        Stage::Sum,
         Stage::Adam,
     ];
 
@@ -215,14 +203,13 @@ impl Stage {
     pub fn kernels(self) -> &'static [&'static str] {
         match self {
             Stage::Project => &["project"],
-            Stage::Scan => &["scan_blocks", "scan_totals"],
             Stage::Sort => &["count_digits", "scatter"],
             Stage::Bin => &["count_tiles", "list_pairs", "find_tiles"],
             Stage::Rasterize => &["rasterize"],
-            Stage::Camera => &["respond", "respond_backward", "sum_response", "sum_view"],
-            Stage::Loss => &["blur_rows", "compare", "blur_derivatives", "loss_backward", "sum_loss"],
+            Stage::Loss => &["compare", "loss_backward"],
             Stage::RasterizeBackward => &["rasterize_backward"],
             Stage::ProjectBackward => &["project_backward"],
+            Stage::Sum => &["sum_step"],
             Stage::Adam => &["adam"],
         }
     }
@@ -240,7 +227,7 @@ pub fn compose(stage: Stage, columns: Columns) -> String {
     let projection = include_str!("../fit/projection.wgsl");
     let ellipse = include_str!("../fit/ellipse.wgsl");
     let footprint = include_str!("../fit/footprint.wgsl");
-    let series = include_str!("../fit/series.wgsl");
+    let group_sum = include_str!("../fit/group_sum.wgsl");
     let statistics = include_str!("../fit/statistics.wgsl");
     let view_gradient = include_str!("../fit/view_gradient.wgsl");
     let parts: &[&str] = match stage {
@@ -248,24 +235,19 @@ pub fn compose(stage: Stage, columns: Columns) -> String {
             let project = include_str!("../fit/project.wgsl");
             &[uniforms, splat, places, parameters, harmonics, near, projection, ellipse, statistics, project]
         }
-        Stage::Scan => &[series, include_str!("../fit/scan.wgsl")],
-        Stage::Sort => &[series, include_str!("../fit/sort.wgsl")],
-        Stage::Bin => &[uniforms, splat, ellipse, include_str!("../fit/bin.wgsl")],
+        Stage::Sort => &[group_sum, include_str!("../fit/sort.wgsl")],
+        Stage::Bin => &[uniforms, splat, ellipse, group_sum, include_str!("../fit/bin.wgsl")],
         Stage::Rasterize => &[uniforms, splat, footprint, include_str!("../fit/rasterize.wgsl")],
-        Stage::Camera => &[uniforms, view_gradient, include_str!("../fit/camera.wgsl")],
-        Stage::Loss => &[uniforms, include_str!("../fit/loss.wgsl")],
+        Stage::Loss => &[uniforms, include_str!("../fit/response.wgsl"), include_str!("../fit/loss.wgsl")],
         Stage::RasterizeBackward => {
             &[uniforms, splat, footprint, include_str!("../fit/rasterize_backward.wgsl")]
         }
         Stage::ProjectBackward => {
             let project_backward = include_str!("../fit/project_backward.wgsl");
-            let put_view = match columns.learns_cameras {
-                true => include_str!("../fit/view_gradient_kept.wgsl"),
-                false => include_str!("../fit/view_gradient_dropped.wgsl"),
-            };
             let splats = [uniforms, splat, places, parameters, harmonics, near, projection, statistics];
-            &[&splats[..], &[view_gradient, put_view, project_backward]].concat()
+            &[&splats[..], &[view_gradient, project_backward]].concat()
         }
+        Stage::Sum => &[uniforms, view_gradient, include_str!("../fit/sum.wgsl")],
         Stage::Adam => &[uniforms, places, statistics, include_str!("../fit/adam.wgsl")],
     };
     constants(columns) + thread + &parts.concat()
@@ -291,18 +273,17 @@ fn constants(columns: Columns) -> String {
     let mut source: String = [
         ("TILE", TILE),
         ("GROUP", GROUP),
-        ("SCAN_GROUP", SCAN_GROUP),
+        ("SUM_GROUP", SUM_GROUP),
         ("DIGITS", DIGITS),
-        ("NO_DIGITS", NO_DIGITS),
-        ("CHUNK", CHUNK),
-        ("BLOCK", BLOCK),
         ("NOT_DRAWN", NOT_DRAWN),
+        ("TILE_NUMBERS", TILE_NUMBERS),
         ("SPLAT_NUMBERS", SPLAT_NUMBERS),
         ("DRAWN", layout::Totals::DRAWN),
         ("PAIRS", layout::Totals::PAIRS),
         ("NON_FINITE", layout::Totals::NON_FINITE),
         ("ABSOLUTE", layout::Totals::ABSOLUTE),
         ("SIMILARITY", layout::Totals::SIMILARITY),
+        ("HALTED", layout::Totals::HALTED),
         ("HARMONICS", columns.harmonics()),
         ("MOTION_ORDER", columns.motion_order.into()),
         ("NUMBERS", columns.numbers()),

@@ -22,6 +22,7 @@ fn main() -> ExitCode {
     let trials = vec![
         trial("images match the CPU", images),
         trial("images and gradients of more pairs than the buffers held", many_pairs),
+        trial("images of many tiles and of many Gaussians match the CPU", many_tiles_and_rows),
         trial("gradients match the CPU", gradients),
         trial("images and gradients near the camera match the CPU", fading),
         trial("gradients of several losses and views match the CPU", gradients_of_views),
@@ -31,6 +32,9 @@ fn main() -> ExitCode {
         trial("a step without a response forgets the response before", forgotten),
         trial("a fit is reproducible bit by bit", repeatable),
         trial("fifty steps stay close to the CPU", fifty_steps),
+        trial("steps that follow one with too many pairs begin again", too_many_pairs),
+        trial("nothing waits within a step", in_flight),
+        trial("steps in flight are those of a device that waits", in_flight_as_one_by_one),
         trial("capacity control follows the CPU", controls),
         trial("a training state survives the round trip", round_trip),
         trial("nothing visible renders black", nothing),
@@ -51,6 +55,24 @@ fn trial(name: &'static str, test: fn(Gpu) -> Result<(), DeviceError>) -> Trial 
         }
         Err(error) => Ok(Completion::ignored_with(error)),
     })
+}
+
+/// More tiles than a digit has values, then more rows than the groups of a sort take in one turn.
+fn many_tiles_and_rows(mut gpu: Gpu) -> Result<(), DeviceError> {
+    let large = camera(320, 280);
+    let parameters = static_cloud(50, 300, 0);
+    gpu.load(parameters.clone().into())?;
+    let view = FrameView { camera: &large, time: 0.0 };
+    assert_images(&mut gpu, &parameters, &view, "many tiles");
+    let weights = weights(&large);
+    let expected = cpu::render(&parameters, &view).backward(&parameters, &view, &weights, true);
+    assert_gradients(&gpu.gradient(&view, &weights, true)?, &expected, "many tiles");
+    let small = camera(48, 40);
+    let mut parameters = static_cloud(51, 70_000, 0);
+    parameters.log_scales.iter_mut().flatten().for_each(|x| *x -= 2.5);
+    gpu.load(parameters.clone().into())?;
+    assert_images(&mut gpu, &parameters, &FrameView { camera: &small, time: 0.0 }, "many rows");
+    Ok(())
 }
 
 /// The camera of the fixtures, with its optical axis away from the centre of the image.
@@ -313,7 +335,11 @@ fn run_of(
 ) -> Result<(Fit, Vec<StepReport>), DeviceError> {
     let mut run = Run::start(fit, backend)?;
     let all: Vec<&TrainingView> = views.iter().collect();
-    let reports = (0..count).map(|_| run.step(&all, lpips)).collect::<Result<_, _>>()?;
+    let mut reports = Vec::new();
+    for _ in 0..count {
+        reports.extend(run.step(&all, lpips)?);
+    }
+    reports.extend(run.settle()?);
     Ok((run.pause()?, reports))
 }
 
@@ -439,6 +465,72 @@ fn repeatable(mut gpu: Gpu) -> Result<(), DeviceError> {
     Ok(())
 }
 
+fn too_many_pairs(mut gpu: Gpu) -> Result<(), DeviceError> {
+    let views = training_views([160, 120], &[0.0, 2.0, 4.0, 6.0]);
+    let learned = Learned { offsets: true, colors: true, ..Learned::default() };
+    let mut start = cloud(48, 3000, 1);
+    start.log_scales.fill([-1.0, -1.2, -1.5]);
+    let rig = Rig::new(learned, vec![Response::NEUTRAL], 0);
+    let fit = new_fit(&start, &views, 1000).seen_by(rig);
+    let (expected, reported) = run_of(&mut gpu, fit.clone(), &views, 12, None)?;
+    let grown = gpu.counts();
+    assert!(grown.repeats > 0, "the first buffers are too small: {grown:?}");
+    let (found, reports) = run_of(&mut gpu, fit, &views, 12, None)?;
+    assert_eq!(gpu.counts().repeats, grown.repeats, "the buffers have grown");
+    assert!(found == expected, "bit by bit");
+    assert!(reports == reported && reports.len() == 12);
+    Ok(())
+}
+
+fn in_flight(mut gpu: Gpu) -> Result<(), DeviceError> {
+    let (views, start) = (training_views([64, 64], &[0.0, 4.0, 8.0]), cloud(42, 500, 2));
+    let mut run = Run::start(new_fit(&start, &views, 1000), &mut gpu)?;
+    let all: Vec<&TrainingView> = views.iter().collect();
+    for step in 0..50 {
+        let ended = run.step(&all, None)?.len();
+        assert_eq!(ended, usize::from(step >= 2), "two steps are in flight");
+    }
+    assert_eq!(run.settle()?.len(), 2);
+    drop(run);
+    let counts = gpu.counts();
+    println!("{counts:?}");
+    assert_eq!((counts.steps, counts.submissions, counts.waits, counts.repeats), (50, 50, 1, 0));
+    assert!(counts.dispatches <= 25 * counts.steps);
+    Ok(())
+}
+
+/// A fit whose photographs grow and whose last view has many more pairs, with pictures taken between steps.
+fn in_flight_as_one_by_one(mut gpu: Gpu) -> Result<(), DeviceError> {
+    let mut start = cloud(49, 1500, 1);
+    start.log_scales.iter_mut().flatten().for_each(|x| *x += 1.2);
+    let [small, large] = [[40, 30], [192, 144]].map(|size| training_views(size, &[0.0, 4.0, 8.0]));
+    let rig = Rig::new(Learned { colors: true, ..Learned::default() }, vec![Response::NEUTRAL], 0);
+    let fit = new_fit(&start, &large, 1000).seen_by(rig);
+    let run = |gpu: &mut Gpu, waits: bool| -> Result<_, DeviceError> {
+        let mut run = Run::start(fit.clone(), gpu)?;
+        let mut reports = Vec::new();
+        for step in 0..14 {
+            let views: Vec<&TrainingView> = if step < 5 { &small } else { &large }.iter().collect();
+            reports.extend(run.step(&views, None)?);
+            if waits {
+                reports.extend(run.settle()?);
+            }
+            if step == 9 {
+                run.render(&large[0])?;
+            }
+        }
+        reports.extend(run.settle()?);
+        Ok((run.pause()?, reports))
+    };
+    let (fit_in_flight, reports_in_flight) = run(&mut gpu, false)?;
+    let repeats = gpu.counts().repeats;
+    assert!(repeats > 1, "several steps began again: {repeats}");
+    let (fit_one_by_one, reports_one_by_one) = run(&mut Gpu::open()?, true)?;
+    assert!(reports_in_flight == reports_one_by_one, "{reports_in_flight:?}\n{reports_one_by_one:?}");
+    assert!(fit_in_flight == fit_one_by_one, "bit by bit");
+    Ok(())
+}
+
 fn controls(mut gpu: Gpu) -> Result<(), DeviceError> {
     // A control at step 100 of 1000, another at 200.
     let (views, start) = (training_views([48, 48], &[4.0]), cloud(43, 300, 0));
@@ -549,7 +641,7 @@ fn perceptual(mut gpu: Gpu) -> Result<(), DeviceError> {
 }
 
 fn too_large(mut gpu: Gpu) -> Result<(), DeviceError> {
-    // 15 floats per pixel are 64 GB.
+    // 9 floats per pixel are 39 GB.
     gpu.load(cloud(46, 10, 0).into())?;
     let [large, small] = [1 << 15, 16].map(|side| camera(side, side));
     match gpu.render(&FrameView { camera: &large, time: 0.0 }) {

@@ -34,11 +34,15 @@ pub struct StepUniforms {
     pub near: f32,
     /// Weight of alpha in the loss, against a channel of colour.
     pub alpha_channels: f32,
+    /// 1 to add the gradient of the loss to the one in the buffer of the image's gradient, else 0.
+    pub adds_gradient: u32,
+    /// 1 to leave the gradient with respect to the camera, else 0.
+    pub learns_camera: u32,
     #[doc(hidden)]
-    pub _pad0: [u32; 3],
+    pub _pad0: u32,
 }
 
-/// `Series` of series.wgsl: the input of a scan or a sort.
+/// `Series` of sort.wgsl: the input of a pass of a sort.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Series {
@@ -46,9 +50,9 @@ pub struct Series {
     pub length_at: u32,
     /// Its capacity; a longer series counts as empty.
     pub capacity: u32,
-    /// Index in the [`Totals`] that receives the sum.
+    /// Index in the [`Totals`] that receives the number of keys that are not dropped.
     pub total_at: u32,
-    /// Lowest bit of the digit that is sorted by, or [`NO_DIGITS`](super::NO_DIGITS).
+    /// Lowest bit of the digit that is sorted by.
     pub shift: u32,
 }
 
@@ -80,7 +84,7 @@ impl AdamUniforms {
     pub const SH_REST: u32 = 9;
 }
 
-/// `Response` of camera.wgsl: how a camera shows colours.
+/// `Response` of response.wgsl: how a camera shows colours.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Response {
@@ -128,10 +132,10 @@ pub struct Totals {
     pub absolute: f32,
     /// Sum of the similarities over pixels and channels.
     pub similarity: f32,
-    /// Receives the sums of scans whose total is not needed.
+    /// Receives the totals of sorts that are not needed.
     pub spare: u32,
-    /// Padding.
-    pub _pad0: u32,
+    /// 1 if this step or one before it had more pairs than their buffers held, else 0. Such steps change nothing.
+    pub halted: u32,
 }
 
 impl Totals {
@@ -149,4 +153,6 @@ impl Totals {
     pub const SIMILARITY: u32 = 5;
     /// Index of [`Totals::spare`].
     pub const SPARE: u32 = 6;
+    /// Index of [`Totals::halted`].
+    pub const HALTED: u32 = 7;
 }

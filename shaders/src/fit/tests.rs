@@ -8,7 +8,7 @@ use super::layout::{AdamUniforms, Response, Series, Statistics, StepUniforms, To
 use super::*;
 use crate::tests::{assert_layout, struct_layout};
 
-const NAMES: [&str; 32] = [
+const NAMES: [&str; 30] = [
     "uniforms",
     "series",
     "adam_uniforms",
@@ -25,9 +25,9 @@ const NAMES: [&str; 32] = [
     "tile_starts",
     "image",
     "photograph",
-    "blurred",
+    "tile_sums",
     "derivatives",
-    "differences",
+    "view_sums",
     "d_image",
     "d_pairs",
     "d_parameters",
@@ -38,29 +38,20 @@ const NAMES: [&str; 32] = [
     "pair_rows",
     "tile_pairs",
     "response",
-    "seen",
-    "d_view",
     "d_camera",
 ];
 
-const STATIC: Columns = Columns {
-    sh_degree: 0,
-    is_timed: false,
-    motion_order: 0,
-    rotates: false,
-    mip: false,
-    learns_cameras: false,
-};
+const STATIC: Columns =
+    Columns { sh_degree: 0, is_timed: false, motion_order: 0, rotates: false, mip: false };
 
 fn all_columns() -> Vec<Columns> {
     let mut all = Vec::new();
     for (sh_degree, mip) in (0..=3).flat_map(|degree| [(degree, false), (degree, true)]) {
         let plain = Columns { sh_degree, mip, ..STATIC };
-        all.extend([plain, Columns { learns_cameras: true, ..plain }]);
+        all.push(plain);
         for motion_order in 0..=3 {
             for rotates in [false, true] {
-                let timed = Columns { is_timed: true, motion_order, rotates, ..plain };
-                all.extend([timed, Columns { learns_cameras: true, ..timed }]);
+                all.push(Columns { is_timed: true, motion_order, rotates, ..plain });
             }
         }
     }
@@ -95,7 +86,7 @@ fn every_stage_is_valid_and_has_its_kernels() {
 fn a_buffer_has_one_binding_and_a_kernel_at_most_eight_buffers() {
     assert_eq!(binding::D_CAMERA as usize + 1, NAMES.len());
     for stage in Stage::ALL {
-        let module = parse(stage, Columns { learns_cameras: true, ..all_columns()[0] });
+        let module = parse(stage, all_columns()[0]);
         let info = validate(&module);
         for (_, variable) in module.global_variables.iter() {
             let Some(binding) = &variable.binding else { continue };
@@ -139,7 +130,9 @@ fn structs_have_the_layout_of_their_counterparts() {
             pair_capacity,
             detach_tau,
             near,
-            alpha_channels
+            alpha_channels,
+            adds_gradient,
+            learns_camera
         }
     );
     assert_layout!(
@@ -147,8 +140,8 @@ fn structs_have_the_layout_of_their_counterparts() {
         AdamUniforms { rates, log_scales, log_widths, tau, logit_max, fragment_weight, reach_max }
     );
     assert_layout!(&module(Stage::Sort), Series { length_at, capacity, total_at, shift });
-    assert_layout!(&module(Stage::Camera), Response { color, vignette });
-    assert_eq!(struct_layout(&module(Stage::Camera), "ViewGradient").0 as u64, VIEW_BYTES);
+    assert_layout!(&module(Stage::Loss), Response { color, vignette });
+    assert_eq!(struct_layout(&module(Stage::Sum), "ViewGradient").0 as u64, VIEW_BYTES);
     assert_eq!(struct_layout(&module(Stage::Bin), "Splat").0 as u64, SPLAT_BYTES);
 }
 
@@ -162,6 +155,7 @@ fn totals_have_their_indices() {
         (Totals::ABSOLUTE, offset_of!(Totals, absolute)),
         (Totals::SIMILARITY, offset_of!(Totals, similarity)),
         (Totals::SPARE, offset_of!(Totals, spare)),
+        (Totals::HALTED, offset_of!(Totals, halted)),
     ];
     assert!(indices.iter().all(|(index, offset)| *index as usize * 4 == *offset));
 }
@@ -169,13 +163,6 @@ fn totals_have_their_indices() {
 #[test]
 fn absent_columns_are_empty() {
     assert_eq!(STATIC.numbers(), 14);
-    let all = Columns {
-        sh_degree: 3,
-        is_timed: true,
-        motion_order: 3,
-        rotates: true,
-        mip: true,
-        learns_cameras: true,
-    };
+    let all = Columns { sh_degree: 3, is_timed: true, motion_order: 3, rotates: true, mip: true };
     assert_eq!(all.counts(), [3, 4, 3, 1, 48, 1, 1, 9, 4]);
 }

@@ -13,7 +13,7 @@ use super::stored::{Magic, Unstored, store, stored};
 use crate::scene::beside;
 
 /// First bytes of a checkpoint; the last one is the version of its contents.
-const MAGIC: Magic = *b"aarcfit\x0c";
+const MAGIC: Magic = *b"aarcfit\x0d";
 
 /// A fit and its plan.
 #[derive(Serialize, Deserialize)]

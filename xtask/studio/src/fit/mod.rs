@@ -125,6 +125,13 @@ pub fn fit(
     Ok(fitted.expect("there is something to fit"))
 }
 
+impl Fitted {
+    /// Name of the graphics device that computed steps, if any did.
+    pub fn device(&self) -> Option<String> {
+        self.entries.iter().find_map(|entry| entry.backend.strip_prefix("gpu, ").map(str::to_owned))
+    }
+}
+
 /// [`fit`], from what `start` makes where there is no checkpoint; `None` if that is nothing.
 // Long: the loop over steps with its checkpoints and table shares all of its state.
 fn fit_from(
@@ -171,17 +178,27 @@ fn fit_from(
     let (mut saved_at, mut reported_at) = (start, start);
     let every = (plan.steps / LINES).max(1);
     let mut step_time = Duration::ZERO;
+    // Of the last step that has ended.
+    let mut loss = None;
     while !run.is_done() {
         let step_start = Instant::now();
         let views_now = if run.steps_done() < coarse_steps { &coarse } else { &train };
-        let step = run.step(views_now, lpips).map_err(on_device)?;
-        step_time += step_start.elapsed();
-        tally.loss += step.loss;
-        tally.drawn += step.drawn;
+        let mut ended = run.step(views_now, lpips).map_err(on_device)?;
         tally.density.add(run.density_change());
-        tally.steps += 1;
         let done = run.steps_done();
-        if done % every == 0 || run.is_done() {
+        let is_line_due = done % every == 0 || run.is_done();
+        let is_saving_due = saved_at.elapsed() >= checkpoint_every && !run.is_done();
+        if is_line_due || is_saving_due {
+            ended.extend(run.settle().map_err(on_device)?);
+        }
+        step_time += step_start.elapsed();
+        for step in ended {
+            tally.loss += step.loss;
+            tally.drawn += step.drawn;
+            tally.steps += 1;
+            loss = Some(step.loss);
+        }
+        if is_line_due {
             let seconds = earlier_seconds + start.elapsed().as_secs_f64();
             let pictures: Result<Vec<RenderedImage<f32>>, DeviceError> =
                 views.held.iter().map(|view| run.render(view)).collect();
@@ -203,7 +220,7 @@ fn fit_from(
             let preview = preview(&mut run, views, &pictures)?;
             output::write_png(&log::preview_path(out), &preview, preview.dimensions())?;
         }
-        if saved_at.elapsed() >= checkpoint_every && !run.is_done() {
+        if is_saving_due {
             let seconds = earlier_seconds + start.elapsed().as_secs_f64();
             let fit = run.pause().map_err(on_device)?;
             let checkpoint = Checkpoint { plan: plan.clone(), fit, seconds, entries, tally };
@@ -212,11 +229,11 @@ fn fit_from(
             run = Run::start(checkpoint.fit, backend).map_err(on_device)?;
             saved_at = Instant::now();
         }
-        if reported_at.elapsed() >= PROGRESS_EVERY {
+        if let Some(loss) = loss.filter(|_| reported_at.elapsed() >= PROGRESS_EVERY) {
             reported_at = Instant::now();
             on_progress(&FitProgress {
                 step: done,
-                loss: step.loss,
+                loss,
                 held_psnr_db: entries.last().and_then(|entry| entry.held_psnr_db),
                 gaussians: run.len(),
             });
@@ -234,7 +251,12 @@ fn fit_from(
 }
 
 pub(super) fn on_device(error: DeviceError) -> Fault {
-    Fault::Device(error.to_string())
+    Fault::Device(match error {
+        DeviceError::TooLarge { .. } | DeviceError::Memory { .. } => {
+            format!("{error}, or choose --backend cpu")
+        }
+        DeviceError::Missing(_) | DeviceError::Lost { .. } => error.to_string(),
+    })
 }
 
 /// The picture beside the field: of a held-out photograph if there is one. `pictures` are the renderings

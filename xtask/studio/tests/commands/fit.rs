@@ -148,7 +148,7 @@ fn a_killed_fit_resumes_with_the_same_result() {
     );
 
     for (contents, what) in [
-        (&b"aarcfit\x0c and then nonsense"[..], "the checkpoint is damaged"),
+        (&b"aarcfit\x0d and then nonsense"[..], "the checkpoint is damaged"),
         (b"aarcfit\x08 of an earlier program", "no checkpoint of this version; remove it to start"),
     ] {
         fs::write(folder.join("field.checkpoint"), contents).unwrap();

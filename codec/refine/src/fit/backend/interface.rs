@@ -63,8 +63,16 @@ pub type PixelGradients<'a> = dyn Fn(usize, &[[f32; 4]]) -> Vec<Vec<[f32; 4]>> +
 /// Computes the steps of a fit, by the conventions of [`crate::reference`]. From [`Backend::load`] to
 /// [`Backend::store`] the training state lives where the back end computes.
 pub trait Backend {
+    /// Name of the graphics device; `None` without one.
+    fn device(&self) -> Option<&str>;
+
     /// Name for logs, including the name of the device if there is one.
-    fn name(&self) -> String;
+    fn name(&self) -> String {
+        self.device().map_or_else(|| "cpu".into(), |device| format!("gpu, {device}"))
+    }
+
+    /// Number of steps that may have begun and not ended when the next one begins.
+    fn in_flight(&self) -> usize;
 
     /// Takes over a training state and drops its previous state.
     ///
@@ -109,20 +117,30 @@ pub trait Backend {
         take: &mut dyn FnMut(Vec<Gradient<f32>>),
     ) -> Result<(), DeviceError>;
 
-    /// Takes one step: renders the view, compares the image with the photograph, backpropagates the
-    /// loss and moves the Gaussians that were rendered.
+    /// Begins one step: renders the view, compares the image with the photograph, backpropagates the
+    /// loss and moves the Gaussians that were rendered. All that follows sees the Gaussians moved.
     ///
     /// # Errors
     /// A [`DeviceError`]; the loaded state may then be lost.
     ///
     /// # Panics
-    /// If nothing is loaded, or if the photograph has another size than the camera's image.
-    fn step(
+    /// If nothing is loaded, if the photograph has another size than the camera's image, or if more steps than
+    /// [`in_flight`](Backend::in_flight) have begun and not ended.
+    fn begin_step(
         &mut self,
         view: &FrameView,
         photograph: &Photograph,
         config: &StepConfig,
-    ) -> Result<StepReport, DeviceError>;
+    ) -> Result<(), DeviceError>;
+
+    /// Waits for the end of the oldest step that has begun and not ended.
+    ///
+    /// # Errors
+    /// A [`DeviceError`]; the loaded state may then be lost.
+    ///
+    /// # Panics
+    /// If there is none.
+    fn end_step(&mut self) -> Result<StepReport, DeviceError>;
 
     /// Returns the training state.
     ///

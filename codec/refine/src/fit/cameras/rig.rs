@@ -2,12 +2,13 @@
 //!
 //! A photograph is compared with the field as its camera shows it: at the camera's own time, from its pose, in its
 //! colours. The derivatives of the loss with respect to these are closed forms, so a fit learns them as it learns
-//! the Gaussians.
+//! the Gaussians, two photographs later: a device still computes the last ones.
 //!
 //! Some of it cannot be told from the field itself: a field that starts later under cameras that are all late, or a
 //! redder field under cameras that all show less red. So the mean of the clocks and the mean brightness over the cameras,
 //! and the mean of the exposures over the photographs, stay as calibrated, and the first camera keeps its pose.
 
+use std::collections::VecDeque;
 use std::ops::Range;
 
 use codec::Camera;
@@ -85,6 +86,20 @@ pub struct Rig {
     cameras: Learning,
     /// Logarithms of the exposures, by the place of the photograph in the fit.
     exposures: Learning,
+    /// Of the last photographs, oldest first: what is to be learned of them.
+    lessons: VecDeque<Lesson>,
+}
+
+/// What a rig learns from one photograph.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Lesson {
+    camera: usize,
+    /// Place of the photograph in the fit.
+    place: usize,
+    /// Multiplies all learning rates.
+    factor: f64,
+    /// The gradient of the loss with respect to the numbers of the camera as it was seen; `None` until the step ends.
+    by_seen: Option<CameraNumbers>,
 }
 
 /// A photograph's view as the rig has it.
@@ -107,7 +122,7 @@ impl Rig {
     pub fn new(learned: Learned, responses: Vec<Response>, fixed: usize) -> Rig {
         let cameras =
             Learning::zeros(if learned.is_nothing() { 0 } else { responses.len() * CAMERA_NUMBERS });
-        Rig { learned, responses, fixed, cameras, exposures: Learning::default() }
+        Rig { learned, responses, fixed, cameras, exposures: Learning::default(), lessons: VecDeque::new() }
     }
 
     /// What is learned.
@@ -123,7 +138,11 @@ impl Rig {
     /// Whether the numbers of columns agree; a damaged file may deserialise into a rig in which they do not.
     pub(in crate::fit) fn is_consistent(&self) -> bool {
         let count = if self.learned.is_nothing() { 0 } else { self.responses.len() * CAMERA_NUMBERS };
-        self.cameras.values.len() == count && self.cameras.is_consistent() && self.exposures.is_consistent()
+        let is_of_rig = |lesson: &Lesson| lesson.camera < self.responses.len() && lesson.by_seen.is_some();
+        self.cameras.values.len() == count
+            && self.cameras.is_consistent()
+            && self.exposures.is_consistent()
+            && self.lessons.iter().all(is_of_rig)
     }
 
     /// Intervals by which a camera takes its photographs later than its calibration says.
@@ -183,10 +202,38 @@ impl Rig {
         }
     }
 
+    /// A step on a photograph begins: its place in the fit, and the factor of all learning rates.
+    pub(in crate::fit) fn begin(&mut self, camera: usize, place: usize, factor: f64) {
+        self.lessons.push_back(Lesson { camera, place, factor, by_seen: None });
+    }
+
+    /// The oldest step that began and has not ended ends with this gradient with respect to the numbers of its camera.
+    ///
+    /// # Panics
+    /// If there is none.
+    pub(in crate::fit) fn end(&mut self, by_seen: CameraNumbers) {
+        let lesson = self.lessons.iter_mut().find(|lesson| lesson.by_seen.is_none());
+        lesson.expect("a step has begun").by_seen = Some(by_seen);
+    }
+
+    /// Learns from all photographs but the last `rest`, whose steps have ended. `extent` is the size of the scene. Returns
+    /// the number of gradients that were not finite.
+    pub(in crate::fit) fn learn_but(&mut self, rest: usize, extent: f64) -> u64 {
+        let mut non_finite = 0;
+        while self.lessons.len() > rest {
+            let lesson = self.lessons.pop_front();
+            let Some(Lesson { camera, place, factor, by_seen: Some(by_seen) }) = lesson else {
+                panic!("the step has ended")
+            };
+            non_finite += u64::from(!self.learn(camera, place, &by_seen, factor, extent));
+        }
+        non_finite
+    }
+
     /// A step against the gradient of the loss of one photograph with respect to the numbers of its camera as it was
     /// [seen](Rig::seen). `factor` multiplies all learning rates, `extent` is the size of the scene. Returns whether the
     /// gradient was finite; the step is left out otherwise.
-    pub(in crate::fit) fn learn(
+    fn learn(
         &mut self,
         camera: usize,
         place: usize,

@@ -72,6 +72,12 @@ impl Photograph {
 
     /// Whether the mask excludes any pixel that the photograph covers.
     pub fn is_masked(&self) -> bool {
+        if self.valid.is_empty() {
+            // Whole rows without a branch: a step of a fit asks.
+            let is_masked =
+                |row: &[[u8; 4]]| row.iter().fold(false, |any, pixel| any | (pixel[3] <= SUBJECT));
+            return self.pixels.chunks(self.width.max(1) as usize).any(is_masked);
+        }
         (0..self.pixels.len()).any(|pixel| self.is_valid(pixel) && !self.is_subject(pixel))
     }
 
@@ -85,6 +91,13 @@ impl Photograph {
     /// Red, green, blue and a byte more of each pixel: 0 if it is invalid, 1 outside of the subject, else the mask.
     #[cfg(feature = "gpu")]
     pub(in crate::fit) fn words(&self) -> Vec<u32> {
+        if self.valid.is_empty() {
+            return self
+                .pixels
+                .iter()
+                .map(|[r, g, b, mask]| u32::from_le_bytes([*r, *g, *b, (*mask).max(1)]))
+                .collect();
+        }
         let word = |(i, [r, g, b, _]): (usize, &[u8; 4])| {
             let state = if self.is_valid(i) { self.opacity(i).max(1) } else { 0 };
             u32::from_le_bytes([*r, *g, *b, state])
@@ -101,6 +114,19 @@ impl Photograph {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn masks_are_the_same_whether_all_pixels_are_valid_or_said_to_be() {
+        for mask in [0, 1, 2, 127, 128, 255] {
+            let pixels = vec![[7, 8, 9, 255], [7, 8, 9, mask], [7, 8, 9, 255]];
+            let whole = Photograph { width: 2, height: 1, pixels, valid: Vec::new() };
+            let stated = Photograph { valid: vec![true; 3], ..whole.clone() };
+            assert_eq!(whole.is_masked(), mask <= 127);
+            assert_eq!(whole.is_masked(), stated.is_masked());
+            #[cfg(feature = "gpu")]
+            assert_eq!(whole.words(), stated.words());
+        }
+    }
 
     #[test]
     fn larger_pixels_are_means() {

@@ -14,6 +14,8 @@ use crate::in_order::for_each_in_order;
 #[derive(Clone, Debug, Default)]
 pub struct Cpu {
     loaded: Option<TrainingState>,
+    /// Of the step that has begun and not ended.
+    report: Option<StepReport>,
 }
 
 impl Cpu {
@@ -23,12 +25,16 @@ impl Cpu {
 }
 
 impl Backend for Cpu {
-    fn name(&self) -> String {
-        "cpu".into()
+    fn device(&self) -> Option<&str> {
+        None
+    }
+
+    fn in_flight(&self) -> usize {
+        0
     }
 
     fn load(&mut self, state: TrainingState) -> Result<(), DeviceError> {
-        self.loaded = Some(state);
+        (self.loaded, self.report) = (Some(state), None);
         Ok(())
     }
 
@@ -63,12 +69,13 @@ impl Backend for Cpu {
         Ok(())
     }
 
-    fn step(
+    fn begin_step(
         &mut self,
         view: &FrameView,
         photograph: &Photograph,
         config: &StepConfig,
-    ) -> Result<StepReport, DeviceError> {
+    ) -> Result<(), DeviceError> {
+        assert!(self.report.is_none(), "the step before has ended");
         let TrainingState { parameters, moments, screen_gradients } = self.loaded();
         let forward = render(parameters, view);
         let seen = config.response.map(|response| respond(&forward.image, &response));
@@ -81,12 +88,17 @@ impl Backend for Cpu {
         add_fragment_term(&mut values, parameters, &rows, config.fragment_weight);
         let skipped = adam(parameters, moments, &rows, &values, &config.rates, &config.bounds);
         screen_gradients.accumulate(&rows, &screen);
-        Ok(StepReport {
+        self.report = Some(StepReport {
             loss: loss.value,
             drawn: rows.len(),
             non_finite: non_finite + skipped,
             camera: by_response.map(|by_response| by_view.numbers(&by_response)),
-        })
+        });
+        Ok(())
+    }
+
+    fn end_step(&mut self) -> Result<StepReport, DeviceError> {
+        Ok(self.report.take().expect("a step has begun"))
     }
 
     fn store(&mut self) -> Result<TrainingState, DeviceError> {

@@ -413,7 +413,10 @@ fn stepped(parameters: &Parameters<f32>, view: &FrameView) -> (TrainingState, [f
     };
     let mut backend = Cpu::default();
     backend.load(parameters.clone().into()).unwrap();
-    let losses = [(); 2].map(|()| backend.step(view, &photograph, &config).unwrap().loss);
+    let losses = [(); 2].map(|()| {
+        backend.begin_step(view, &photograph, &config).unwrap();
+        backend.end_step().unwrap().loss
+    });
     (backend.store().unwrap(), losses)
 }
 

@@ -1,19 +1,22 @@
 //! [`Gpu`]: the back end that runs on a graphics device.
 
-use shaders::fit::layout::{Statistics, Totals};
-use shaders::fit::{CAMERA_NUMBERS, Columns};
+use std::cell::RefCell;
+use std::collections::VecDeque;
 
-use super::buffers::{Buffers, Fixed, Pairs, PerGaussian, PerPixel, Scanned};
-use super::device::Device;
-use super::kernels::{Dispatch, Kernels};
+use shaders::fit::layout::Statistics;
+
+use super::buffers::{Buffers, Fixed, IN_FLIGHT, Pairs, PerGaussian, PerPixel};
+use super::device::{Device, DeviceCounts};
+use super::kernels::Kernels;
 use super::plan::Plan;
+use super::steps::{Begun, Inputs};
+use super::timer::Timer;
 use super::transfer;
-use crate::capture::Response;
 use crate::fit::backend::{
     Backend, DeviceError, Gradient, PixelGradients, StepConfig, StepReport, TrainingState,
 };
-use crate::fit::cameras::{RESPONSE_NUMBERS, ViewGradient};
-use crate::fit::loss::{LAMBDA, alpha_channels, lpips_loss};
+use crate::fit::cameras::respond;
+use crate::fit::loss::{Lpips, lpips_loss};
 use crate::fit::parameters::{Carried, Parameters};
 use crate::fit::views::{FrameView, Photograph, RenderedImage};
 
@@ -27,14 +30,20 @@ pub struct Gpu {
 }
 
 /// A training state on the device, with all that a step needs.
-struct Loaded {
+pub(super) struct Loaded {
     /// A row of zeros with the columns of the parameters.
-    shape: Parameters<f32>,
+    pub(super) shape: Parameters<f32>,
     /// The past of the rows, which the device does not change.
     carried: Vec<Carried>,
-    kernels: Kernels,
-    buffers: Buffers,
-    plan: Plan,
+    pub(super) kernels: Kernels,
+    pub(super) buffers: Buffers,
+    pub(super) plan: Plan,
+    /// The steps that the device was given, oldest first.
+    pub(super) in_flight: VecDeque<Begun>,
+    /// The buffers that the last of them took.
+    turn: usize,
+    /// Reports of the steps before, which the device is done with.
+    pub(super) reports: VecDeque<StepReport>,
 }
 
 impl Gpu {
@@ -44,6 +53,48 @@ impl Gpu {
     /// [`DeviceError::Missing`] if there is none, or none that is capable enough.
     pub fn open() -> Result<Gpu, DeviceError> {
         Ok(Gpu { device: Device::open()?, loaded: None })
+    }
+
+    /// Whether the device is a software driver, that is the CPU.
+    pub fn is_software(&self) -> bool {
+        self.device.is_software
+    }
+
+    /// What the device was asked to do since it was opened.
+    pub fn counts(&self) -> DeviceCounts {
+        self.device.counts()
+    }
+
+    /// Bytes that the device copies from one buffer to another in a millisecond, both directions counted.
+    ///
+    /// # Errors
+    /// A [`DeviceError`].
+    pub fn copied_bytes_a_ms(&self) -> Result<f64, DeviceError> {
+        self.device.copied_bytes_a_ms()
+    }
+
+    /// Bytes of the parameters of a loaded Gaussian.
+    ///
+    /// # Panics
+    /// If nothing is loaded.
+    pub fn gaussian_bytes(&self) -> u64 {
+        let loaded = self.loaded.as_ref().expect("Gaussians were loaded");
+        4 * u64::from(loaded.kernels.columns.numbers())
+    }
+
+    /// Times the parts of each step from now on; a step then begins when the one before has ended. Nothing happens on a device
+    /// without timestamps.
+    ///
+    /// # Errors
+    /// A [`DeviceError`].
+    pub fn time_parts(&mut self) -> Result<(), DeviceError> {
+        self.device.timer = Timer::new(&self.device)?.map(RefCell::new);
+        Ok(())
+    }
+
+    /// The parts of a step and the milliseconds that they took so far; empty if they are not timed.
+    pub fn part_times(&self) -> Vec<(&'static str, f64)> {
+        self.device.timer.as_ref().map_or_else(Vec::new, |timer| timer.borrow().parts().to_vec())
     }
 
     /// Renders the loaded Gaussians and backpropagates `d_image`, the gradient of a loss with respect to
@@ -62,18 +113,20 @@ impl Gpu {
     ) -> Result<Gradient<f32>, DeviceError> {
         let (device, loaded) = self.loaded();
         let size = [view.camera.width, view.camera.height];
-        loaded.learn_cameras(device)?;
-        device.write(&loaded.buffers.fixed.response, 0, &[transfer::response(&Response::NEUTRAL)]);
         assert_eq!(d_image.len() as u64, pixels(size), "a gradient for each pixel");
         loaded.resize(device, size)?;
+        loaded.settle(device)?;
         let before: Vec<Statistics> = device.read(&loaded.buffers.gaussians.statistics, loaded.count())?;
-        let totals = loaded.run(device, view, detach_tau, 0.0, |device, loaded| {
-            device.write(&loaded.buffers.pixels.d_image, 0, d_image);
-            let stages = [&loaded.plan.forward[..], &loaded.plan.backward];
-            loaded.submit(device, size, &stages, device.encoder())
-        })?;
+        let mut inputs = transfer::inputs(view, loaded.shape.near, detach_tau);
+        inputs.uniforms.learns_camera = 1;
+        let results = loaded.run(
+            device,
+            &inputs,
+            |device, loaded| device.write(&loaded.buffers.pixels.d_image, 0, d_image),
+            |plan| [&plan.forward, &plan.backward],
+        )?;
         let Buffers { gaussians, .. } = &loaded.buffers;
-        let drawn = totals.drawn as usize;
+        let drawn = results.totals.drawn as usize;
         let values =
             transfer::rows_of(device, &gaussians.d_parameters, &loaded.shape, drawn, loaded.count())?;
         let order: Vec<u32> = device.read(loaded.buffers.order(), drawn)?;
@@ -87,8 +140,8 @@ impl Gpu {
             values: values.select(&places),
             screen: rows.iter().map(screen).collect(),
             rows,
-            view: loaded.d_camera(device)?.0,
-            non_finite: totals.non_finite as usize,
+            view: results.by_view(),
+            non_finite: results.totals.non_finite as usize,
         })
     }
 
@@ -98,13 +151,18 @@ impl Gpu {
 }
 
 impl Backend for Gpu {
-    fn name(&self) -> String {
-        format!("gpu, {}", self.device.name)
+    fn device(&self) -> Option<&str> {
+        Some(&self.device.name)
+    }
+
+    fn in_flight(&self) -> usize {
+        if self.device.timer.is_some() { 0 } else { IN_FLIGHT }
     }
 
     fn load(&mut self, state: TrainingState) -> Result<(), DeviceError> {
-        let learns_cameras = self.loaded.as_ref().is_some_and(|loaded| loaded.kernels.columns.learns_cameras);
-        let columns = transfer::columns_of(&state.parameters, learns_cameras);
+        // What has not ended is dropped, and its buffers with it.
+        self.loaded = self.loaded.take().filter(|loaded| loaded.in_flight.is_empty());
+        let columns = transfer::columns_of(&state.parameters);
         let device = &self.device;
         let count = u32::try_from(state.parameters.len()).unwrap_or(u32::MAX);
         // Reuses kernels and buffers of the previous state; the rest is freed first.
@@ -114,40 +172,32 @@ impl Backend for Gpu {
         };
         let buffers = match buffers {
             Some(buffers) if buffers.gaussians.count == count => buffers,
-            Some(Buffers { fixed, pixels, pairs, gaussians, scanned }) => {
-                drop((gaussians, scanned));
-                Buffers {
-                    fixed,
-                    pixels,
-                    gaussians: PerGaussian::new(device, count, columns)?,
-                    scanned: Scanned::new(device, pairs.capacity.max(count))?,
-                    pairs,
-                }
+            Some(Buffers { fixed, pixels, pairs, gaussians }) => {
+                drop(gaussians);
+                Buffers { fixed, pixels, pairs, gaussians: PerGaussian::new(device, count, columns)? }
             }
             None => Buffers {
                 fixed: Fixed::new(device)?,
-                pixels: PerPixel::new(device, [1, 1], learns_cameras, None)?,
+                pixels: PerPixel::new(device, [1, 1], None)?,
                 gaussians: PerGaussian::new(device, count, columns)?,
-                scanned: Scanned::new(device, FIRST_PAIRS.max(count))?,
                 pairs: Pairs::new(device, FIRST_PAIRS)?,
             },
         };
         transfer::upload(device, &buffers.gaussians, &state);
         let plan = Plan::new(device, &kernels, &buffers)?;
         let (shape, carried) = (state.parameters.zeros(1), state.moments.carried);
-        self.loaded = Some(Loaded { shape, carried, kernels, buffers, plan });
+        let (in_flight, reports) = (VecDeque::new(), VecDeque::new());
+        self.loaded = Some(Loaded { shape, carried, kernels, buffers, plan, in_flight, turn: 0, reports });
         Ok(())
     }
 
     fn render(&mut self, view: &FrameView) -> Result<RenderedImage<f32>, DeviceError> {
         let (device, loaded) = self.loaded();
-        let (width, height) = (view.camera.width, view.camera.height);
-        loaded.resize(device, [width, height])?;
-        loaded.run(device, view, true, 0.0, |device, loaded| {
-            loaded.submit(device, [width, height], &[&loaded.plan.forward], device.encoder())
-        })?;
-        let pixels = device.read(&loaded.buffers.pixels.image, width as usize * height as usize)?;
-        Ok(RenderedImage { width, height, pixels })
+        let size = [view.camera.width, view.camera.height];
+        loaded.resize(device, size)?;
+        let inputs = transfer::inputs(view, loaded.shape.near, true);
+        loaded.run(device, &inputs, |_, _| (), |plan| [&plan.forward])?;
+        loaded.image(device, size)
     }
 
     fn render_each(
@@ -172,64 +222,40 @@ impl Backend for Gpu {
         Ok(())
     }
 
-    fn step(
+    fn begin_step(
         &mut self,
         view: &FrameView,
         photograph: &Photograph,
         config: &StepConfig,
-    ) -> Result<StepReport, DeviceError> {
+    ) -> Result<(), DeviceError> {
         let (device, loaded) = self.loaded();
         let size = [view.camera.width, view.camera.height];
         assert_eq!(photograph.pixels.len() as u64, pixels(size), "a photograph of the camera's size");
-        if config.response.is_some() {
-            loaded.learn_cameras(device)?;
-        }
-        // Once cameras are learned, the kernels apply a response in every step.
-        let response = config.response.as_ref().unwrap_or(&Response::NEUTRAL);
-        device.write(&loaded.buffers.fixed.response, 0, &[transfer::response(response)]);
+        assert!(loaded.in_flight.len() + loaded.reports.len() <= IN_FLIGHT, "steps end");
         loaded.resize(device, size)?;
-        device.write(&loaded.buffers.pixels.photograph, 0, &photograph.words());
-        device.write(&loaded.buffers.fixed.adam_uniforms, 0, &[transfer::adam_uniforms(config)]);
-        let mut perceptual = 0.0;
-        let totals =
-            loaded.run(device, view, config.detach_tau, alpha_channels(photograph), |device, loaded| {
-                let Plan { forward, respond, loss, backward, adam } = &loaded.plan;
-                let after = [&loss[..], backward, std::slice::from_ref(adam)];
-                let mut encoder = device.encoder();
-                let Some(lpips) = config.lpips else {
-                    encoder.clear_buffer(&loaded.buffers.pixels.d_image.raw, 0, None);
-                    let stages = [&forward[..], respond, after[0], after[1], after[2]];
-                    return loaded.submit(device, size, &stages, encoder);
-                };
-                let totals = loaded.submit(device, size, &[forward, respond], encoder)?;
-                if !loaded.pairs_fit(&totals) {
-                    return Ok(totals);
-                }
-                let term = lpips_loss(&loaded.seen(device, size)?, photograph, lpips);
-                perceptual = term.value;
-                device.write(&loaded.buffers.pixels.d_image, 0, &term.gradient);
-                loaded.submit(device, size, &after, device.encoder())
-            })?;
-        let channels = (3 * photograph.pixels.len()).max(1) as f64;
-        let [absolute, similarity] =
-            [totals.absolute, totals.similarity].map(|sum| f64::from(sum) / channels);
-        let camera = match config.response {
-            Some(_) => {
-                let (by_view, by_response) = loaded.d_camera(device)?;
-                Some(by_view.numbers(&by_response))
+        let inputs = transfer::step_inputs(view, loaded.shape.near, photograph, config);
+        match config.lpips {
+            None => {
+                let turn = loaded.next_turn();
+                device.write(&loaded.buffers.pixels.photographs[turn], 0, &photograph.words());
+                loaded.begin(device, inputs, turn);
+                Ok(())
             }
-            None => None,
-        };
-        Ok(StepReport {
-            camera,
-            loss: (1.0 - LAMBDA) * absolute + LAMBDA * (1.0 - similarity) + perceptual,
-            drawn: totals.drawn as usize,
-            non_finite: totals.non_finite as usize,
-        })
+            Some(lpips) => loaded.step_with_lpips(device, &inputs, photograph, config, lpips),
+        }
+    }
+
+    fn end_step(&mut self) -> Result<StepReport, DeviceError> {
+        let (device, loaded) = self.loaded();
+        if loaded.reports.is_empty() {
+            loaded.end(device)?;
+        }
+        Ok(loaded.reports.pop_front().expect("a step has begun"))
     }
 
     fn store(&mut self) -> Result<TrainingState, DeviceError> {
         let (device, loaded) = self.loaded();
+        loaded.settle(device)?;
         transfer::download(device, &loaded.buffers.gaussians, &loaded.shape, loaded.carried.clone())
     }
 
@@ -246,101 +272,49 @@ impl Loaded {
     /// Grows the buffers for images of `size`.
     fn resize(&mut self, device: &Device, size: [u32; 2]) -> Result<(), DeviceError> {
         if !self.buffers.pixels.fits(size) {
-            let learns_cameras = self.kernels.columns.learns_cameras;
-            self.buffers.pixels = PerPixel::new(device, size, learns_cameras, Some(&self.buffers.pixels))?;
+            // The steps in flight may begin again and have their photographs in these buffers.
+            self.settle(device)?;
+            self.buffers.pixels = PerPixel::new(device, size, Some(&self.buffers.pixels))?;
             self.plan = Plan::new(device, &self.kernels, &self.buffers)?;
         }
         Ok(())
     }
 
-    /// Compiles the kernels that show the image as a camera does and leave the gradient with respect to the camera, and
-    /// allocates their buffers, if that has not been done.
-    fn learn_cameras(&mut self, device: &Device) -> Result<(), DeviceError> {
-        let Columns { learns_cameras, .. } = self.kernels.columns;
-        if learns_cameras {
-            return Ok(());
-        }
-        self.kernels = Kernels::new(device, Columns { learns_cameras: true, ..self.kernels.columns });
-        let Buffers { gaussians, pixels, .. } = &mut self.buffers;
-        gaussians.columns = self.kernels.columns;
-        gaussians.d_view = PerGaussian::d_view(device, gaussians.count, gaussians.columns)?;
-        pixels.seen = PerPixel::seen(device, pixels.pixels, true)?;
-        self.plan = Plan::new(device, &self.kernels, &self.buffers)?;
-        Ok(())
+    /// The buffers that the next step takes among those of the steps in flight.
+    fn next_turn(&mut self) -> usize {
+        self.turn = (self.turn + 1) % (IN_FLIGHT + 1);
+        self.turn
     }
 
-    /// The gradient of the last step with respect to the view and to the response.
-    fn d_camera(&self, device: &Device) -> Result<(ViewGradient<f32>, [f64; RESPONSE_NUMBERS]), DeviceError> {
-        let numbers: Vec<f32> = device.read(&self.buffers.fixed.d_camera, CAMERA_NUMBERS)?;
-        let view = ViewGradient {
-            time: numbers[0],
-            rotation: [numbers[1], numbers[2], numbers[3]],
-            translation: [numbers[4], numbers[5], numbers[6]],
-            log_focal: numbers[7],
-        };
-        Ok((view, std::array::from_fn(|i| f64::from(numbers[8 + i]))))
-    }
-
-    /// Whether the buffers held all pairs. A count that overflowed is saturated.
-    fn pairs_fit(&self, totals: &Totals) -> bool {
-        totals.pairs <= self.buffers.pairs.capacity && totals.pairs != u32::MAX
-    }
-
-    /// Runs `attempt`, again with larger buffers until all pairs fit. Alpha counts in its loss, if it has one, as
-    /// `alpha_channels` do.
-    fn run(
+    /// A whole step, with LPIPS from the CPU.
+    fn step_with_lpips(
         &mut self,
         device: &Device,
-        view: &FrameView,
-        detach_tau: bool,
-        alpha_channels: f64,
-        mut attempt: impl FnMut(&Device, &Loaded) -> Result<Totals, DeviceError>,
-    ) -> Result<Totals, DeviceError> {
-        loop {
-            let capacity = self.buffers.pairs.capacity;
-            let count = self.buffers.gaussians.count;
-            let uniforms =
-                transfer::step_uniforms(view, self.shape.near, count, capacity, detach_tau, alpha_channels);
-            device.write(&self.buffers.fixed.uniforms, 0, &[uniforms]);
-            device.write(&self.buffers.fixed.totals, 0, &[Totals { gaussians: count, ..Totals::default() }]);
-            let totals = attempt(device, self)?;
-            if self.pairs_fit(&totals) {
-                return Ok(totals);
-            }
-            // A quarter more than needed now, up to the limit of the device.
-            let most = (device.max_bytes / Pairs::LARGEST).min(u64::from(u32::MAX - 1)) as u32;
-            if totals.pairs > most {
-                return Err(device.too_large(Pairs::WHAT, Pairs::LARGEST * u64::from(totals.pairs)));
-            }
-            let capacity = totals.pairs.saturating_add(totals.pairs / 4).min(most);
-            self.buffers.pairs = Pairs::new(device, capacity)?;
-            self.buffers.scanned = Scanned::new(device, capacity.max(count))?;
-            self.plan = Plan::new(device, &self.kernels, &self.buffers)?;
-        }
+        inputs: &Inputs,
+        photograph: &Photograph,
+        config: &StepConfig,
+        lpips: &Lpips<f32>,
+    ) -> Result<(), DeviceError> {
+        device.count(|counts| counts.steps += 1);
+        let write = |device: &Device, loaded: &Loaded| {
+            device.write(&loaded.buffers.pixels.photograph, 0, &photograph.words());
+        };
+        self.run(device, inputs, write, |plan| [&plan.forward])?;
+        let size = inputs.uniforms.size;
+        let image = self.image(device, size)?;
+        let seen = config.response.map(|response| respond(&image, &response));
+        let term = lpips_loss(seen.as_ref().unwrap_or(&image.pixels), photograph, lpips);
+        device.write(&self.buffers.pixels.d_image, 0, &term.gradient);
+        let results = self.run_once(device, size, &self.plan.step()[1..])?;
+        let report = results.report(inputs);
+        self.reports.push_back(StepReport { loss: report.loss + term.value, ..report });
+        Ok(())
     }
 
-    /// Runs stages and reads the totals back.
-    fn submit(
-        &self,
-        device: &Device,
-        size: [u32; 2],
-        stages: &[&[Dispatch]],
-        mut encoder: wgpu::CommandEncoder,
-    ) -> Result<Totals, DeviceError> {
-        let mut pass = encoder.begin_compute_pass(&Default::default());
-        for dispatch in stages.iter().copied().flatten() {
-            dispatch.record(&mut pass, size);
-        }
-        drop(pass);
-        let Fixed { totals, staging, .. } = &self.buffers.fixed;
-        Ok(device.submit_and_read(encoder, totals, staging, 1)?[0])
-    }
-
-    /// The image as the camera shows it.
-    fn seen(&self, device: &Device, size: [u32; 2]) -> Result<Vec<[f32; 4]>, DeviceError> {
-        let PerPixel { image, seen, .. } = &self.buffers.pixels;
-        let seen = if self.kernels.columns.learns_cameras { seen } else { image };
-        device.read(seen, size[0] as usize * size[1] as usize)
+    /// The image of the last run.
+    fn image(&self, device: &Device, [width, height]: [u32; 2]) -> Result<RenderedImage<f32>, DeviceError> {
+        let pixels = device.read(&self.buffers.pixels.image, width as usize * height as usize)?;
+        Ok(RenderedImage { width, height, pixels })
     }
 }
 

@@ -3,11 +3,16 @@
 use bytemuck::Pod;
 use shaders::fit::layout::{AdamUniforms, Response, Statistics, StepUniforms, Totals};
 use shaders::fit::{
-    BLOCK, CAMERA_NUMBERS, CHUNK, Columns, DIGIT_BITS, DIGITS, SPLAT_BYTES, SPLAT_NUMBERS, TILE, VIEW_BYTES,
+    CAMERA_NUMBERS, Columns, DIGIT_BITS, DIGITS, GROUP, SPLAT_BYTES, SPLAT_NUMBERS, SUM_GROUP, TILE,
+    TILE_NUMBERS, VIEW_BYTES,
 };
 
 use super::device::{Buffer, Device};
+use super::kernels::PARTS_MAX;
 use crate::fit::backend::DeviceError;
+
+/// Steps in flight behind the oldest: the device has work while the host prepares more.
+pub(super) const IN_FLIGHT: usize = 2;
 
 /// Bytes per number.
 const WORD: u64 = 4;
@@ -18,16 +23,23 @@ pub(super) const DEPTH_BITS: u32 = 32;
 /// The buffers that a sort alternates between.
 pub(super) type PingPong = [Buffer; 2];
 
+/// Buffers that the steps in flight take in turn.
+pub(super) type InTurn = [Buffer; IN_FLIGHT + 1];
+
 /// All buffers. The fields have the names in [`shaders::fit::binding`].
 pub(super) struct Buffers {
     pub(super) fixed: Fixed,
     pub(super) gaussians: PerGaussian,
     pub(super) pixels: PerPixel,
     pub(super) pairs: Pairs,
-    pub(super) scanned: Scanned,
 }
 
 impl Buffers {
+    /// Bits of a tile index, or of the number of tiles, which stands for no tile.
+    pub(super) fn tile_bits(&self) -> u32 {
+        u32::BITS - self.pixels.tiles.leading_zeros()
+    }
+
     /// Rows of the drawn splats, front to back, after the sort by depth.
     pub(super) fn order(&self) -> &Buffer {
         &self.gaussians.rows[passes(DEPTH_BITS) % 2]
@@ -41,8 +53,9 @@ pub(super) struct Fixed {
     pub(super) response: Buffer,
     pub(super) totals: Buffer,
     pub(super) d_camera: Buffer,
-    /// For reading the totals back.
-    pub(super) staging: Buffer,
+    pub(super) counts: Buffer,
+    /// For reading back the totals and the gradient of the camera: of a step in turn.
+    pub(super) results: InTurn,
 }
 
 /// Buffers per Gaussian.
@@ -55,11 +68,11 @@ pub(super) struct PerGaussian {
     pub(super) second_moments: Buffer,
     pub(super) d_parameters: Buffer,
     pub(super) statistics: Buffer,
-    /// Nothing if cameras are not learned.
-    pub(super) d_view: Buffer,
+    pub(super) view_sums: Buffer,
     pub(super) splats: Buffer,
     pub(super) keys: PingPong,
     pub(super) rows: PingPong,
+    pub(super) block_sums: Buffer,
 }
 
 /// Buffers per pixel, for the largest image so far.
@@ -68,14 +81,13 @@ pub(super) struct PerPixel {
     pub(super) pixels: u64,
     pub(super) tiles: u32,
     pub(super) image: Buffer,
-    /// Nothing if cameras are not learned.
-    pub(super) seen: Buffer,
     pub(super) photograph: Buffer,
-    pub(super) blurred: Buffer,
+    /// The photographs of the steps in flight.
+    pub(super) photographs: InTurn,
     pub(super) derivatives: Buffer,
-    pub(super) differences: Buffer,
     pub(super) d_image: Buffer,
     pub(super) tile_starts: Buffer,
+    pub(super) tile_sums: Buffer,
 }
 
 /// Buffers per pair of a splat and a tile that it overlaps.
@@ -88,12 +100,6 @@ pub(super) struct Pairs {
     pub(super) d_pairs: Buffer,
 }
 
-/// Buffers of scans and sorts.
-pub(super) struct Scanned {
-    pub(super) counts: Buffer,
-    pub(super) block_sums: Buffer,
-}
-
 impl Fixed {
     pub(super) fn new(device: &Device) -> Result<Fixed, DeviceError> {
         Ok(Fixed {
@@ -102,9 +108,13 @@ impl Fixed {
             response: device.uniform::<Response>()?,
             totals: device.storage("the totals", bytes::<Totals>(1))?,
             d_camera: device.storage("the gradient of the camera", CAMERA_NUMBERS as u64 * WORD)?,
-            staging: device.staging(bytes::<Totals>(1))?,
+            counts: device.storage("the counts of a sort", u64::from(PARTS_MAX * DIGITS) * WORD)?,
+            results: in_turn(|| device.staging(Fixed::RESULT_BYTES))?,
         })
     }
+
+    /// Size of the totals and the gradient of the camera.
+    const RESULT_BYTES: u64 = size_of::<Totals>() as u64 + CAMERA_NUMBERS as u64 * WORD;
 }
 
 impl PerGaussian {
@@ -119,31 +129,22 @@ impl PerGaussian {
             second_moments: device.storage("the moments", all)?,
             d_parameters: device.storage("the gradient", all)?,
             statistics: device.storage("the statistics of the Gaussians", bytes::<Statistics>(n))?,
-            d_view: PerGaussian::d_view(device, count, columns)?,
+            view_sums: device
+                .storage("the gradient of the view", u64::from(count.div_ceil(GROUP)) * VIEW_BYTES)?,
             splats: device.storage("the splats", n * SPLAT_BYTES)?,
             keys: ping_pong(device, "the depths", n)?,
             rows: ping_pong(device, "the order of the splats", n)?,
+            block_sums: device
+                .storage("the tiles of the splats", u64::from(count.div_ceil(SUM_GROUP)) * WORD)?,
         })
-    }
-
-    /// The gradient of the view, for `count` Gaussians.
-    pub(super) fn d_view(device: &Device, count: u32, columns: Columns) -> Result<Buffer, DeviceError> {
-        let bytes = if columns.learns_cameras { u64::from(count) * VIEW_BYTES } else { 0 };
-        device.storage("the gradient of the view", bytes)
     }
 }
 
 impl PerPixel {
-    /// The image as the camera shows it, for so many pixels.
-    pub(super) fn seen(device: &Device, pixels: u64, learns_cameras: bool) -> Result<Buffer, DeviceError> {
-        device.storage("the image", if learns_cameras { pixels * 4 * WORD } else { 0 })
-    }
-
     /// Buffers for images of `size` and of all sizes that fit `before`.
     pub(super) fn new(
         device: &Device,
         size: [u32; 2],
-        learns_cameras: bool,
         before: Option<&PerPixel>,
     ) -> Result<PerPixel, DeviceError> {
         let [x, y] = tiles(size);
@@ -153,13 +154,12 @@ impl PerPixel {
             pixels,
             tiles,
             image: device.storage("the image", pixels * 4 * WORD)?,
-            seen: PerPixel::seen(device, pixels, learns_cameras)?,
             photograph: device.storage("the photograph", pixels * WORD)?,
-            blurred: device.storage("the blurred image", pixels * 15 * WORD)?,
+            photographs: in_turn(|| device.storage("the photograph", pixels * WORD))?,
             derivatives: device.storage("the derivatives of the loss", pixels * 9 * WORD)?,
-            differences: device.storage("the differences of the pixels", pixels * 2 * WORD)?,
             d_image: device.storage("the gradient of the image", pixels * 4 * WORD)?,
             tile_starts: device.storage("the tiles", (u64::from(tiles) + 1) * WORD)?,
+            tile_sums: device.storage("the sums of the tiles", u64::from(tiles * TILE_NUMBERS) * WORD)?,
         })
     }
 
@@ -188,19 +188,6 @@ impl Pairs {
     }
 }
 
-impl Scanned {
-    /// Buffers to sort or scan up to `longest` numbers.
-    pub(super) fn new(device: &Device, longest: u32) -> Result<Scanned, DeviceError> {
-        let digits = u64::from(DIGITS) * u64::from(longest.div_ceil(CHUNK));
-        let counts = digits.max(longest.into());
-        let blocks = counts.div_ceil(u64::from(BLOCK));
-        Ok(Scanned {
-            counts: device.storage("the counts of a sort", counts * WORD)?,
-            block_sums: device.storage("the sums of a sort", blocks * WORD)?,
-        })
-    }
-}
-
 /// Digits of numbers of `bits` bits, that is passes of a sort.
 pub(super) fn passes(bits: u32) -> usize {
     bits.div_ceil(DIGIT_BITS) as usize
@@ -213,6 +200,10 @@ pub(super) fn tiles(size: [u32; 2]) -> [u32; 2] {
 
 fn ping_pong(device: &Device, what: &'static str, numbers: u64) -> Result<PingPong, DeviceError> {
     Ok([device.storage(what, numbers * WORD)?, device.storage(what, numbers * WORD)?])
+}
+
+fn in_turn(mut make: impl FnMut() -> Result<Buffer, DeviceError>) -> Result<InTurn, DeviceError> {
+    Ok([make()?, make()?, make()?])
 }
 
 fn bytes<T: Pod>(count: u64) -> u64 {

@@ -1,12 +1,15 @@
 //! [`Device`]: the graphics device, its buffers and its failures.
 
+use std::cell::{Cell, RefCell};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Instant;
 
 use bytemuck::Pod;
 use shaders::fit::SPLAT_BYTES;
 
+use super::timer::Timer;
 use crate::fit::backend::DeviceError;
 
 /// A graphics device.
@@ -15,8 +18,13 @@ pub(super) struct Device {
     pub(super) queue: wgpu::Queue,
     /// Name of the adapter.
     pub(super) name: String,
+    /// Whether it is a software driver.
+    pub(super) is_software: bool,
     /// Size of the largest buffer in bytes.
     pub(super) max_bytes: u64,
+    counts: Cell<DeviceCounts>,
+    /// Times the parts of steps.
+    pub(super) timer: Option<RefCell<Timer>>,
     usage: Arc<MemoryUsage>,
     failure: Arc<Mutex<Option<String>>>,
 }
@@ -26,6 +34,25 @@ pub(super) struct Device {
 struct MemoryUsage {
     now: AtomicU64,
     peak: AtomicU64,
+}
+
+/// What a device was asked to do since it was opened.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct DeviceCounts {
+    /// Steps of fits.
+    pub steps: u64,
+    /// Steps that ran again, because they or one before had more pairs of Gaussians and tiles than their buffers held.
+    pub repeats: u64,
+    /// Batches of commands.
+    pub submissions: u64,
+    /// Times that the device had nothing to do until the host read its results.
+    pub waits: u64,
+    /// Kernels.
+    pub dispatches: u64,
+    /// Bytes that the host wrote.
+    pub written_bytes: u64,
+    /// Bytes that the kernels of steps read and wrote: each kernel what it needs, once.
+    pub touched_bytes: u64,
 }
 
 /// A buffer, counted in the memory usage while it lives.
@@ -55,19 +82,34 @@ impl Device {
                     .into(),
             )
         })?;
-        let name = adapter.get_info().name;
+        let wgpu::AdapterInfo { name, device_type, .. } = adapter.get_info();
+        let is_software = device_type == wgpu::DeviceType::Cpu;
         let offered = adapter.limits();
         let limits = wgpu::Limits {
             max_buffer_size: offered.max_buffer_size,
             max_storage_buffer_binding_size: offered.max_storage_buffer_binding_size,
             ..wgpu::Limits::default()
         };
-        let descriptor = wgpu::DeviceDescriptor { required_limits: limits.clone(), ..Default::default() };
+        let descriptor = wgpu::DeviceDescriptor {
+            required_features: adapter.features() & wgpu::Features::TIMESTAMP_QUERY,
+            required_limits: limits.clone(),
+            ..Default::default()
+        };
         let (device, queue) = pollster::block_on(adapter.request_device(&descriptor))
             .map_err(|error| DeviceError::Missing(format!("graphics device {name}: {error}")))?;
         let failure = watch_failures(&device);
         let max_bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
-        Ok(Device { device, queue, name, max_bytes, usage: Arc::default(), failure })
+        Ok(Device {
+            device,
+            queue,
+            name,
+            is_software,
+            max_bytes,
+            counts: Cell::default(),
+            timer: None,
+            usage: Arc::default(),
+            failure,
+        })
     }
 
     /// Allocates a storage buffer of zeros. `what` names its contents in errors.
@@ -86,6 +128,12 @@ impl Device {
     pub(super) fn staging(&self, bytes: u64) -> Result<Buffer, DeviceError> {
         let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
         self.allocate("reading back", bytes, usage)
+    }
+
+    /// Allocates a buffer for timestamps.
+    pub(super) fn resolved(&self, bytes: u64) -> Result<Buffer, DeviceError> {
+        let usage = wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC;
+        self.allocate("timestamps", bytes, usage)
     }
 
     fn allocate(
@@ -110,6 +158,17 @@ impl Device {
         Ok(Buffer { raw, usage: self.usage.clone() })
     }
 
+    /// What the device was asked to do so far.
+    pub(super) fn counts(&self) -> DeviceCounts {
+        self.counts.get()
+    }
+
+    pub(super) fn count(&self, change: impl FnOnce(&mut DeviceCounts)) {
+        let mut counts = self.counts.get();
+        change(&mut counts);
+        self.counts.set(counts);
+    }
+
     /// Peak of the allocated memory in bytes.
     pub(super) fn peak_bytes(&self) -> u64 {
         self.usage.peak.load(Ordering::Relaxed)
@@ -118,7 +177,9 @@ impl Device {
     /// Writes `values` before the next submission runs.
     pub(super) fn write<T: Pod>(&self, buffer: &Buffer, offset: u64, values: &[T]) {
         if !values.is_empty() {
-            self.queue.write_buffer(&buffer.raw, offset, bytemuck::cast_slice(values));
+            let bytes = bytemuck::cast_slice(values);
+            self.count(|counts| counts.written_bytes += bytes.len() as u64);
+            self.queue.write_buffer(&buffer.raw, offset, bytes);
         }
     }
 
@@ -126,52 +187,74 @@ impl Device {
         self.device.create_command_encoder(&Default::default())
     }
 
-    /// Submits the recorded commands, then reads the first `count` items of `buffer` by way of `staging`.
-    pub(super) fn submit_and_read<T: Pod>(
-        &self,
-        mut encoder: wgpu::CommandEncoder,
-        buffer: &Buffer,
-        staging: &Buffer,
-        count: usize,
-    ) -> Result<Vec<T>, DeviceError> {
-        let bytes = (count * size_of::<T>()) as u64;
-        if bytes == 0 {
-            return Ok(Vec::new());
-        }
-        encoder.copy_buffer_to_buffer(&buffer.raw, 0, &staging.raw, 0, Some(bytes));
-        self.queue.submit([encoder.finish()]);
-        let slice = staging.raw.slice(..bytes);
+    /// Submits the recorded commands. Afterwards, `staging` can be read once the submission is done.
+    pub(super) fn submit(&self, encoder: wgpu::CommandEncoder, staging: &Buffer) -> wgpu::SubmissionIndex {
+        let submission = self.queue.submit([encoder.finish()]);
+        self.count(|counts| counts.submissions += 1);
         let failure = self.failure.clone();
-        slice.map_async(wgpu::MapMode::Read, move |outcome| {
+        staging.raw.map_async(wgpu::MapMode::Read, .., move |outcome| {
             if let Err(error) = outcome {
                 record(&failure, &error.to_string());
             }
         });
-        self.wait()?;
-        if let Some(failure) = self.failure.lock().unwrap_or_else(PoisonError::into_inner).take() {
-            return Err(self.lost(failure));
-        }
-        let mapped = slice.get_mapped_range().map_err(|error| self.lost(error.to_string()))?;
-        let values = mapped.chunks_exact(size_of::<T>()).map(bytemuck::pod_read_unaligned).collect();
-        drop(mapped);
-        staging.raw.unmap();
-        Ok(values)
+        submission
     }
 
-    /// Waits for all submitted work.
-    fn wait(&self) -> Result<(), DeviceError> {
-        let wait = || self.device.poll(wgpu::PollType::wait_indefinitely());
+    /// Waits for a submission.
+    pub(super) fn wait_for(&self, submission: wgpu::SubmissionIndex) -> Result<(), DeviceError> {
+        let wait =
+            || self.device.poll(wgpu::PollType::Wait { submission_index: Some(submission), timeout: None });
         // wgpu panics if the device is lost while it waits.
         match catch_unwind(AssertUnwindSafe(wait)) {
-            Ok(waited) => waited.map(|_| ()).map_err(|error| self.lost(error.to_string())),
-            Err(_) => Err(self.lost("the driver gave the device up".into())),
+            Ok(waited) => waited.map(drop).map_err(|error| self.lost(error.to_string()))?,
+            Err(_) => return Err(self.lost("the driver gave the device up".into())),
+        }
+        match self.failure.lock().unwrap_or_else(PoisonError::into_inner).take() {
+            Some(failure) => Err(self.lost(failure)),
+            None => Ok(()),
         }
     }
 
-    /// Reads the first `count` items of `buffer`.
+    /// The bytes that a submission, which is done, left in `staging`. The buffer can be submitted again.
+    pub(super) fn take(&self, staging: &Buffer) -> Result<Vec<u8>, DeviceError> {
+        let mapped = staging.raw.get_mapped_range(..).map_err(|error| self.lost(error.to_string()))?;
+        let bytes = mapped.to_vec();
+        drop(mapped);
+        staging.raw.unmap();
+        Ok(bytes)
+    }
+
+    /// Reads the first `count` items of `buffer`, after all commands before.
     pub(super) fn read<T: Pod>(&self, buffer: &Buffer, count: usize) -> Result<Vec<T>, DeviceError> {
-        let staging = self.staging((count * size_of::<T>()) as u64)?;
-        self.submit_and_read(self.encoder(), buffer, &staging, count)
+        let size = (count * size_of::<T>()) as u64;
+        if size == 0 {
+            return Ok(Vec::new());
+        }
+        let staging = self.staging(size)?;
+        let mut encoder = self.encoder();
+        encoder.copy_buffer_to_buffer(&buffer.raw, 0, &staging.raw, 0, Some(size));
+        let submission = self.submit(encoder, &staging);
+        self.count(|counts| counts.waits += 1);
+        self.wait_for(submission)?;
+        let bytes = self.take(&staging)?;
+        Ok(bytes.chunks_exact(size_of::<T>()).take(count).map(bytemuck::pod_read_unaligned).collect())
+    }
+
+    /// Bytes that the device reads and writes in a millisecond where it copies a buffer.
+    pub(super) fn copied_bytes_a_ms(&self) -> Result<f64, DeviceError> {
+        let bytes = (256 << 20).min(self.max_bytes);
+        let buffers = [self.storage("a copy", bytes)?, self.storage("a copy", bytes)?];
+        let mut ms = f64::INFINITY;
+        for _ in 0..3 {
+            let start = Instant::now();
+            let mut encoder = self.encoder();
+            for _ in 0..4 {
+                encoder.copy_buffer_to_buffer(&buffers[0].raw, 0, &buffers[1].raw, 0, Some(bytes));
+            }
+            self.wait_for(self.queue.submit([encoder.finish()]))?;
+            ms = ms.min(1e3 * start.elapsed().as_secs_f64());
+        }
+        Ok(2.0 * 4.0 * bytes as f64 / ms)
     }
 
     pub(super) fn too_large(&self, what: &'static str, bytes: u64) -> DeviceError {

@@ -2,13 +2,19 @@
 
 use std::collections::HashMap;
 
-use shaders::fit::{Columns, GROUP, Stage, compose};
+use shaders::fit::{Columns, GROUP, SUM_GROUP, Stage, compose};
 
 use super::buffers::tiles;
 use super::device::{Buffer, Device};
 
 /// Largest number of groups of a dispatch along an axis.
 const GROUPS_MAX: u64 = 65_535;
+
+/// Largest number of groups that take parts of a series to sort: each reads the counts of all.
+pub(super) const PARTS_MAX: u32 = 256;
+
+/// Largest number of groups of threads that go on until all is done: enough for any device.
+const STRIDED_MAX: u64 = 1 << 14;
 
 /// The kernels for the columns of a scene, by name.
 pub(super) struct Kernels {
@@ -28,8 +34,12 @@ pub(super) struct Dispatch {
 pub(super) enum Threads {
     /// At least this many.
     Count(u64),
-    /// One per pixel of the image.
-    Pixels,
+    /// So many or fewer: a thread goes on until all is done.
+    Strided(u64),
+    /// One group per block of a series of this length.
+    Blocks(u32),
+    /// One group per part of a series to sort, which has at most this length.
+    Parts(u32),
     /// One group per tile of the image.
     Tiles,
     /// One per tile of the image, and one more.
@@ -42,8 +52,7 @@ impl Kernels {
     /// Compiles all stages.
     pub(super) fn new(device: &Device, columns: Columns) -> Kernels {
         let mut pipelines = HashMap::new();
-        let is_used = |stage: &Stage| columns.learns_cameras || *stage != Stage::Camera;
-        for stage in Stage::ALL.into_iter().filter(is_used) {
+        for stage in Stage::ALL {
             let source = compose(stage, columns);
             let module = device.device.create_shader_module(wgpu::ShaderModuleDescriptor {
                 label: None,
@@ -99,7 +108,9 @@ impl Dispatch {
         let [across, down] = tiles(size);
         let [x, y] = match self.threads {
             Threads::Count(count) => groups(count),
-            Threads::Pixels => groups(u64::from(size[0]) * u64::from(size[1])),
+            Threads::Strided(count) => groups(count.min(STRIDED_MAX * u64::from(GROUP))),
+            Threads::Blocks(length) => split(length.div_ceil(SUM_GROUP).into()),
+            Threads::Parts(length) => [length.div_ceil(SUM_GROUP).clamp(1, PARTS_MAX), 1],
             Threads::Tiles => [across, down],
             Threads::TileStarts => groups(u64::from(across) * u64::from(down) + 1),
             Threads::Group => [1, 1],
@@ -112,7 +123,11 @@ impl Dispatch {
 
 /// Groups along either axis for at least this many threads.
 fn groups(threads: u64) -> [u32; 2] {
-    let groups = threads.div_ceil(u64::from(GROUP));
+    split(threads.div_ceil(u64::from(GROUP)))
+}
+
+/// So many groups, or a few more, along either axis.
+fn split(groups: u64) -> [u32; 2] {
     let down = groups.div_ceil(GROUPS_MAX).max(1);
     [groups.div_ceil(down), down].map(|side| u32::try_from(side).unwrap_or(u32::MAX))
 }

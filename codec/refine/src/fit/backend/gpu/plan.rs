@@ -1,13 +1,13 @@
 //! [`Plan`]: the kernels of a step in order, bound to the current buffers.
 
+use shaders::fit::DIGIT_BITS;
 use shaders::fit::binding::{
-    ADAM_UNIFORMS, BLOCK_SUMS, BLURRED, COUNTS, D_CAMERA, D_IMAGE, D_PAIRS, D_PARAMETERS, D_VIEW,
-    DERIVATIVES, DIFFERENCES, FIRST_MOMENTS, IMAGE, KEYS, ORDER, PAIR_ROWS, PAIR_TILES, PARAMETERS,
-    PHOTOGRAPH, RESPONSE, ROWS, SECOND_MOMENTS, SEEN, SERIES, SORTED_KEYS, SORTED_ROWS, SPLATS, STATISTICS,
-    TILE_PAIRS, TILE_STARTS, TOTALS, UNIFORMS,
+    ADAM_UNIFORMS, BLOCK_SUMS, COUNTS, D_CAMERA, D_IMAGE, D_PAIRS, D_PARAMETERS, DERIVATIVES, FIRST_MOMENTS,
+    IMAGE, KEYS, ORDER, PAIR_ROWS, PAIR_TILES, PARAMETERS, PHOTOGRAPH, RESPONSE, ROWS, SECOND_MOMENTS,
+    SERIES, SORTED_KEYS, SORTED_ROWS, SPLATS, STATISTICS, TILE_PAIRS, TILE_STARTS, TILE_SUMS, TOTALS,
+    UNIFORMS, VIEW_SUMS,
 };
 use shaders::fit::layout::{Series, Totals};
-use shaders::fit::{BLOCK, CHUNK, DIGIT_BITS, DIGITS, NO_DIGITS};
 
 use super::buffers::{Buffers, DEPTH_BITS, PingPong, passes};
 use super::device::{Buffer, Device};
@@ -17,15 +17,19 @@ use crate::fit::backend::DeviceError;
 /// The kernels of a step.
 pub(super) struct Plan {
     /// From parameters to the image.
-    pub(super) forward: Vec<Dispatch>,
-    /// From the image to what the camera shows of it; empty if cameras are not learned.
-    pub(super) respond: Vec<Dispatch>,
-    /// From there to its gradient.
-    pub(super) loss: Vec<Dispatch>,
+    pub(super) forward: Vec<Part>,
+    /// From the image to its gradient.
+    pub(super) loss: Vec<Part>,
     /// From there to the gradients of the parameters and of the camera.
-    pub(super) backward: Vec<Dispatch>,
+    pub(super) backward: Vec<Part>,
     /// The step along that gradient.
-    pub(super) adam: Dispatch,
+    pub(super) adam: Vec<Part>,
+}
+
+/// A part of a step.
+pub(super) struct Part {
+    pub(super) name: &'static str,
+    pub(super) dispatches: Vec<Dispatch>,
 }
 
 impl Plan {
@@ -33,11 +37,22 @@ impl Plan {
         let builder = Builder { device, kernels, buffers };
         Ok(Plan {
             forward: builder.forward()?,
-            respond: builder.respond(),
-            loss: builder.loss(),
+            loss: vec![builder.loss()],
             backward: builder.backward(),
-            adam: builder.adam(),
+            adam: vec![builder.adam()],
         })
+    }
+
+    /// The parts of a whole step, in order.
+    pub(super) fn step(&self) -> [&[Part]; 4] {
+        let Plan { forward, loss, backward, adam } = self;
+        [forward, loss, backward, adam]
+    }
+}
+
+impl Part {
+    fn new(name: &'static str, dispatches: Vec<Dispatch>) -> Part {
+        Part { name, dispatches }
     }
 }
 
@@ -50,7 +65,7 @@ struct Sort {
     capacity: u32,
     /// Indices in the totals of the number of keys: for the first pass, for the others.
     lengths: [u32; 2],
-    /// Index in the totals that receives the number of keys left after a pass.
+    /// Index in the totals that receives the number of keys left after the first pass.
     total: u32,
 }
 
@@ -72,9 +87,7 @@ impl Builder<'_> {
         Ok(buffer)
     }
 
-    fn forward(&self) -> Result<Vec<Dispatch>, DeviceError> {
-        let mut plan = self.project_and_sort()?;
-        self.bin(&mut plan)?;
+    fn forward(&self) -> Result<Vec<Part>, DeviceError> {
         let Buffers { fixed, gaussians, pixels, pairs, .. } = self.buffers;
         let rasterize = [
             (UNIFORMS, &fixed.uniforms),
@@ -84,11 +97,15 @@ impl Builder<'_> {
             (TILE_STARTS, &pixels.tile_starts),
             (IMAGE, &pixels.image),
         ];
-        plan.push(self.kernel("rasterize", &rasterize, Threads::Tiles));
-        Ok(plan)
+        Ok(vec![
+            self.project(),
+            Part::new("sort", self.sort_by_depth()?),
+            Part::new("bin", self.bin()?),
+            Part::new("rasterize", vec![self.kernel("rasterize", &rasterize, Threads::Tiles)]),
+        ])
     }
 
-    fn project_and_sort(&self) -> Result<Vec<Dispatch>, DeviceError> {
+    fn project(&self) -> Part {
         let Buffers { fixed, gaussians, .. } = self.buffers;
         let project = [
             (UNIFORMS, &fixed.uniforms),
@@ -98,7 +115,12 @@ impl Builder<'_> {
             (KEYS, &gaussians.keys[0]),
             (ROWS, &gaussians.rows[0]),
         ];
-        let mut plan = vec![self.kernel("project", &project, Threads::Count(gaussians.count.into()))];
+        let per_gaussian = Threads::Count(gaussians.count.into());
+        Part::new("project", vec![self.kernel("project", &project, per_gaussian)])
+    }
+
+    fn sort_by_depth(&self) -> Result<Vec<Dispatch>, DeviceError> {
+        let gaussians = &self.buffers.gaussians;
         let by_depth = Sort {
             bits: DEPTH_BITS,
             capacity: gaussians.count,
@@ -106,89 +128,61 @@ impl Builder<'_> {
             lengths: [Totals::GAUSSIANS, Totals::DRAWN],
             total: Totals::DRAWN,
         };
-        self.sort(&mut plan, &gaussians.keys, &gaussians.rows, by_depth)?;
-        Ok(plan)
+        self.sorted(&gaussians.keys, &gaussians.rows, by_depth)
     }
 
-    fn bin(&self, plan: &mut Vec<Dispatch>) -> Result<(), DeviceError> {
-        let Buffers { fixed, gaussians, pixels, pairs, scanned } = self.buffers;
+    fn bin(&self) -> Result<Vec<Dispatch>, DeviceError> {
+        let Buffers { fixed, gaussians, pixels, pairs } = self.buffers;
         let (uniforms, totals) = ((UNIFORMS, &fixed.uniforms), (TOTALS, &fixed.totals));
-        let splats = (SPLATS, &gaussians.splats);
-        let (counts, order) = ((COUNTS, &scanned.counts), (ORDER, self.buffers.order()));
-        let per_gaussian = Threads::Count(gaussians.count.into());
-        plan.push(self.kernel("count_tiles", &[totals, splats, counts, order], per_gaussian));
-        let of_pairs = self.series(Series {
-            length_at: Totals::DRAWN,
-            capacity: u32::MAX,
-            total_at: Totals::PAIRS,
-            shift: NO_DIGITS,
-        })?;
-        self.scan(plan, &of_pairs, gaussians.count.into());
+        let count = [
+            totals,
+            (SPLATS, &gaussians.splats),
+            (BLOCK_SUMS, &gaussians.block_sums),
+            (ORDER, self.buffers.order()),
+        ];
         let list = [
             uniforms,
-            totals,
-            splats,
-            counts,
-            (BLOCK_SUMS, &scanned.block_sums),
-            order,
+            count[0],
+            count[1],
+            count[2],
+            count[3],
+            (D_PAIRS, &pairs.d_pairs),
             (PAIR_TILES, &pairs.tiles[0]),
             (PAIR_ROWS, &pairs.rows),
             (TILE_PAIRS, &pairs.indices[0]),
         ];
-        plan.push(self.kernel("list_pairs", &list, per_gaussian));
+        let mut plan = vec![
+            self.kernel("count_tiles", &count, Threads::Blocks(gaussians.count)),
+            self.kernel("list_pairs", &list, Threads::Blocks(gaussians.count)),
+        ];
         let by_tile = Sort {
-            bits: self.tile_bits(),
+            bits: self.buffers.tile_bits(),
             capacity: pairs.capacity,
             lengths: [Totals::PAIRS; 2],
             total: Totals::SPARE,
         };
-        self.sort(plan, &pairs.tiles, &pairs.indices, by_tile)?;
+        plan.extend(self.sorted(&pairs.tiles, &pairs.indices, by_tile)?);
         let find =
             [uniforms, totals, (PAIR_TILES, self.sorted_pairs().0), (TILE_STARTS, &pixels.tile_starts)];
         plan.push(self.kernel("find_tiles", &find, Threads::TileStarts));
-        Ok(())
-    }
-
-    /// Bits of a tile index, or of the number of tiles, which stands for no tile.
-    fn tile_bits(&self) -> u32 {
-        u32::BITS - self.buffers.pixels.tiles.leading_zeros()
+        Ok(plan)
     }
 
     /// Tiles and indices of the pairs after the sort by tile.
     fn sorted_pairs(&self) -> (&Buffer, &Buffer) {
         let pairs = &self.buffers.pairs;
-        let last = passes(self.tile_bits()) % 2;
+        let last = passes(self.buffers.tile_bits()) % 2;
         (&pairs.tiles[last], &pairs.indices[last])
     }
 
-    /// Scans the counts, at most `most`.
-    fn scan(&self, plan: &mut Vec<Dispatch>, series: &Buffer, most: u64) {
-        let Buffers { fixed, scanned, .. } = self.buffers;
-        let buffers = [
-            (SERIES, series),
-            (TOTALS, &fixed.totals),
-            (COUNTS, &scanned.counts),
-            (BLOCK_SUMS, &scanned.block_sums),
-        ];
-        plan.push(self.kernel("scan_blocks", &buffers, Threads::Count(most.div_ceil(u64::from(BLOCK)))));
-        // `scan_totals` does not use the counts.
-        plan.push(self.kernel("scan_totals", &[buffers[0], buffers[1], buffers[3]], Threads::Group));
-    }
-
-    fn sort(
-        &self,
-        plan: &mut Vec<Dispatch>,
-        keys: &PingPong,
-        rows: &PingPong,
-        sort: Sort,
-    ) -> Result<(), DeviceError> {
-        let Buffers { fixed, scanned, .. } = self.buffers;
-        let chunks = u64::from(sort.capacity.div_ceil(CHUNK));
+    fn sorted(&self, keys: &PingPong, rows: &PingPong, sort: Sort) -> Result<Vec<Dispatch>, DeviceError> {
+        let mut plan = Vec::new();
+        let Buffers { fixed, .. } = self.buffers;
         for pass in 0..passes(sort.bits) {
             let series = self.series(Series {
                 length_at: sort.lengths[pass.min(1)],
                 capacity: sort.capacity,
-                total_at: sort.total,
+                total_at: if pass == 0 { sort.total } else { Totals::SPARE },
                 shift: pass as u32 * DIGIT_BITS,
             })?;
             let (from, to) = (pass % 2, (pass + 1) % 2);
@@ -196,55 +190,40 @@ impl Builder<'_> {
                 (SERIES, &series),
                 (TOTALS, &fixed.totals),
                 (KEYS, &keys[from]),
-                (COUNTS, &scanned.counts),
+                (COUNTS, &fixed.counts),
                 (ROWS, &rows[from]),
                 (SORTED_KEYS, &keys[to]),
                 (SORTED_ROWS, &rows[to]),
-                (BLOCK_SUMS, &scanned.block_sums),
             ];
-            plan.push(self.kernel("count_digits", &scatter[..4], Threads::Count(chunks)));
-            self.scan(plan, &series, u64::from(DIGITS) * chunks);
-            plan.push(self.kernel("scatter", &scatter, Threads::Count(chunks)));
+            plan.push(self.kernel("count_digits", &scatter[..4], Threads::Parts(sort.capacity)));
+            plan.push(self.kernel("scatter", &scatter, Threads::Parts(sort.capacity)));
         }
-        Ok(())
+        Ok(plan)
     }
 
-    fn respond(&self) -> Vec<Dispatch> {
-        if !self.kernels.columns.learns_cameras {
-            return Vec::new();
-        }
+    fn loss(&self) -> Part {
         let Buffers { fixed, pixels, .. } = self.buffers;
-        let respond = [
+        let buffers = [
             (UNIFORMS, &fixed.uniforms),
             (RESPONSE, &fixed.response),
             (IMAGE, &pixels.image),
-            (SEEN, &pixels.seen),
+            (PHOTOGRAPH, &pixels.photograph),
+            (DERIVATIVES, &pixels.derivatives),
+            (TILE_SUMS, &pixels.tile_sums),
+            (D_IMAGE, &pixels.d_image),
         ];
-        vec![self.kernel("respond", &respond, Threads::Pixels)]
+        let kernels = vec![
+            self.kernel("compare", &buffers[..6], Threads::Tiles),
+            self.kernel("loss_backward", &buffers, Threads::Tiles),
+        ];
+        Part::new("loss", kernels)
     }
 
-    fn loss(&self) -> Vec<Dispatch> {
-        let Buffers { fixed, pixels, .. } = self.buffers;
-        let seen = if self.kernels.columns.learns_cameras { &pixels.seen } else { &pixels.image };
-        let uniforms = (UNIFORMS, &fixed.uniforms);
-        let (image, photograph) = ((IMAGE, seen), (PHOTOGRAPH, &pixels.photograph));
-        let (blurred, derivatives) = ((BLURRED, &pixels.blurred), (DERIVATIVES, &pixels.derivatives));
-        let differences = (DIFFERENCES, &pixels.differences);
-        let compare = [uniforms, image, photograph, blurred, derivatives, differences];
-        let backward = [uniforms, image, photograph, blurred, (D_IMAGE, &pixels.d_image)];
-        vec![
-            self.kernel("blur_rows", &[uniforms, image, photograph, blurred], Threads::Pixels),
-            self.kernel("compare", &compare, Threads::Pixels),
-            self.kernel("blur_derivatives", &[uniforms, blurred, derivatives], Threads::Pixels),
-            self.kernel("loss_backward", &backward, Threads::Pixels),
-            self.kernel("sum_loss", &[uniforms, (TOTALS, &fixed.totals), differences], Threads::Group),
-        ]
-    }
-
-    fn backward(&self) -> Vec<Dispatch> {
+    fn backward(&self) -> Vec<Part> {
         let Buffers { fixed, gaussians, pixels, pairs, .. } = self.buffers;
         let (uniforms, splats) = ((UNIFORMS, &fixed.uniforms), (SPLATS, &gaussians.splats));
-        let d_pairs = (D_PAIRS, &pairs.d_pairs);
+        let (totals, d_pairs) = ((TOTALS, &fixed.totals), (D_PAIRS, &pairs.d_pairs));
+        let view_sums = (VIEW_SUMS, &gaussians.view_sums);
         let rasterize_backward = [
             uniforms,
             splats,
@@ -255,43 +234,30 @@ impl Builder<'_> {
             (D_IMAGE, &pixels.d_image),
             d_pairs,
         ];
-        let mut project_backward = vec![
+        let project_backward = [
             uniforms,
-            (TOTALS, &fixed.totals),
+            totals,
             (PARAMETERS, &gaussians.parameters),
             (ORDER, self.buffers.order()),
             splats,
             d_pairs,
             (D_PARAMETERS, &gaussians.d_parameters),
             (STATISTICS, &gaussians.statistics),
+            view_sums,
         ];
-        let learns_cameras = self.kernels.columns.learns_cameras;
-        let mut plan = if learns_cameras { self.response_backward() } else { Vec::new() };
-        let d_view = (D_VIEW, &gaussians.d_view);
-        project_backward.extend(learns_cameras.then_some(d_view));
+        let sum_step =
+            [uniforms, totals, (TILE_SUMS, &pixels.tile_sums), view_sums, (D_CAMERA, &fixed.d_camera)];
         let per_gaussian = Threads::Count(gaussians.count.into());
-        plan.push(self.kernel("rasterize_backward", &rasterize_backward, Threads::Tiles));
-        plan.push(self.kernel("project_backward", &project_backward, per_gaussian));
-        if learns_cameras {
-            let sum_view = [uniforms, (TOTALS, &fixed.totals), d_view, (D_CAMERA, &fixed.d_camera)];
-            plan.push(self.kernel("sum_view", &sum_view, Threads::Group));
-        }
-        plan
-    }
-
-    /// From what the camera shows to the image.
-    fn response_backward(&self) -> Vec<Dispatch> {
-        let Buffers { fixed, pixels, .. } = self.buffers;
-        let (uniforms, response) = ((UNIFORMS, &fixed.uniforms), (RESPONSE, &fixed.response));
-        let d_image = (D_IMAGE, &pixels.d_image);
-        let sum_response = [uniforms, response, (IMAGE, &pixels.image), d_image, (D_CAMERA, &fixed.d_camera)];
-        vec![
-            self.kernel("sum_response", &sum_response, Threads::Group),
-            self.kernel("respond_backward", &[uniforms, response, d_image], Threads::Pixels),
+        [
+            ("rasterize_backward", self.kernel("rasterize_backward", &rasterize_backward, Threads::Tiles)),
+            ("project_backward", self.kernel("project_backward", &project_backward, per_gaussian)),
+            ("sum", self.kernel("sum_step", &sum_step, Threads::Group)),
         ]
+        .map(|(name, dispatch)| Part::new(name, vec![dispatch]))
+        .into()
     }
 
-    fn adam(&self) -> Dispatch {
+    fn adam(&self) -> Part {
         let Buffers { fixed, gaussians, .. } = self.buffers;
         let adam = [
             (UNIFORMS, &fixed.uniforms),
@@ -305,6 +271,6 @@ impl Builder<'_> {
             (SECOND_MOMENTS, &gaussians.second_moments),
         ];
         let numbers = u64::from(gaussians.count) * u64::from(gaussians.columns.numbers());
-        self.kernel("adam", &adam, Threads::Count(numbers))
+        Part::new("adam", vec![self.kernel("adam", &adam, Threads::Strided(numbers))])
     }
 }

@@ -5,27 +5,28 @@ use shaders::fit::{CAMERA_NUMBERS, COLUMNS, Columns};
 
 use super::buffers::{PerGaussian, tiles};
 use super::device::{Buffer, Device};
+use super::steps::Inputs;
 use crate::capture::Response;
 use crate::fit::backend::{DeviceError, StepConfig, TrainingState};
 use crate::fit::cameras::CAMERA_NUMBERS as FIT_CAMERA_NUMBERS;
 use crate::fit::density::ScreenGradients;
+use crate::fit::loss::alpha_channels;
 use crate::fit::optimizer::{LearningRates, Moments};
 use crate::fit::parameters::{Bounds, COLUMNS as FIT_COLUMNS, Carried, LOGIT_MAX, Parameters};
-use crate::fit::views::FrameView;
+use crate::fit::views::{FrameView, Photograph};
 use crate::raster::slope_limits;
 
 /// Bytes per number.
 const WORD: u64 = 4;
 
 /// The columns of the parameters.
-pub(super) fn columns_of(parameters: &Parameters<f32>, learns_cameras: bool) -> Columns {
+pub(super) fn columns_of(parameters: &Parameters<f32>) -> Columns {
     Columns {
         sh_degree: parameters.sh_degree,
         is_timed: !parameters.tau.is_empty(),
         motion_order: parameters.motion_order,
         rotates: !parameters.rotation_rates.is_empty(),
         mip: parameters.filter.compensates(),
-        learns_cameras,
     }
 }
 
@@ -97,7 +98,7 @@ pub(super) fn rows_of(
     rows: usize,
     capacity: usize,
 ) -> Result<Parameters<f32>, DeviceError> {
-    let counts = columns_of(shape, false).counts();
+    let counts = columns_of(shape).counts();
     let numbers: Vec<f32> = device.read(buffer, capacity * counts.iter().sum::<u32>() as usize)?;
     let mut all = shape.zeros(rows);
     let mut start = 0;
@@ -108,16 +109,38 @@ pub(super) fn rows_of(
     Ok(all)
 }
 
-/// The uniforms of a step; `near` is the near distance of the parameters, `alpha_channels` the weight of alpha in the
-/// loss.
-pub(super) fn step_uniforms(
+/// What an image of the view gives its kernels; `near` is the near distance of the parameters.
+pub(super) fn inputs(view: &FrameView, near: f64, detach_tau: bool) -> Inputs {
+    Inputs {
+        uniforms: step_uniforms(view, near, detach_tau),
+        adam_uniforms: AdamUniforms::default(),
+        response: response(&Response::NEUTRAL),
+    }
+}
+
+/// What a step gives its kernels.
+pub(super) fn step_inputs(
     view: &FrameView,
     near: f64,
-    gaussians: u32,
-    pair_capacity: u32,
-    detach_tau: bool,
-    alpha_channels: f64,
-) -> StepUniforms {
+    photograph: &Photograph,
+    config: &StepConfig,
+) -> Inputs {
+    let Inputs { uniforms, response: neutral, .. } = inputs(view, near, config.detach_tau);
+    let uniforms = StepUniforms {
+        alpha_channels: alpha_channels(photograph) as f32,
+        adds_gradient: config.lpips.is_some().into(),
+        learns_camera: config.response.is_some().into(),
+        ..uniforms
+    };
+    Inputs {
+        uniforms,
+        adam_uniforms: adam_uniforms(config),
+        response: config.response.as_ref().map_or(neutral, response),
+    }
+}
+
+/// The uniforms of an image, without the sizes of the buffers.
+fn step_uniforms(view: &FrameView, near: f64, detach_tau: bool) -> StepUniforms {
     let camera = view.camera;
     let m = &camera.camera_from_world;
     let single = |v: [f64; 2]| v.map(|x| x as f32);
@@ -133,17 +156,14 @@ pub(super) fn step_uniforms(
         slope_max,
         size,
         tiles: tiles(size),
-        gaussians,
-        pair_capacity,
         detach_tau: detach_tau.into(),
         near: near as f32,
-        alpha_channels: alpha_channels as f32,
-        _pad0: [0; 3],
+        ..StepUniforms::default()
     }
 }
 
 /// The response of a camera.
-pub(super) fn response(response: &Response) -> layout::Response {
+fn response(response: &Response) -> layout::Response {
     layout::Response {
         color: response.color.map(|row| row.map(|x| x as f32)),
         vignette: response.vignette as f32,
@@ -152,7 +172,7 @@ pub(super) fn response(response: &Response) -> layout::Response {
 }
 
 /// Learning rates, bounds and fragment term of a step.
-pub(super) fn adam_uniforms(config: &StepConfig) -> AdamUniforms {
+fn adam_uniforms(config: &StepConfig) -> AdamUniforms {
     let LearningRates {
         centers,
         rotations,
