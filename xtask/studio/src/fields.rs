@@ -1,4 +1,4 @@
-//! Field files with a [`FitRecord`]: the photographs that a field was fitted to, as the comments of its file record them.
+//! Field files with a [`FitRecord`]: how a field was fitted, as the comments of its file record it.
 
 use std::ops::Range;
 use std::path::Path;
@@ -13,7 +13,7 @@ use crate::parse::{range, three_numbers};
 /// Value of the comment on mattes.
 const MATTES: &str = "difference";
 
-/// The photographs that a field was fitted to; `None` where its file does not record it.
+/// The photographs that a field was fitted to, and by what; `None` where its file does not record it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FitRecord {
     /// Held-out frames.
@@ -30,6 +30,8 @@ pub struct FitRecord {
     pub has_mattes: bool,
     /// The point of the capture's world that is the origin of the field's; `None` if they are one.
     pub origin: Option<[f64; 3]>,
+    /// Name of the graphics device that computed the fit; `None` of the CPU's.
+    pub device: Option<String>,
 }
 
 impl FitRecord {
@@ -41,7 +43,7 @@ impl FitRecord {
 
     /// Keys and values of the comments of a field file.
     pub(crate) fn comments(&self) -> Vec<(&'static str, String)> {
-        let FitRecord { holdout, frames, seconds, timing, has_mattes, origin } = self;
+        let FitRecord { holdout, frames, seconds, timing, has_mattes, origin, device } = self;
         [
             holdout.map(|holdout| ("holdout", holdout.name().to_owned())),
             frames.as_ref().map(|Range { start, end }| ("frames", format!("{start}..{end}"))),
@@ -49,6 +51,7 @@ impl FitRecord {
             timing.map(|timing| ("timing", format!("{timing:08x}"))),
             has_mattes.then(|| ("mattes", MATTES.to_owned())),
             origin.map(|[x, y, z]| ("origin", format!("{x} {y} {z}"))),
+            device.as_ref().map(|device| ("device", device.clone())),
         ]
         .into_iter()
         .flatten()
@@ -78,6 +81,7 @@ impl FitRecord {
             "seconds" => self.seconds = Some(seconds(value).ok_or(())?),
             "timing" => self.timing = Some(u32::from_str_radix(value, 16).map_err(drop)?),
             "origin" => self.origin = Some(point(value).ok_or(())?),
+            "device" => self.device = Some(value.to_owned()),
             "mattes" => self.has_mattes = (value == MATTES).then_some(true).ok_or(())?,
             _ => {}
         }
@@ -112,7 +116,7 @@ pub(crate) fn fault(error: ImportError) -> Fault {
     Fault::Data(error.to_string())
 }
 
-/// A fitted field and the metadata of its clip, without loss, with a record of the photographs that it was fitted to.
+/// A fitted field and the metadata of its clip, without loss, with a record of its fit.
 pub fn fitted_field_file(field: &Field, info: &ClipInfo, record: &FitRecord) -> Vec<u8> {
     write_commented_field_file(field, info, &record.comments())
 }

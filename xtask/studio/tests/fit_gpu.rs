@@ -36,12 +36,14 @@ fn fits_as_the_cpu() {
     let folder = stage();
     let folder = folder.path();
     let args = ["--steps", "300", "--gaussians", "800", "--anchor", "hull"];
-    fit(folder, &args);
+    fit(folder, &[&args[..], &["--backend", "cpu"]].concat());
     let by_cpu = measured(folder, "train");
     let json = fit(folder, &[&args[..], &["--backend", "gpu"]].concat());
     let backend = json["backend"].as_str().unwrap();
     assert!(backend.starts_with("gpu, "), "{backend}");
     assert!(json["peak_device_bytes"].as_u64() > Some(100_000), "{json}");
+    let inspected = aarc_studio(folder, &["inspect", "field.ply", "--json"]).json();
+    assert_eq!(inspected["device"].as_str(), backend.strip_prefix("gpu, "));
     let by_device = measured(folder, "train");
     println!("{by_cpu:.2} dB by the CPU, {by_device:.2} dB by {backend}");
     assert!((by_cpu - by_device).abs() < 0.5, "{by_cpu} {by_device}");
@@ -80,7 +82,7 @@ fn slides_as_the_cpu() {
 fn packages_as_the_cpu() {
     let folder = stage();
     let folder = folder.path();
-    fit(folder, &["--steps", "300", "--gaussians", "800", "--anchor", "hull"]);
+    fit(folder, &["--steps", "300", "--gaussians", "800", "--anchor", "hull", "--backend", "cpu"]);
     let package = |args: &[&str]| {
         let args = [&["package", "field.ply", "-o", "field.aarc", "--json"], args].concat();
         let json = aarc_studio(folder, &args).json();
@@ -88,7 +90,7 @@ fn packages_as_the_cpu() {
         (json["bytes"].as_u64().unwrap() as f64, inspected["by_device"].as_bool().unwrap())
     };
     let ((alone, _), (by_cpu, is_marked)) =
-        (package(&["--joint-rounds", "0"]), package(&["--joint-rounds", "1"]));
+        (package(&["--joint-rounds", "0"]), package(&["--joint-rounds", "1", "--backend", "cpu"]));
     let (by_device, is_device_marked) = package(&["--joint-rounds", "1", "--backend", "gpu"]);
     println!("{alone} bytes, jointly {by_cpu} by the CPU, {by_device} by the device");
     assert!(by_cpu.max(by_device) < 0.995 * alone, "{alone} {by_cpu} {by_device}");
@@ -108,7 +110,7 @@ fn goes_on_elsewhere() {
         ["fit", "stage", "-o", "field.ply", "--sh-degree", "0", "--holdout", "odd", "--backend", "gpu"];
     let on_device = [&on_device[..], &args, &["--set", "checkpoint-every=0.05"]].concat();
     kill_when(folder, &on_device, || folder.join("field.checkpoint").exists());
-    let json = fit(folder, &args);
+    let json = fit(folder, &[&args[..], &["--backend", "cpu"]].concat());
     assert_eq!(json["backend"], "cpu");
     assert!(json["resumed_at"].as_u64() > Some(0), "{json}");
     let psnr = measured(folder, "train");

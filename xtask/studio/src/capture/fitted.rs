@@ -20,7 +20,7 @@ impl CaptureFiles {
         let seconds = self.stated_fps.map(|_| self.seconds());
         let (frames, timing) = (Some(self.selected_frames()), Some(self.timing()));
         let (has_mattes, origin) = (self.has_mattes(), self.moved_origin());
-        FitRecord { holdout: Some(holdout), frames, seconds, timing, has_mattes, origin }
+        FitRecord { holdout: Some(holdout), frames, seconds, timing, has_mattes, origin, device: None }
     }
 
     /// Its origin, if it is another point than the capture's.

@@ -9,7 +9,7 @@ use std::time::Instant;
 
 use crate::capture::{CameraCorrections, CameraPart, CaptureFiles};
 use crate::eval::{HeldCameras, Subject, fragments_per_lit_pixel, held_photos, judge_held_cameras};
-use crate::fields::fitted_field_file;
+use crate::fields::{FitRecord, fitted_field_file};
 use crate::fit::{
     self, FitPlan, FitRuntime, FitStart, Fitted, FittedPlate, PlatePlan, Segments, SlidePlan, TrainingViews,
     WorkFolder, log,
@@ -29,7 +29,7 @@ use refine::fit::{Backend, DensityRule, Learned, Lpips};
 use refine::reference::RenderScene;
 use serde_json::{Value, json};
 
-use super::backend::BackendOption;
+use super::backend::{BackendOption, OpenBackend};
 use super::capture::{FrameSelection, LpipsOption, describe, load_training_views, note_assumed_fps};
 use super::fit_folder::{fit_folder, report_finished, report_folder};
 use super::fit_plate::{PlateWhen, fit_plate, settle_plate, write_plate};
@@ -273,6 +273,18 @@ impl Args {
 }
 
 impl FitOptions {
+    /// Opens the back end, and says what was chosen if the user did not choose.
+    ///
+    /// # Errors
+    /// Those of [`BackendOption::open`].
+    pub(super) fn open_backend(&self) -> Result<Box<dyn Backend>, Fault> {
+        let OpenBackend { backend, choice } = self.backend.open()?;
+        if let Some(choice) = choice {
+            eprintln!("note: {choice}");
+        }
+        Ok(backend)
+    }
+
     /// Whether no option is given, or only defaults.
     pub(super) fn is_default(&self) -> bool {
         let none = FitOptions::augment_args(clap::Command::new("fit")).get_matches_from([""; 0]);
@@ -400,7 +412,7 @@ fn fit_capture(args: &Args, out: &Path) -> anyhow::Result<FitResult> {
     let plate = plate_plan(args, &mut capture_files, holdout)?;
     let plan = plan(args, args.options.plan(&capture_files, holdout, plate)?)?;
     fit::check_checkpoint(&plan, out)?;
-    let mut backend = args.options.backend.open()?;
+    let mut backend = args.options.open_backend()?;
     announce(&plan, &capture_files, &*backend);
     let runtime = args.options.runtime(&mut *backend, lpips.as_ref());
     let mut views = load_training_views(&plan.start_files(&capture_files), holdout)?;
@@ -424,7 +436,7 @@ fn fit_capture(args: &Args, out: &Path) -> anyhow::Result<FitResult> {
 /// Says in a line what a fit of whole photographs does and, on the CPU, how long it takes.
 fn announce(plan: &FitPlan, capture_files: &CaptureFiles, backend: &dyn Backend) {
     if plan.plate == PlatePlan::Fitted {
-        let is_cpu = backend.peak_device_bytes().is_none();
+        let is_cpu = backend.device().is_none();
         let cores = is_cpu.then(|| available_parallelism().map_or(1, NonZero::get));
         eprintln!("note: {}", plan.describe_whole(capture_files, cores));
     }
@@ -534,7 +546,7 @@ pub(super) fn fit_and_write(
         output::write_durable(&cameras_path(out), cameras.to_json().as_bytes())?;
     }
     // The checkpoint goes only when the field is safe.
-    let record = capture_files.fit_record(plan.holdout);
+    let record = FitRecord { device: fitted.device(), ..capture_files.fit_record(plan.holdout) };
     let [moving, still] = fitted.fit.to_field_and_plate();
     let info = fit::clip_info(capture_files, &[(&moving, [0.0, 1.0])], plate.map(|_| &still));
     if plate.is_some() {
@@ -604,7 +616,7 @@ fn slide(args: &Args, out: &Path) -> anyhow::Result<()> {
     let lpips = args.options.lpips.load()?;
     let plan = folder_plan(args, &mut capture_files, holdout)?;
     let work = WorkFolder::open(&plan, &capture_files, out, segments.is_some())?;
-    let mut backend = args.options.backend.open()?;
+    let mut backend = args.options.open_backend()?;
     let runtime = args.options.runtime(&mut *backend, lpips.as_ref());
     note_assumed_fps(&capture_files, "--set fps=N states another number");
     eprintln!("note: {}", describe(&capture_files, holdout)?);

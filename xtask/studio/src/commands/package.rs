@@ -27,7 +27,7 @@ use refine::prune::Ranking;
 use serde_json::{Value, json};
 
 use super::audio::AudioOptions;
-use super::backend::BackendOption;
+use super::backend::{BackendOption, OpenBackend};
 use super::capture::{FrameSelection, note_assumed_fps};
 use super::fit_plate::PlateWhen;
 use super::fit_setting::fragment_weight;
@@ -307,12 +307,13 @@ impl Args {
     /// # Errors
     /// [`Fault::Usage`] if there is nothing for a device to compute; the errors of [`BackendOption::open`].
     fn open_backend(&self) -> Result<Box<dyn Backend>, Fault> {
-        let backend = self.backend.open()?;
         let rounds = matches!(self.coder, Coder::Rans) && self.joint_rounds != Some(0);
-        let computes = rounds || self.refine.is_some() || Scene::is_capture(self.scene());
-        if backend.peak_device_bytes().is_some() && !computes {
-            let what = "--backend gpu: nothing is fitted, refined or rounded jointly; leave it out";
-            return Err(Fault::Usage(what.into()));
+        if !(rounds || self.refine.is_some() || Scene::is_capture(self.scene())) {
+            return self.backend.unneeded("nothing is fitted, refined or rounded jointly");
+        }
+        let OpenBackend { backend, choice } = self.backend.open()?;
+        if let Some(choice) = choice.filter(|_| backend.device().is_some()) {
+            eprintln!("note: {choice}");
         }
         Ok(backend)
     }

@@ -62,7 +62,7 @@ pub(crate) fn encode(
     let (field, snapped) = &snap(field, &views, coding);
     let info = scene.head_info();
     let source = Source { info: &info, field, plate };
-    let by_device = backend.peak_device_bytes().is_some();
+    let by_device = backend.device().is_some();
     let (coded, steering_views, rounding_views) = match coding {
         Coding::Fixed => {
             let (bytes, clip) = encode_fixed(scene, &source, by_device)?;

@@ -548,6 +548,7 @@ fn a_fitted_field_file_records_its_photographs() {
         frames: Some(8..17),
         seconds: Some([8.0 / 30.0, 16.0 / 30.0]),
         timing: Some(0x00c0_ffee),
+        device: Some("llvmpipe (LLVM 15.0.6, 256 bits)".into()),
     };
     let others = [
         FitRecord { seconds: None, ..whole.clone() },

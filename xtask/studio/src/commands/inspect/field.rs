@@ -24,6 +24,8 @@ pub(super) struct FieldInspection {
     metres_per_unit: f32,
     /// Gaussians of the background.
     plate: Option<usize>,
+    /// Name of the graphics device that computed the fit; null of others.
+    device: Option<String>,
     /// Keys of `scene.json` that nothing states.
     assumed: Vec<&'static str>,
     /// What was repaired, assumed and lost.
@@ -36,7 +38,9 @@ impl FieldInspection {
     /// # Errors
     /// As [`Scene::load`] has them.
     pub(super) fn read(path: &Path) -> anyhow::Result<FieldInspection> {
-        let Scene { subject, plate, info, assumed, .. } = Scene::load(path)?;
+        let scene = Scene::load(path)?;
+        let device = scene.fit_record().device;
+        let Scene { subject, plate, info, assumed, .. } = scene;
         let background = plate.iter().flat_map(|plate| plate.account.sentences());
         Ok(FieldInspection {
             format: subject.format,
@@ -50,6 +54,7 @@ impl FieldInspection {
             up: info.up,
             metres_per_unit: info.metres_per_unit,
             plate: plate.as_ref().map(|plate| plate.field.len()),
+            device,
             assumed,
             notes: subject.account.sentences().into_iter().chain(background).collect(),
         })
@@ -66,6 +71,9 @@ impl FieldInspection {
         row("duration", format!("{duration_s} s at {fps} frames per second"));
         let [x, y, z] = self.up;
         row("axes", format!("up is {x} {y} {z}, {} m per unit", self.metres_per_unit));
+        if let Some(device) = &self.device {
+            row("fitted", format!("by {device}; elsewhere the same fit may give other numbers"));
+        }
         if !self.assumed.is_empty() {
             row("assumed", format!("{}; scene.json can say otherwise", self.assumed.join(", ")));
         }

@@ -263,7 +263,7 @@ impl Bench<'_> {
         }
         let (_, views) = self.views.as_mut().context("photographs")?;
         let options = self.options;
-        let mut backend = options.backend.open()?;
+        let mut backend = options.open_backend()?;
         let lpips = self.lpips.as_ref().filter(|_| plan.lpips.is_some());
         // A plate changes the responses that its field starts from.
         let responses = views.responses.clone();
