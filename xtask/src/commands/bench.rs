@@ -1,4 +1,4 @@
-//! `cargo xtask bench`: the benches as one table, then counts.
+//! `cargo xtask bench`: the benches as one table, then counts; or the bench of a fit alone.
 //!
 //! Times depend on the machine, which the header names. Counts do not. They are of the real clip if its
 //! data is beside the repository, else of the demo clip.
@@ -10,7 +10,7 @@ use std::process::{Command, Stdio};
 
 use anyhow::{Context, bail};
 use serde::Deserialize;
-use serde_json::Value;
+use serde_json::{Value, json};
 use xtask::workspace;
 
 /// The real clip, relative to the root of the repository.
@@ -30,9 +30,40 @@ const WITHOUT_WINDOW: &str = "--no-default-features";
 
 /// Run the benches and print one table, then machine-independent counts
 #[derive(clap::Args)]
-pub(crate) struct Args {}
+pub(crate) struct Args {
+    /// Measure a part alone: `fit`, a step of a fit on the CPU and on a graphics device
+    #[arg(value_enum)]
+    part: Option<BenchPart>,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
 
-pub(crate) fn run(_args: &Args) -> anyhow::Result<()> {
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum BenchPart {
+    /// A step of a fit on the CPU and on a graphics device, for three sizes
+    Fit,
+}
+
+pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
+    match args.part {
+        Some(BenchPart::Fit) => bench_fit(args.json),
+        None => bench_all(args.json),
+    }
+}
+
+/// Runs the bench of a fit, which prints its table or JSON itself.
+fn bench_fit(is_json: bool) -> anyhow::Result<()> {
+    let mut bench = workspace::cargo();
+    bench.args(["bench", "--quiet", "--package", "refine", "--features", "gpu", "--bench", "fit", "--"]);
+    let status = bench.args(is_json.then_some("--json")).stdin(Stdio::null()).status();
+    if !status.context("cannot run cargo")?.success() {
+        bail!("the bench failed; its messages are above");
+    }
+    Ok(())
+}
+
+fn bench_all(is_json: bool) -> anyhow::Result<()> {
     let folder = tempfile::tempdir()?;
     // A fresh folder, so that it holds no results of earlier runs.
     let results = folder.path().join("criterion");
@@ -42,6 +73,15 @@ pub(crate) fn run(_args: &Args) -> anyhow::Result<()> {
     let counts = render(folder.path(), &clip)?;
     let played = play(folder.path(), &clip);
 
+    if is_json {
+        let rows: Vec<Value> = benches.iter().map(Bench::to_json).collect();
+        let object = json!({
+            "machine": counts["adapter"], "benches": rows, "clip": clip.name, "package": clip.report,
+            "reference": counts, "played": played.as_ref().ok(),
+        });
+        println!("{object:#}");
+        return Ok(());
+    }
     println!("machine  {}", text(&counts["adapter"]));
     match &played {
         Ok(stats) => println!("adapter  {}, {}", text(&stats["adapter"]), text(&stats["driver"])),
@@ -117,6 +157,14 @@ fn read_results(results: &Path) -> anyhow::Result<Vec<Bench>> {
 }
 
 impl Bench {
+    fn to_json(&self) -> Value {
+        let median = self.estimates.median.point_estimate;
+        json!({
+            "name": self.id.full_id, "median_ns": median, "spread_ns": self.estimates.median_abs_dev.point_estimate,
+            "mb_per_s": self.bytes().map(|bytes| bytes * 1e3 / median),
+        })
+    }
+
     /// Row of the table.
     fn row(&self) -> String {
         let median = self.estimates.median.point_estimate;
