@@ -106,6 +106,24 @@ fn a_buffer_has_one_binding_and_a_kernel_at_most_eight_buffers() {
 }
 
 #[test]
+fn groups_have_the_threads_and_the_memory_of_every_device() {
+    for stage in Stage::ALL {
+        let module = parse(stage, all_columns()[0]);
+        let info = validate(&module);
+        for (index, entry) in module.entry_points.iter().enumerate() {
+            let bytes = |(handle, variable): (naga::Handle<naga::GlobalVariable>, &naga::GlobalVariable)| {
+                let is_used = !info.get_entry_point(index)[handle].is_empty();
+                let is_shared = variable.space == naga::AddressSpace::WorkGroup;
+                if is_used && is_shared { module.types[variable.ty].inner.size(module.to_ctx()) } else { 0 }
+            };
+            let shared: u32 = module.global_variables.iter().map(bytes).sum();
+            let threads: u32 = entry.workgroup_size.iter().product();
+            assert!(threads <= 256 && shared <= 16_384, "{}: {threads} threads, {shared} bytes", entry.name);
+        }
+    }
+}
+
+#[test]
 fn structs_have_the_layout_of_their_counterparts() {
     let module = |stage| parse(stage, all_columns()[0]);
     let adam = &module(Stage::Adam);

@@ -204,7 +204,9 @@ impl Rig {
 
     /// A step on a photograph begins: its place in the fit, and the factor of all learning rates.
     pub(in crate::fit) fn begin(&mut self, camera: usize, place: usize, factor: f64) {
-        self.lessons.push_back(Lesson { camera, place, factor, by_seen: None });
+        if !self.learned.is_nothing() {
+            self.lessons.push_back(Lesson { camera, place, factor, by_seen: None });
+        }
     }
 
     /// The oldest step that began and has not ended ends with this gradient with respect to the numbers of its camera.
@@ -212,8 +214,10 @@ impl Rig {
     /// # Panics
     /// If there is none.
     pub(in crate::fit) fn end(&mut self, by_seen: CameraNumbers) {
-        let lesson = self.lessons.iter_mut().find(|lesson| lesson.by_seen.is_none());
-        lesson.expect("a step has begun").by_seen = Some(by_seen);
+        if !self.learned.is_nothing() {
+            let lesson = self.lessons.iter_mut().find(|lesson| lesson.by_seen.is_none());
+            lesson.expect("a step has begun").by_seen = Some(by_seen);
+        }
     }
 
     /// Learns from all photographs but the last `rest`, whose steps have ended. `extent` is the size of the scene. Returns
@@ -241,9 +245,6 @@ impl Rig {
         factor: f64,
         extent: f64,
     ) -> bool {
-        if self.learned.is_nothing() {
-            return true;
-        }
         if !by_seen.iter().all(|x| (x * x).is_finite()) {
             return false;
         }
