@@ -1,6 +1,5 @@
 //! [`Gpu`]: the back end that runs on a graphics device.
 
-use std::cell::RefCell;
 use std::collections::VecDeque;
 
 use shaders::fit::layout::Statistics;
@@ -9,15 +8,12 @@ use super::buffers::{Buffers, Fixed, IN_FLIGHT, Pairs, PerGaussian, PerPixel};
 use super::device::{Device, DeviceCounts};
 use super::kernels::Kernels;
 use super::plan::Plan;
-use super::steps::{Begun, Inputs};
+use super::steps::Loaded;
 use super::timer::Timer;
 use super::transfer;
 use crate::fit::backend::{
     Backend, DeviceError, Gradient, PixelGradients, StepConfig, StepReport, TrainingState,
 };
-use crate::fit::cameras::respond;
-use crate::fit::loss::{Lpips, lpips_loss};
-use crate::fit::parameters::{Carried, Parameters};
 use crate::fit::views::{FrameView, Photograph, RenderedImage};
 
 /// Initial capacity for splat-tile pairs.
@@ -27,23 +23,8 @@ const FIRST_PAIRS: u32 = 1 << 14;
 pub struct Gpu {
     device: Device,
     loaded: Option<Loaded>,
-}
-
-/// A training state on the device, with all that a step needs.
-pub(super) struct Loaded {
-    /// A row of zeros with the columns of the parameters.
-    pub(super) shape: Parameters<f32>,
-    /// The past of the rows, which the device does not change.
-    carried: Vec<Carried>,
-    pub(super) kernels: Kernels,
-    pub(super) buffers: Buffers,
-    pub(super) plan: Plan,
-    /// The steps that the device was given, oldest first.
-    pub(super) in_flight: VecDeque<Begun>,
-    /// The buffers that the last of them took.
-    turn: usize,
-    /// Reports of the steps before, which the device is done with.
-    pub(super) reports: VecDeque<StepReport>,
+    /// For the next training state.
+    timer: Option<Timer>,
 }
 
 impl Gpu {
@@ -52,7 +33,7 @@ impl Gpu {
     /// # Errors
     /// [`DeviceError::Missing`] if there is none, or none that is capable enough.
     pub fn open() -> Result<Gpu, DeviceError> {
-        Ok(Gpu { device: Device::open()?, loaded: None })
+        Ok(Gpu { device: Device::open()?, loaded: None, timer: None })
     }
 
     /// Whether the device is a software driver, that is the CPU.
@@ -82,19 +63,20 @@ impl Gpu {
         4 * u64::from(loaded.kernels.columns.numbers())
     }
 
-    /// Times the parts of each step from now on; a step then begins when the one before has ended. Nothing happens on a device
-    /// without timestamps.
+    /// Times the parts of each step from the next [`load`](Backend::load) on; a step then begins when the one before has ended.
+    /// Nothing happens on a device without timestamps.
     ///
     /// # Errors
     /// A [`DeviceError`].
     pub fn time_parts(&mut self) -> Result<(), DeviceError> {
-        self.device.timer = Timer::new(&self.device)?.map(RefCell::new);
+        self.timer = Timer::new(&self.device)?;
         Ok(())
     }
 
     /// The parts of a step and the milliseconds that they took so far; empty if they are not timed.
     pub fn part_times(&self) -> Vec<(&'static str, f64)> {
-        self.device.timer.as_ref().map_or_else(Vec::new, |timer| timer.borrow().parts().to_vec())
+        let timer = self.loaded.as_ref().and_then(|loaded| loaded.timer.as_ref());
+        timer.map_or_else(Vec::new, |timer| timer.parts().to_vec())
     }
 
     /// Renders the loaded Gaussians and backpropagates `d_image`, the gradient of a loss with respect to
@@ -156,17 +138,19 @@ impl Backend for Gpu {
     }
 
     fn in_flight(&self) -> usize {
-        if self.device.timer.is_some() { 0 } else { IN_FLIGHT }
+        let is_timed = self.loaded.as_ref().is_some_and(|loaded| loaded.timer.is_some());
+        if is_timed { 0 } else { IN_FLIGHT }
     }
 
     fn load(&mut self, state: TrainingState) -> Result<(), DeviceError> {
         // What has not ended is dropped, and its buffers with it.
-        self.loaded = self.loaded.take().filter(|loaded| loaded.in_flight.is_empty());
+        let mut before = self.loaded.take().filter(|loaded| loaded.in_flight.is_empty());
+        let timer = self.timer.take().or_else(|| before.as_mut()?.timer.take());
         let columns = transfer::columns_of(&state.parameters);
         let device = &self.device;
         let count = u32::try_from(state.parameters.len()).unwrap_or(u32::MAX);
         // Reuses kernels and buffers of the previous state; the rest is freed first.
-        let (kernels, buffers) = match self.loaded.take() {
+        let (kernels, buffers) = match before {
             Some(Loaded { kernels, buffers, .. }) if kernels.columns == columns => (kernels, Some(buffers)),
             _ => (Kernels::new(device, columns), None),
         };
@@ -187,7 +171,8 @@ impl Backend for Gpu {
         let plan = Plan::new(device, &kernels, &buffers)?;
         let (shape, carried) = (state.parameters.zeros(1), state.moments.carried);
         let (in_flight, reports) = (VecDeque::new(), VecDeque::new());
-        self.loaded = Some(Loaded { shape, carried, kernels, buffers, plan, in_flight, turn: 0, reports });
+        self.loaded =
+            Some(Loaded { shape, carried, kernels, buffers, plan, in_flight, turn: 0, reports, timer });
         Ok(())
     }
 
@@ -261,60 +246,6 @@ impl Backend for Gpu {
 
     fn peak_device_bytes(&self) -> Option<u64> {
         Some(self.device.peak_bytes())
-    }
-}
-
-impl Loaded {
-    fn count(&self) -> usize {
-        self.buffers.gaussians.count as usize
-    }
-
-    /// Grows the buffers for images of `size`.
-    fn resize(&mut self, device: &Device, size: [u32; 2]) -> Result<(), DeviceError> {
-        if !self.buffers.pixels.fits(size) {
-            // The steps in flight may begin again and have their photographs in these buffers.
-            self.settle(device)?;
-            self.buffers.pixels = PerPixel::new(device, size, Some(&self.buffers.pixels))?;
-            self.plan = Plan::new(device, &self.kernels, &self.buffers)?;
-        }
-        Ok(())
-    }
-
-    /// The buffers that the next step takes among those of the steps in flight.
-    fn next_turn(&mut self) -> usize {
-        self.turn = (self.turn + 1) % (IN_FLIGHT + 1);
-        self.turn
-    }
-
-    /// A whole step, with LPIPS from the CPU.
-    fn step_with_lpips(
-        &mut self,
-        device: &Device,
-        inputs: &Inputs,
-        photograph: &Photograph,
-        config: &StepConfig,
-        lpips: &Lpips<f32>,
-    ) -> Result<(), DeviceError> {
-        device.count(|counts| counts.steps += 1);
-        let write = |device: &Device, loaded: &Loaded| {
-            device.write(&loaded.buffers.pixels.photograph, 0, &photograph.words());
-        };
-        self.run(device, inputs, write, |plan| [&plan.forward])?;
-        let size = inputs.uniforms.size;
-        let image = self.image(device, size)?;
-        let seen = config.response.map(|response| respond(&image, &response));
-        let term = lpips_loss(seen.as_ref().unwrap_or(&image.pixels), photograph, lpips);
-        device.write(&self.buffers.pixels.d_image, 0, &term.gradient);
-        let results = self.run_once(device, size, &self.plan.step()[1..])?;
-        let report = results.report(inputs);
-        self.reports.push_back(StepReport { loss: report.loss + term.value, ..report });
-        Ok(())
-    }
-
-    /// The image of the last run.
-    fn image(&self, device: &Device, [width, height]: [u32; 2]) -> Result<RenderedImage<f32>, DeviceError> {
-        let pixels = device.read(&self.buffers.pixels.image, width as usize * height as usize)?;
-        Ok(RenderedImage { width, height, pixels })
     }
 }
 

@@ -8,11 +8,13 @@ use shaders::fit::{
 };
 
 use super::device::{Buffer, Device};
-use super::kernels::PARTS_MAX;
 use crate::fit::backend::DeviceError;
 
 /// Steps in flight behind the oldest: the device has work while the host prepares more.
 pub(super) const IN_FLIGHT: usize = 2;
+
+/// Largest number of groups that take parts of a series to sort: each reads the counts of all.
+pub(super) const PARTS_MAX: u32 = 256;
 
 /// Bytes per number.
 const WORD: u64 = 4;

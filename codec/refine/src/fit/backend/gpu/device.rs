@@ -1,6 +1,6 @@
 //! [`Device`]: the graphics device, its buffers and its failures.
 
-use std::cell::{Cell, RefCell};
+use std::cell::Cell;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -9,7 +9,6 @@ use std::time::Instant;
 use bytemuck::Pod;
 use shaders::fit::SPLAT_BYTES;
 
-use super::timer::Timer;
 use crate::fit::backend::DeviceError;
 
 /// A graphics device.
@@ -23,8 +22,6 @@ pub(super) struct Device {
     /// Size of the largest buffer in bytes.
     pub(super) max_bytes: u64,
     counts: Cell<DeviceCounts>,
-    /// Times the parts of steps.
-    pub(super) timer: Option<RefCell<Timer>>,
     usage: Arc<MemoryUsage>,
     failure: Arc<Mutex<Option<String>>>,
 }
@@ -106,7 +103,6 @@ impl Device {
             is_software,
             max_bytes,
             counts: Cell::default(),
-            timer: None,
             usage: Arc::default(),
             failure,
         })

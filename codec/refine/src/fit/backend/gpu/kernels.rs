@@ -4,14 +4,11 @@ use std::collections::HashMap;
 
 use shaders::fit::{Columns, GROUP, SUM_GROUP, Stage, compose};
 
-use super::buffers::tiles;
+use super::buffers::{PARTS_MAX, tiles};
 use super::device::{Buffer, Device};
 
 /// Largest number of groups of a dispatch along an axis.
 const GROUPS_MAX: u64 = 65_535;
-
-/// Largest number of groups that take parts of a series to sort: each reads the counts of all.
-pub(super) const PARTS_MAX: u32 = 256;
 
 /// Largest number of groups of threads that go on until all is done: enough for any device.
 const STRIDED_MAX: u64 = 1 << 14;

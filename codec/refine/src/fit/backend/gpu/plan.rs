@@ -17,17 +17,17 @@ use crate::fit::backend::DeviceError;
 /// The kernels of a step.
 pub(super) struct Plan {
     /// From parameters to the image.
-    pub(super) forward: Vec<Part>,
+    pub(super) forward: Vec<StepPart>,
     /// From the image to its gradient.
-    pub(super) loss: Vec<Part>,
+    pub(super) loss: Vec<StepPart>,
     /// From there to the gradients of the parameters and of the camera.
-    pub(super) backward: Vec<Part>,
+    pub(super) backward: Vec<StepPart>,
     /// The step along that gradient.
-    pub(super) adam: Vec<Part>,
+    pub(super) adam: Vec<StepPart>,
 }
 
 /// A part of a step.
-pub(super) struct Part {
+pub(super) struct StepPart {
     pub(super) name: &'static str,
     pub(super) dispatches: Vec<Dispatch>,
 }
@@ -44,15 +44,15 @@ impl Plan {
     }
 
     /// The parts of a whole step, in order.
-    pub(super) fn step(&self) -> [&[Part]; 4] {
+    pub(super) fn step(&self) -> [&[StepPart]; 4] {
         let Plan { forward, loss, backward, adam } = self;
         [forward, loss, backward, adam]
     }
 }
 
-impl Part {
-    fn new(name: &'static str, dispatches: Vec<Dispatch>) -> Part {
-        Part { name, dispatches }
+impl StepPart {
+    fn new(name: &'static str, dispatches: Vec<Dispatch>) -> StepPart {
+        StepPart { name, dispatches }
     }
 }
 
@@ -87,7 +87,7 @@ impl Builder<'_> {
         Ok(buffer)
     }
 
-    fn forward(&self) -> Result<Vec<Part>, DeviceError> {
+    fn forward(&self) -> Result<Vec<StepPart>, DeviceError> {
         let Buffers { fixed, gaussians, pixels, pairs, .. } = self.buffers;
         let rasterize = [
             (UNIFORMS, &fixed.uniforms),
@@ -99,13 +99,13 @@ impl Builder<'_> {
         ];
         Ok(vec![
             self.project(),
-            Part::new("sort", self.sort_by_depth()?),
-            Part::new("bin", self.bin()?),
-            Part::new("rasterize", vec![self.kernel("rasterize", &rasterize, Threads::Tiles)]),
+            StepPart::new("sort", self.sort_by_depth()?),
+            StepPart::new("bin", self.bin()?),
+            StepPart::new("rasterize", vec![self.kernel("rasterize", &rasterize, Threads::Tiles)]),
         ])
     }
 
-    fn project(&self) -> Part {
+    fn project(&self) -> StepPart {
         let Buffers { fixed, gaussians, .. } = self.buffers;
         let project = [
             (UNIFORMS, &fixed.uniforms),
@@ -116,7 +116,7 @@ impl Builder<'_> {
             (ROWS, &gaussians.rows[0]),
         ];
         let per_gaussian = Threads::Count(gaussians.count.into());
-        Part::new("project", vec![self.kernel("project", &project, per_gaussian)])
+        StepPart::new("project", vec![self.kernel("project", &project, per_gaussian)])
     }
 
     fn sort_by_depth(&self) -> Result<Vec<Dispatch>, DeviceError> {
@@ -201,7 +201,7 @@ impl Builder<'_> {
         Ok(plan)
     }
 
-    fn loss(&self) -> Part {
+    fn loss(&self) -> StepPart {
         let Buffers { fixed, pixels, .. } = self.buffers;
         let buffers = [
             (UNIFORMS, &fixed.uniforms),
@@ -216,10 +216,10 @@ impl Builder<'_> {
             self.kernel("compare", &buffers[..6], Threads::Tiles),
             self.kernel("loss_backward", &buffers, Threads::Tiles),
         ];
-        Part::new("loss", kernels)
+        StepPart::new("loss", kernels)
     }
 
-    fn backward(&self) -> Vec<Part> {
+    fn backward(&self) -> Vec<StepPart> {
         let Buffers { fixed, gaussians, pixels, pairs, .. } = self.buffers;
         let (uniforms, splats) = ((UNIFORMS, &fixed.uniforms), (SPLATS, &gaussians.splats));
         let (totals, d_pairs) = ((TOTALS, &fixed.totals), (D_PAIRS, &pairs.d_pairs));
@@ -253,11 +253,11 @@ impl Builder<'_> {
             ("project_backward", self.kernel("project_backward", &project_backward, per_gaussian)),
             ("sum", self.kernel("sum_step", &sum_step, Threads::Group)),
         ]
-        .map(|(name, dispatch)| Part::new(name, vec![dispatch]))
+        .map(|(name, dispatch)| StepPart::new(name, vec![dispatch]))
         .into()
     }
 
-    fn adam(&self) -> Part {
+    fn adam(&self) -> StepPart {
         let Buffers { fixed, gaussians, .. } = self.buffers;
         let adam = [
             (UNIFORMS, &fixed.uniforms),
@@ -271,6 +271,6 @@ impl Builder<'_> {
             (SECOND_MOMENTS, &gaussians.second_moments),
         ];
         let numbers = u64::from(gaussians.count) * u64::from(gaussians.columns.numbers());
-        Part::new("adam", vec![self.kernel("adam", &adam, Threads::Strided(numbers))])
+        StepPart::new("adam", vec![self.kernel("adam", &adam, Threads::Strided(numbers))])
     }
 }

@@ -5,20 +5,23 @@
 //! it, which the device had before the host knew: all of them begin again, in order, with larger buffers. The result does not
 //! depend on how large the buffers were.
 
-use std::cell::RefCell;
+use std::collections::VecDeque;
 
 use bytemuck::{Pod, pod_read_unaligned};
 use shaders::fit::CAMERA_NUMBERS;
 use shaders::fit::layout::{AdamUniforms, Response, StepUniforms, Totals};
 
-use super::backend::Loaded;
-use super::buffers::Pairs;
+use super::buffers::{Buffers, IN_FLIGHT, Pairs, PerPixel};
 use super::device::Device;
-use super::plan::{Part, Plan};
+use super::kernels::Kernels;
+use super::plan::{Plan, StepPart};
+use super::timer::Timer;
 use super::traffic;
-use crate::fit::backend::{DeviceError, StepReport};
-use crate::fit::cameras::{RESPONSE_NUMBERS, ViewGradient};
-use crate::fit::loss::LAMBDA;
+use crate::fit::backend::{DeviceError, StepConfig, StepReport};
+use crate::fit::cameras::{RESPONSE_NUMBERS, ViewGradient, respond};
+use crate::fit::loss::{LAMBDA, Lpips, lpips_loss};
+use crate::fit::parameters::{Carried, Parameters};
+use crate::fit::views::{Photograph, RenderedImage};
 
 /// What a step gives its kernels, beside the photograph.
 #[derive(Clone, Copy)]
@@ -34,6 +37,25 @@ pub(super) struct Begun {
     /// Its buffers among those that the steps in flight take in turn.
     turn: usize,
     submission: wgpu::SubmissionIndex,
+}
+
+/// A training state on the device, with all that a step needs.
+pub(super) struct Loaded {
+    /// A row of zeros with the columns of the parameters.
+    pub(super) shape: Parameters<f32>,
+    /// The past of the rows, which the device does not change.
+    pub(super) carried: Vec<Carried>,
+    pub(super) kernels: Kernels,
+    pub(super) buffers: Buffers,
+    pub(super) plan: Plan,
+    /// The steps that the device was given, oldest first.
+    pub(super) in_flight: VecDeque<Begun>,
+    /// The buffers that the last of them took.
+    pub(super) turn: usize,
+    /// Reports of the steps before, which the device is done with.
+    pub(super) reports: VecDeque<StepReport>,
+    /// Times steps, one at a time.
+    pub(super) timer: Option<Timer>,
 }
 
 /// What a batch of commands leaves.
@@ -73,6 +95,62 @@ impl Results {
 }
 
 impl Loaded {
+    pub(super) fn count(&self) -> usize {
+        self.buffers.gaussians.count as usize
+    }
+
+    /// Grows the buffers for images of `size`.
+    pub(super) fn resize(&mut self, device: &Device, size: [u32; 2]) -> Result<(), DeviceError> {
+        if !self.buffers.pixels.fits(size) {
+            // The steps in flight may begin again and have their photographs in these buffers.
+            self.settle(device)?;
+            self.buffers.pixels = PerPixel::new(device, size, Some(&self.buffers.pixels))?;
+            self.plan = Plan::new(device, &self.kernels, &self.buffers)?;
+        }
+        Ok(())
+    }
+
+    /// The buffers that the next step takes among those of the steps in flight.
+    pub(super) fn next_turn(&mut self) -> usize {
+        self.turn = (self.turn + 1) % (IN_FLIGHT + 1);
+        self.turn
+    }
+
+    /// A whole step, with LPIPS from the CPU.
+    pub(super) fn step_with_lpips(
+        &mut self,
+        device: &Device,
+        inputs: &Inputs,
+        photograph: &Photograph,
+        config: &StepConfig,
+        lpips: &Lpips<f32>,
+    ) -> Result<(), DeviceError> {
+        device.count(|counts| counts.steps += 1);
+        let write = |device: &Device, loaded: &Loaded| {
+            device.write(&loaded.buffers.pixels.photograph, 0, &photograph.words());
+        };
+        self.run(device, inputs, write, |plan| [&plan.forward])?;
+        let size = inputs.uniforms.size;
+        let image = self.image(device, size)?;
+        let seen = config.response.map(|response| respond(&image, &response));
+        let term = lpips_loss(seen.as_ref().unwrap_or(&image.pixels), photograph, lpips);
+        device.write(&self.buffers.pixels.d_image, 0, &term.gradient);
+        let results = self.run_once(device, size, &self.plan.step()[1..])?;
+        let report = results.report(inputs);
+        self.reports.push_back(StepReport { loss: report.loss + term.value, ..report });
+        Ok(())
+    }
+
+    /// The image of the last run.
+    pub(super) fn image(
+        &self,
+        device: &Device,
+        [width, height]: [u32; 2],
+    ) -> Result<RenderedImage<f32>, DeviceError> {
+        let pixels = device.read(&self.buffers.pixels.image, width as usize * height as usize)?;
+        Ok(RenderedImage { width, height, pixels })
+    }
+
     /// Begins a step on the photograph in the buffer of this turn.
     pub(super) fn begin(&mut self, device: &Device, inputs: Inputs, turn: usize) {
         device.count(|counts| counts.steps += 1);
@@ -109,8 +187,8 @@ impl Loaded {
                 device.count(|counts| counts.touched_bytes += touched);
                 self.reports.push_back(results.report(inputs));
                 self.in_flight.pop_front();
-                if let Some(timer) = &device.timer {
-                    timer.borrow_mut().add(device, self.plan.step().into_iter().flatten())?;
+                if let Some(timer) = &mut self.timer {
+                    timer.add(device, self.plan.step().into_iter().flatten())?;
                 }
                 return Ok(());
             }
@@ -148,7 +226,7 @@ impl Loaded {
         device: &Device,
         inputs: &Inputs,
         prepare: impl Fn(&Device, &Loaded),
-        parts: impl Fn(&Plan) -> [&[Part]; N],
+        parts: impl Fn(&Plan) -> [&[StepPart]; N],
     ) -> Result<Results, DeviceError> {
         self.settle(device)?;
         loop {
@@ -168,7 +246,7 @@ impl Loaded {
         &self,
         device: &Device,
         size: [u32; 2],
-        parts: &[&[Part]],
+        parts: &[&[StepPart]],
     ) -> Result<Results, DeviceError> {
         device.count(|counts| counts.waits += 1);
         device.wait_for(self.submit(device, size, parts, device.encoder(), 0))?;
@@ -197,21 +275,20 @@ impl Loaded {
         &self,
         device: &Device,
         size: [u32; 2],
-        parts: &[&[Part]],
+        parts: &[&[StepPart]],
         mut encoder: wgpu::CommandEncoder,
         turn: usize,
     ) -> wgpu::SubmissionIndex {
-        let parts: Vec<&Part> = parts.iter().copied().flatten().collect();
+        let parts: Vec<&StepPart> = parts.iter().copied().flatten().collect();
         for (i, part) in parts.iter().enumerate() {
-            let timer = device.timer.as_ref().map(RefCell::borrow);
-            let timestamp_writes = timer.as_ref().map(|timer| timer.around(i));
+            let timestamp_writes = self.timer.as_ref().map(|timer| timer.around(i));
             let descriptor = wgpu::ComputePassDescriptor { label: Some(part.name), timestamp_writes };
             let mut pass = encoder.begin_compute_pass(&descriptor);
             part.dispatches.iter().for_each(|dispatch| dispatch.record(&mut pass, size));
             device.count(|counts| counts.dispatches += part.dispatches.len() as u64);
         }
-        if let Some(timer) = &device.timer {
-            timer.borrow().resolve(&mut encoder, parts.len());
+        if let Some(timer) = &self.timer {
+            timer.resolve(&mut encoder, parts.len());
         }
         let fixed = &self.buffers.fixed;
         let staging = &fixed.results[turn];

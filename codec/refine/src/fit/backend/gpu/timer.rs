@@ -1,7 +1,7 @@
 //! [`Timer`]: how long the parts of steps take on the device.
 
 use super::device::{Buffer, Device};
-use super::plan::Part;
+use super::plan::StepPart;
 use crate::fit::backend::DeviceError;
 
 /// Most parts of a step.
@@ -52,7 +52,7 @@ impl Timer {
     pub(super) fn add<'a>(
         &mut self,
         device: &Device,
-        parts: impl Iterator<Item = &'a Part>,
+        parts: impl Iterator<Item = &'a StepPart>,
     ) -> Result<(), DeviceError> {
         let stamps: Vec<u64> = device.read(&self.resolved, 2 * PARTS_MAX as usize)?;
         for (i, (part, pair)) in parts.zip(stamps.chunks_exact(2)).enumerate() {
