@@ -21,9 +21,9 @@ const FRAMES: usize = 60;
 /// Cameras of the captures, on a ring about the origin.
 const CAMERAS: usize = 8;
 
-/// Steps before the measured ones; the most and the least of these, and the time after which they end.
-const WARM_UP: u64 = 4;
-const STEPS: std::ops::RangeInclusive<u64> = 4..=200;
+/// Steps before the measured ones; the least and the most of these, and the time after which they end.
+const WARM_UP: u64 = 2;
+const STEPS: std::ops::RangeInclusive<u64> = 2..=200;
 const LONGEST: Duration = Duration::from_secs(4);
 
 /// What is fitted.
@@ -45,30 +45,42 @@ const SIZES: [Size; 3] = [
 
 fn main() -> ExitCode {
     let is_json = std::env::args().any(|argument| argument == "--json");
-    match rows() {
-        Ok(rows) if is_json => println!("{:#}", json!({ "rows": rows })),
-        Ok(rows) => print(&rows),
-        Err(error) => {
-            eprintln!("error: {error}");
-            return ExitCode::FAILURE;
+    let mut rows = Vec::new();
+    if !is_json {
+        print_header();
+    }
+    let measured = measure(&mut |row| {
+        if !is_json {
+            print(&row);
+        }
+        rows.push(row);
+    });
+    if let Err(error) = measured {
+        eprintln!("error: {error}");
+        return ExitCode::FAILURE;
+    }
+    match is_json {
+        true => println!("{:#}", json!({ "rows": rows })),
+        false => {
+            println!("waits, submissions: in 100 steps; MB: what all kernels of a step touch, each once")
         }
     }
     ExitCode::SUCCESS
 }
 
-fn rows() -> Result<Vec<Value>, DeviceError> {
-    let mut rows = Vec::new();
+/// Measures each size on each back end, and gives the rows to `take`.
+fn measure(take: &mut dyn FnMut(Value)) -> Result<(), DeviceError> {
     for size in &SIZES {
         let views = size.views();
         let parameters = size.parameters();
         let (ms, drawn) = measured(&mut Cpu::default(), &parameters, &views)?;
-        rows.push(size.row("cpu", None, ms, drawn));
+        take(size.row("cpu", None, ms, drawn));
         match Gpu::open() {
-            Ok(gpu) => rows.push(on_device(gpu, size, &parameters, &views)?),
+            Ok(gpu) => take(on_device(gpu, size, &parameters, &views)?),
             Err(error) => eprintln!("note: {error}"),
         }
     }
-    Ok(rows)
+    Ok(())
 }
 
 /// The row of a device.
@@ -191,10 +203,7 @@ impl Size {
     }
 }
 
-fn print(rows: &[Value]) {
-    let number = |row: &Value, key: &str, digits: usize| {
-        row[key].as_f64().map_or_else(|| "-".into(), |x| format!("{x:.digits$}"))
-    };
+fn print_header() {
     println!(
         "{:<7}{:<5}{:>9}{:>10}{:>4}{:>9}{:>11}{:>8}{:>8}{:>8}{:>8}{:>9}{:>9}  adapter",
         "",
@@ -211,30 +220,30 @@ fn print(rows: &[Value]) {
         "least MB",
         "least ms"
     );
-    for row in rows {
-        let [name, backend, size] =
-            ["name", "backend", "size"].map(|key| row[key].as_str().unwrap_or_default());
-        let mb =
-            |key: &str| row[key].as_f64().map_or_else(|| "-".into(), |bytes| format!("{:.1}", bytes * 1e-6));
-        println!(
-            "{name:<7}{backend:<5}{size:>9}{:>10}{:>4}{:>9}{:>11}{:>8}{:>8}{:>8}{:>8}{:>9}{:>9}  {}",
-            row["gaussians"],
-            row["sh_degree"],
-            row["drawn"],
-            number(row, "ms_step", 2),
-            number(row, "waits_per_100", 1),
-            number(row, "submissions_per_100", 1),
-            number(row, "dispatches", 1),
-            mb("bytes_step"),
-            mb("bytes_least"),
-            number(row, "ms_least_by_bytes", 3),
-            row["adapter"].as_str().unwrap_or("-"),
-        );
-        if let Some(parts) = row["parts_ms"].as_object().filter(|parts| !parts.is_empty()) {
-            let part =
-                |(name, ms): (&String, &Value)| format!("{name} {:.3}", ms.as_f64().unwrap_or(f64::NAN));
-            println!("       ms: {}", parts.iter().map(part).collect::<Vec<_>>().join(", "));
-        }
+}
+
+fn print(row: &Value) {
+    let number = |row: &Value, key: &str, digits: usize| {
+        row[key].as_f64().map_or_else(|| "-".into(), |x| format!("{x:.digits$}"))
+    };
+    let [name, backend, size] = ["name", "backend", "size"].map(|key| row[key].as_str().unwrap_or_default());
+    let mb = |key: &str| row[key].as_f64().map_or_else(|| "-".into(), |bytes| format!("{:.1}", bytes * 1e-6));
+    println!(
+        "{name:<7}{backend:<5}{size:>9}{:>10}{:>4}{:>9}{:>11}{:>8}{:>8}{:>8}{:>8}{:>9}{:>9}  {}",
+        row["gaussians"],
+        row["sh_degree"],
+        row["drawn"],
+        number(row, "ms_step", 2),
+        number(row, "waits_per_100", 1),
+        number(row, "submissions_per_100", 1),
+        number(row, "dispatches", 1),
+        mb("bytes_step"),
+        mb("bytes_least"),
+        number(row, "ms_least_by_bytes", 3),
+        row["adapter"].as_str().unwrap_or("-"),
+    );
+    if let Some(parts) = row["parts_ms"].as_object().filter(|parts| !parts.is_empty()) {
+        let part = |(name, ms): (&String, &Value)| format!("{name} {:.3}", ms.as_f64().unwrap_or(f64::NAN));
+        println!("       ms: {}", parts.iter().map(part).collect::<Vec<_>>().join(", "));
     }
-    println!("waits, submissions: in 100 steps; MB: what all kernels of a step touch, each once");
 }
