@@ -230,9 +230,9 @@ fn print(row: &Value) {
     let mb = |key: &str| row[key].as_f64().map_or_else(|| "-".into(), |bytes| format!("{:.1}", bytes * 1e-6));
     println!(
         "{name:<7}{backend:<5}{size:>9}{:>10}{:>4}{:>9}{:>11}{:>8}{:>8}{:>8}{:>8}{:>9}{:>9}  {}",
-        row["gaussians"],
-        row["sh_degree"],
-        row["drawn"],
+        number(row, "gaussians", 0),
+        number(row, "sh_degree", 0),
+        number(row, "drawn", 0),
         number(row, "ms_step", 2),
         number(row, "waits_per_100", 1),
         number(row, "submissions_per_100", 1),
