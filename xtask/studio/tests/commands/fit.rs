@@ -322,7 +322,7 @@ fn an_assumed_frame_rate_is_noted_once_and_before_the_fit() {
         assert_eq!(outcome.code, Some(3), "{}", outcome.stderr);
         outcome.stderr.lines().map(str::to_owned).collect()
     };
-    let failed = lines(&["fit", "stage", "-o", "other.ply", "--cameras", "00"]);
+    let failed = lines(&["fit", "stage", "-o", "other.ply", "--cameras", "00", "--backend", "cpu"]);
     assert!(failed.len() == 2 && failed[0] == expected[0], "{failed:?}");
     let failed = lines(&["package", "stage", "--cameras", "00"]);
     let note = "note: 30 frames per second are assumed; duration_s and fps in scene.json state others";
