@@ -36,9 +36,9 @@ const WORDS: u32 = SUM_GROUP / 32u;
 
 var<workgroup> part: Part;
 var<workgroup> digit_counts: array<atomic<u32>, DIGITS>;
-// By digit, the destination of the next key.
+// The destination of the next key with each digit.
 var<workgroup> next: array<u32, DIGITS>;
-// By digit, the threads whose key has it.
+// The threads whose key has each digit, a bit each.
 var<workgroup> masks: array<atomic<u32>, DIGITS * WORDS>;
 
 fn digit_of(key: u32) -> u32 {

@@ -26,7 +26,7 @@ struct StepUniforms {
     near: f32,
     // Weight of alpha in the loss, against a channel of colour.
     alpha_channels: f32,
-    // 1 to add the gradient of the loss to the one in d_image, else 0.
+    // 1 if d_image has the gradient of another term, to which the gradient of the loss is added; else 0.
     adds_gradient: u32,
     // 1 to leave the gradient with respect to the camera, else 0.
     learns_camera: u32,

@@ -423,19 +423,18 @@ fn shows_tail(field: &Field, i: usize) -> bool {
 /// of 0 and the step `step` of a chunk.
 fn appearance_holds(step: f64, source: &Field, i: usize, decoded: &Field, j: usize) -> bool {
     // Where the clip shows a tail of a window alone, the opacity makes up for the rounding of the window: what shows is close.
-    let shown = |field: &Field, row: usize| {
-        let of_tail = |tau: &f32| field.opacity_at(row, f64::from(*tau).clamp(0.0, 1.0));
-        let tau =
-            field.temporal.as_ref().map(|temporal| &temporal.tau[row]).filter(|_| shows_tail(source, i));
-        tau.map_or_else(|| f64::from(field.opacities[row]), of_tail)
+    let is_tail = shows_tail(source, i);
+    let shown = |field: &Field, row: usize| match &field.temporal {
+        Some(temporal) if is_tail => field.opacity_at(row, f64::from(temporal.tau[row]).clamp(0.0, 1.0)),
+        _ => f64::from(field.opacities[row]),
     };
     // Rounding keeps visible opacities visible and invisible opacities invisible: up to a step more.
     let off = [shown(source, i), shown(decoded, j)].map(|x| x.max(0.5 * ALPHA_MIN).ln());
-    let steps = if shows_tail(source, i) { 3.0 } else { 1.5 };
+    let steps = if is_tail { 3.0 } else { 1.5 };
     // A window of less than a thousand of the finest steps of its centre is off by its own width.
     let is_instant = |temporal: &Temporal| temporal.s[i] < 1e-3;
     let opacity_holds = (off[0] - off[1]).abs() <= steps * (1.2 * step).min(0.4) + 1e-5
-        || shows_tail(source, i) && source.temporal.as_ref().is_some_and(is_instant);
+        || is_tail && source.temporal.as_ref().is_some_and(is_instant);
     // Half a step of luma and a quarter of each difference. Harmonics are three orthogonal numbers,
     // which may be rounded by up to a step.
     let luma = (1.45 * step).min(0.5);

@@ -318,7 +318,7 @@ fn coded_window(field: &Field, temporal: &Temporal, i: usize, step: f64) -> (Cod
     let opacity = opacity_number(f64::from(field.opacities[i]), row::opacity_step(step));
     let width_step = trajectory::width_step(step);
     let width = trajectory::width_number(s);
-    // Of a width below all codes, the centre stays: it would move far to keep the slope.
+    // A window narrower than all codes keeps its centre, which would move far to keep the slope.
     if s.is_finite()
         && s >= trajectory::narrowest()
         && !(0.0..=1.0).contains(&tau)

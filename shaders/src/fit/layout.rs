@@ -34,7 +34,7 @@ pub struct StepUniforms {
     pub near: f32,
     /// Weight of alpha in the loss, against a channel of colour.
     pub alpha_channels: f32,
-    /// 1 to add the gradient of the loss to the one in the buffer of the image's gradient, else 0.
+    /// 1 if the buffer of the image's gradient has the gradient of another term, to which the loss adds its own; else 0.
     pub adds_gradient: u32,
     /// 1 to leave the gradient with respect to the camera, else 0.
     pub learns_camera: u32,

@@ -86,7 +86,7 @@ pub struct Rig {
     cameras: Learning,
     /// Logarithms of the exposures, by the place of the photograph in the fit.
     exposures: Learning,
-    /// Of the last photographs, oldest first: what is to be learned of them.
+    /// What is to be learned from the last photographs, oldest first.
     lessons: VecDeque<Lesson>,
 }
 

@@ -14,7 +14,7 @@ use crate::in_order::for_each_in_order;
 #[derive(Clone, Debug, Default)]
 pub struct Cpu {
     loaded: Option<TrainingState>,
-    /// Of the step that has begun and not ended.
+    /// The report of the step that has begun, until it ends.
     report: Option<StepReport>,
 }
 

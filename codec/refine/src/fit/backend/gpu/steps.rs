@@ -110,7 +110,7 @@ impl Loaded {
         Ok(())
     }
 
-    /// The buffers that the next step takes among those of the steps in flight.
+    /// The number of the buffers that the next step takes.
     pub(super) fn next_turn(&mut self) -> usize {
         self.turn = (self.turn + 1) % (IN_FLIGHT + 1);
         self.turn
