@@ -201,8 +201,8 @@ struct PictureState {
 /// An open window.
 pub(super) struct Session {
     playing: Playing,
-    /// Whether a clip could be drawn so far.
-    has_shown: bool,
+    /// Whether a clip that fails ends the run: none was drawn, and the viewer has not opened another one.
+    ends_with_fault: bool,
     viewer: Viewer,
     /// Inputs of the present picture; `None` if it must be drawn again.
     drawn: Option<PictureState>,
@@ -272,7 +272,7 @@ impl Session {
         speaker.change_track(playing.sound.clone(), false);
         window.request_redraw();
         Ok(Session {
-            has_shown: false,
+            ends_with_fault: true,
             viewer,
             speaker,
             drawn: None,
@@ -357,6 +357,7 @@ impl Session {
         };
         // A choice of the viewer takes the place of what was said before.
         self.viewer.message = None;
+        self.ends_with_fault = false;
         self.progress(format!("Opening {what}"));
         self.clips.open(names);
     }
@@ -416,13 +417,13 @@ impl Session {
     /// Takes in an event of another thread.
     ///
     /// # Errors
-    /// Why a clip cannot be drawn, while none could so far: there is nothing else to see.
+    /// Why the clip that the window was opened for cannot be drawn, if none was and the viewer has opened no other.
     pub(super) fn receive(&mut self, event: Event) -> Result<(), Fault> {
         match event {
             Event::Loading => {
                 while let Some(change) = self.clips.poll() {
                     match change {
-                        Change::Failed(fault) if !self.has_shown => return Err(fault),
+                        Change::Failed(fault) if self.ends_with_fault => return Err(fault),
                         change => self.apply(change),
                     }
                 }
@@ -486,7 +487,7 @@ impl Session {
         self.window.set_title(&playing.title);
         self.viewer.buffered.clear();
         self.playing = playing;
-        self.has_shown = true;
+        self.ends_with_fault = false;
         self.drawn = None;
         self.window.request_redraw();
     }

@@ -422,8 +422,9 @@ fn shows_tail(field: &Field, i: usize) -> bool {
 /// Whether opacity and colours of decoded row `j` may come from source row `i`, for quantiser indices
 /// of 0 and the step `step` of a chunk.
 fn appearance_holds(step: f64, source: &Field, i: usize, decoded: &Field, j: usize) -> bool {
-    // Where the clip shows a tail of a window alone, the opacity makes up for the rounding of the window: what shows is close.
-    let is_tail = shows_tail(source, i);
+    // Where the clip shows a tail of a window alone, the opacity makes up for the rounding of the window: what shows is close. A
+    // row that became static keeps its opacity.
+    let is_tail = decoded.temporal.is_some() && shows_tail(source, i);
     let shown = |field: &Field, row: usize| match &field.temporal {
         Some(temporal) if is_tail => field.opacity_at(row, f64::from(temporal.tau[row]).clamp(0.0, 1.0)),
         _ => f64::from(field.opacities[row]),
