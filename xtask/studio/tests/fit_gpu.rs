@@ -71,6 +71,11 @@ fn slides_as_the_cpu() {
     let measured = |out: &str, backend: &str| {
         let json = aarc_studio(folder, &[&args[..], &["-o", out, "--backend", backend]].concat()).json();
         assert_eq!(json["parts"], 3, "{json}");
+        let manifest = fs::read(folder.join(out).join("field.json")).unwrap();
+        let manifest: serde_json::Value = serde_json::from_slice(&manifest).unwrap();
+        let segment = manifest["segments"][0]["file"].as_str().unwrap().to_owned();
+        let inspected = aarc_studio(&folder.join(out), &["inspect", &segment, "--json"]).json();
+        assert_eq!(inspected["device"].is_string(), backend == "gpu", "{inspected}");
         let eval = aarc_studio(folder, &["eval", out, "--capture", "stage", "--json"]).json();
         eval["splits"]["train"]["psnr_fg"].as_f64().unwrap()
     };

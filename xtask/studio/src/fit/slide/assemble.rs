@@ -28,7 +28,8 @@ pub struct Assembled {
     pub seconds: f64,
 }
 
-/// Writes the segments and `field.json` to the field folder, with the `info` of the take; `None` if nothing was fitted.
+/// Writes the segments and `field.json` to the field folder, with the `info` of the take; `None` if nothing was fitted. A
+/// segment records a graphics device if one computed steps of the background or of a part up to its end.
 ///
 /// # Errors
 /// [`Fault::Data`](program::Fault::Data) if a part is damaged; [`Fault::Usage`](program::Fault::Usage) if a file cannot be written.
@@ -37,7 +38,7 @@ pub(super) fn assemble(
     windows: &Windows,
     interval_s: f64,
     info: &ClipInfo,
-    record: &FitRecord,
+    mut record: FitRecord,
 ) -> anyhow::Result<Option<Assembled>> {
     let duration_s = windows.duration_s;
     let grid = SegmentGrid::new(duration_s, windows.unit_s);
@@ -53,10 +54,13 @@ pub(super) fn assemble(
             open.insert(place, joined(all, later(part.select(&rows), shift)));
         }
     };
-    add(&mut open, &work.fitted_background()?, [0.0, duration_s]);
+    let background = work.fitted_background()?;
+    record.device = background.device;
+    add(&mut open, &background.finished, [0.0, duration_s]);
     for part in 0..windows.count {
         let fitted = work.part(part)?;
         assembled.seconds += fitted.seconds;
+        record.device = record.device.or(fitted.device);
         add(&mut open, &fitted.finished, windows.span_s(part));
         let until_s = windows.final_until_s(part);
         let closed: Vec<(u8, u64)> = open
@@ -72,7 +76,7 @@ pub(super) fn assemble(
             let level = usize::from(place.0);
             assembled.gaussians.resize(assembled.gaussians.len().max(level + 1), 0);
             assembled.gaussians[level] += rows.len();
-            entries.push(write_segment(&work.out, &grid, place, &rows, interval_s, (info, record))?);
+            entries.push(write_segment(&work.out, &grid, place, &rows, interval_s, (info, &record))?);
         }
     }
     if entries.is_empty() {

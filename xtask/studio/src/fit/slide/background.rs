@@ -12,6 +12,7 @@ use program::Fault;
 use refine::capture::PhotoId;
 use refine::fit::{Backend, Carried, Fit, Learned, Parameters, TrainingView};
 
+use super::part::FittedPart;
 use super::photographs::Photographs;
 use super::rows::joined;
 use super::shown::{SHOWN_ERROR, not_shown};
@@ -37,12 +38,12 @@ pub(super) fn background(
     runtime: FitRuntime,
     out: &Path,
     on_progress: &mut dyn FnMut(&FitProgress),
-) -> anyhow::Result<Parameters<f32>> {
+) -> anyhow::Result<FittedPart> {
     let capture_files = photographs.capture_files;
     let mut views = photographs.spread()?;
     let anchors = anchors(plan, photographs, &views, &mut *runtime.backend)?;
     if anchors.is_empty() {
-        return Ok(anchors);
+        return Ok(FittedPart::default());
     }
     leave_out_what_moves(&mut views);
     let cameras = capture_files.capture.cameras.iter().map(|camera| &camera.camera);
@@ -50,7 +51,9 @@ pub(super) fn background(
     let fit = Fit::new(plan.fit_settings(), anchors, views.timeline, cameras).carrying(carried);
     let fit = fit.seen_by(views.rig(Learned::default()));
     let fitted = fit_from(plan, capture_files, &views, runtime, out, on_progress, |_| Ok(Some(fit)))?;
-    Ok(fitted.expect("there is something to fit").fit.into_fitted())
+    let fitted = fitted.expect("there is something to fit");
+    let device = fitted.device();
+    Ok(FittedPart { device, finished: fitted.fit.into_fitted(), ..FittedPart::default() })
 }
 
 /// Gaussians of what stands still in `views`, photographs of frames from all over the take.

@@ -151,7 +151,7 @@ fn whole(
         ..FitRecord::default()
     };
     let info = info(photographs, work)?;
-    let Some(assembled) = assemble(work, &windows, interval_s, &info, &record)? else {
+    let Some(assembled) = assemble(work, &windows, interval_s, &info, record)? else {
         let why = without_anchor.map_or_else(String::new, |error| format!("no anchor: {error}; "));
         let out = work.out.display();
         bail!(Fault::Data(format!(
@@ -165,7 +165,7 @@ fn whole(
 fn info(photographs: &Photographs, work: &WorkFolder) -> Result<ClipInfo, Fault> {
     let &Photographs { capture_files, windows, interval_s, .. } = photographs;
     let timeline = |duration_s: f64| Timeline { frames: 2, intervals: duration_s / interval_s };
-    let background = work.fitted_background()?.to_field(timeline(windows.duration_s));
+    let background = work.fitted_background()?.finished.to_field(timeline(windows.duration_s));
     for part in 0..windows.count {
         let [from_s, to_s] = windows.span_s(part);
         let field = work.part(part)?.finished.to_field(timeline(to_s - from_s));

@@ -20,6 +20,8 @@ use crate::fit::training_views::TrainingViews;
 pub(super) struct FittedPart {
     /// Seconds of fitting.
     pub(super) seconds: f64,
+    /// Name of the graphics device that computed steps, if any did.
+    pub(super) device: Option<String>,
     /// Gaussians that no other part changes.
     pub(super) finished: Parameters<f32>,
     /// Gaussians for the part before, if it was not fitted yet: they are alive in its photographs.
@@ -164,5 +166,5 @@ pub(super) fn divided(
         }
     }
     let [finished, before, after] = rows.map(|rows| fitted.select(&rows));
-    FittedPart { seconds: 0.0, finished, before, after }
+    FittedPart { finished, before, after, ..FittedPart::default() }
 }

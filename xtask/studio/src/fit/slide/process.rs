@@ -12,7 +12,7 @@ use super::part::{self, FittedPart, Start, divided, is_finished};
 use super::photographs::{Loaded, Photographs};
 use super::plan::SlidePlan;
 use super::work_folder::{Claim, WorkFolder};
-use crate::fit::{FitProgress, FitRuntime, fit_from};
+use crate::fit::{FitProgress, FitRuntime, Fitted, fit_from};
 
 /// Progress of a sliding fit.
 #[derive(Clone, Copy, Debug)]
@@ -65,7 +65,7 @@ impl Process<'_, '_> {
                 let done = i as u64 * steps + fit.step;
                 on_progress(&SlideProgress { part: Some(*part), done, steps: all, fit: *fit });
             };
-            match self.part(claim, &background, in_memory, parts.get(i + 1).copied(), on_fit) {
+            match self.part(claim, &background.finished, in_memory, parts.get(i + 1).copied(), on_fit) {
                 Ok(photographs) => in_memory = photographs,
                 Err(error) if apart && matches!(error.downcast_ref(), Some(Fault::Data(_))) => {
                     failed = failed.or(Some(error));
@@ -78,10 +78,10 @@ impl Process<'_, '_> {
     }
 
     /// The background of a take of several parts.
-    fn background(&mut self, on_fit: &mut dyn FnMut(&FitProgress)) -> anyhow::Result<Parameters<f32>> {
+    fn background(&mut self, on_fit: &mut dyn FnMut(&FitProgress)) -> anyhow::Result<FittedPart> {
         let Process { plan, photographs, runtime, work, .. } = self;
         work.background(|out| match photographs.windows.count {
-            1 => Ok(Parameters::default()),
+            1 => Ok(FittedPart::default()),
             _ => background(&plan.fit, photographs, again(runtime), out, on_fit),
         })
     }
@@ -119,9 +119,10 @@ impl Process<'_, '_> {
             }
             fit_from(&plan.fit, photographs.capture_files, &views, again(runtime), &claim.out, on_fit, start)
         })?;
+        let device = fitted.as_ref().and_then(Fitted::device);
         let fitted = fitted.map_or(passed_on, |fitted| fitted.fit.into_fitted());
         let seconds = begun.elapsed().as_secs_f64();
-        let fitted = FittedPart { seconds, ..divided(&fitted, photographs, part, is_finished) };
+        let fitted = FittedPart { seconds, device, ..divided(&fitted, photographs, part, is_finished) };
         work.complete(claim, &fitted)?;
         Ok(views.train)
     }

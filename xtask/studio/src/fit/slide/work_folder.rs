@@ -18,7 +18,6 @@ use std::thread;
 use std::time::Duration;
 
 use program::{Fault, output};
-use refine::fit::Parameters;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 use super::part::{Beside, FittedPart, is_finished};
@@ -32,7 +31,7 @@ use crate::messages::unreadable;
 use crate::segments::FieldFolder;
 
 /// First bytes of a file; the last one is the version of its contents.
-const MAGIC: Magic = *b"aarcstp\x04";
+const MAGIC: Magic = *b"aarcstp\x05";
 
 /// How often, and how long in between, a process tries for the lock that another one holds for a moment.
 const TRIES: u32 = 20;
@@ -191,8 +190,8 @@ impl WorkFolder {
     /// Those of `make`; [`Fault::Data`] if the file is damaged, and [`Fault::Usage`] if it cannot be written.
     pub(super) fn background(
         &self,
-        make: impl FnOnce(&Path) -> anyhow::Result<Parameters<f32>>,
-    ) -> anyhow::Result<Parameters<f32>> {
+        make: impl FnOnce(&Path) -> anyhow::Result<FittedPart>,
+    ) -> anyhow::Result<FittedPart> {
         let path = self.folder.join("background");
         let lock = lock_file(&self.folder.join("background.lock"))?;
         lock.lock().map_err(|error| self.cannot_lock(&error))?;
@@ -209,7 +208,7 @@ impl WorkFolder {
     ///
     /// # Errors
     /// [`Fault::Data`] if the file is missing or damaged.
-    pub(super) fn fitted_background(&self) -> Result<Parameters<f32>, Fault> {
+    pub(super) fn fitted_background(&self) -> Result<FittedPart, Fault> {
         read(&self.folder.join("background"))
     }
 
