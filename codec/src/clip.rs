@@ -118,7 +118,7 @@ impl Viewpoint {
 }
 
 /// Vertical field of view of [`Viewpoint::framing`], in radians.
-const FRAMING_FOV_Y: f64 = 50.0 * std::f64::consts::PI / 180.0;
+pub(crate) const FRAMING_FOV_Y: f64 = 50.0 * std::f64::consts::PI / 180.0;
 
 /// Size of the view of [`Viewpoint::framing`], relative to the box.
 const FRAMING_MARGIN: f64 = 1.1;

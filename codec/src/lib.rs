@@ -146,7 +146,6 @@ mod sound;
 mod standing;
 mod take;
 mod time_index;
-mod visibility;
 
 pub use camera::Camera;
 pub use clip::{Clip, ClipInfo, LayerEnd, Layers, Viewpoint};
@@ -176,9 +175,8 @@ pub use section::{Region, Section, SectionKind};
 #[cfg(feature = "encode")]
 pub use sound::with_sound;
 pub use sound::{SOUND_RATE_HZ, Sound, SoundInfo};
-pub use standing::{StandPoints, Surroundings, SurroundingsBuilder, unseen_rows};
+pub use standing::{CoarseField, Sight, StandPoints, Surroundings, SurroundingsBuilder};
 pub use take::{Resident, SPAN_TOLERANCE_S, Segment, SegmentLayer, Take, package, span_holds};
 #[cfg(feature = "encode")]
 pub use take::{SegmentGrid, SegmentPackage, SplitSegment, encode_take_head, retime, split, take_order};
 pub use time_index::TimeIndex;
-pub use visibility::Visibility;

@@ -29,7 +29,7 @@ impl Subject {
     /// The subject of a clip or a take with this `info` and these `surroundings`.
     pub fn new(info: &ClipInfo, surroundings: &Surroundings) -> Subject {
         let up = DVec3::from(info.up.map(f64::from)).try_normalize().unwrap_or(DVec3::Y);
-        let viewpoint = info.viewpoints.first().cloned().unwrap_or_else(|| surroundings.opening());
+        let viewpoint = surroundings.first_viewpoint(info);
         let eye = DVec3::from(viewpoint.position.map(f64::from));
         let target = DVec3::from(viewpoint.target.map(f64::from));
         // Towards the viewpoint, level.

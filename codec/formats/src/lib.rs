@@ -25,7 +25,6 @@ mod limits;
 mod origin;
 mod overrides;
 mod ply;
-mod probe;
 mod scene;
 mod sequence;
 mod similarity;

@@ -22,7 +22,7 @@
 use std::collections::BTreeMap;
 use std::f32::consts::{FRAC_1_SQRT_2, SQRT_2};
 
-use codec::{Camera, ClipInfo, Field, NAME_BYTES_MAX, Surroundings, Viewpoint};
+use codec::{Camera, ClipInfo, CoarseField, Field, NAME_BYTES_MAX, Surroundings, Viewpoint};
 use half::f16;
 use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
@@ -33,7 +33,6 @@ use crate::bytes::{byte_of_unit, f16_at, f32_at, u32_at};
 use crate::columns::{rgb_of_sh, unpack_rgba};
 use crate::imported::{Hints, Imported};
 use crate::limits::ImportBudget;
-use crate::probe::Probe;
 use crate::statements::{Statement, honoured, ignored, noted, unread};
 use crate::up_axis::{DEFAULT_UP, up_of};
 
@@ -65,6 +64,9 @@ const ROWS_PER_LINE: usize = 1024;
 /// Most cameras of a file that are tried, and most viewpoints that they become.
 const CAMERAS_MAX: usize = 16;
 const VIEWPOINTS_MAX: usize = 8;
+
+/// Instants of a field that changes at which a camera may show it, in clip time.
+const INSTANTS: [f64; 3] = [1.0 / 6.0, 0.5, 5.0 / 6.0];
 
 /// Image size of the cameras that are written; viewers choose their own aspect ratio.
 const CAMERA_SIZE: (u32, u32) = (1024, 768);
@@ -192,7 +194,7 @@ pub(crate) fn read(bytes: &[u8], budget: &mut ImportBudget) -> Result<Imported, 
     field.temporal = Some(temporal);
     let hints = match chunk.aarc {
         Some(record) => record.into_hints()?,
-        None => hints_of(&field, &chunk.cameras, budget)?,
+        None => hints_of(&field, &chunk.cameras),
     };
     let mut imported = Imported { hints, ..Imported::new(".splatv", field, repairs) };
     let keys = unread(STATEMENTS, chunk.others.keys().map(String::as_str));
@@ -230,8 +232,10 @@ fn splat_chunk<'b>(
 }
 
 /// The up axis and viewpoints of a file by another program.
-fn hints_of(field: &Field, cameras: &serde_json::Value, budget: &mut ImportBudget) -> Result<Hints, String> {
-    let probe = Probe::new(field, budget)?;
+fn hints_of(field: &Field, cameras: &serde_json::Value) -> Hints {
+    let instants = if field.temporal.is_some() { &INSTANTS[..] } else { &INSTANTS[..1] };
+    let at_instants: Vec<CoarseField> = instants.iter().map(|&t| CoarseField::new(field, t)).collect();
+    let is_informative = |camera: &Camera| at_instants.iter().any(|field| field.is_informative(camera));
     let listed = cameras.as_array().map_or(&[][..], Vec::as_slice).iter().take(CAMERAS_MAX);
     let named = listed.filter_map(|camera| SplatvCamera::deserialize(camera).ok()).enumerate().filter_map(
         |(i, camera)| {
@@ -242,16 +246,16 @@ fn hints_of(field: &Field, cameras: &serde_json::Value, budget: &mut ImportBudge
         },
     );
     let own: Vec<(String, Camera)> =
-        named.filter(|(_, camera)| probe.shows(camera)).take(VIEWPOINTS_MAX).collect();
+        named.filter(|(_, camera)| is_informative(camera)).take(VIEWPOINTS_MAX).collect();
     let up = up_of(own.iter().map(|(_, camera)| camera)).unwrap_or(DEFAULT_UP);
     let surroundings = Surroundings::new(field, None, up);
     let mut viewpoints: Vec<Viewpoint> =
         own.iter().map(|(name, camera)| surroundings.viewpoint(name, camera)).collect();
     if viewpoints.is_empty() {
         let front = front();
-        viewpoints.extend(probe.shows(&front).then(|| surroundings.viewpoint("front", &front)));
+        viewpoints.extend(is_informative(&front).then(|| surroundings.viewpoint("front", &front)));
     }
-    Ok(Hints { up: Some(up), viewpoints, ..Hints::default() })
+    Hints { up: Some(up), viewpoints, ..Hints::default() }
 }
 
 impl SplatvCamera {

@@ -126,6 +126,15 @@ impl DiscsBuilder {
 }
 
 impl Discs {
+    /// The discs of a field at clip time `t`, and of its static background: of at most `most` rows of either.
+    pub(super) fn at(field: &Field, plate: Option<&Field>, t: f64, most: usize) -> Discs {
+        let field_rows = field.len().min(most);
+        let of_plate = plate.into_iter().flat_map(|plate| discs_at(plate, Some(0.0), most, field_rows));
+        let instant = discs_at(field, Some(t), most, 0).chain(of_plate).collect();
+        let rows = field_rows + plate.map_or(0, |plate| plate.len().min(most));
+        Discs { instants: vec![instant], field_rows, rows, near: f64::from(field.near) }
+    }
+
     /// Lets one stand for several wide, translucent discs where many would take long to draw: it has their sum of opacities.
     /// They are wide in pictures of `size` pixels that a ball of this `radius` fills, in source units.
     pub(super) fn thin_out(&mut self, radius: f64, size: (u32, u32)) {

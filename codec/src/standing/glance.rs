@@ -21,6 +21,10 @@ pub(super) struct Glance {
     pub(super) seen: Vec<bool>,
     /// Largest share of the picture, over the instants, that things nearer than the limit cover.
     pub(super) blocked: f64,
+    /// Share of the picture, the least over the instants, that anything covers, however thinly.
+    pub(super) covered: f64,
+    /// Largest share of all that is seen that belongs to one row at an instant, 0 to 1.
+    pub(super) largest_share: f64,
     /// Share of the content's picture that nothing covers, 0 to 1; 0 where the content is out of the picture.
     pub(super) content: f64,
     /// Share of the picture that the content would fill if nothing stood before it, 0 to 1.
@@ -34,12 +38,17 @@ pub(super) struct Glance {
 /// Looks at `discs` with `camera`, of [`SIZE`] pixels. Things nearer than `near` block it, and fade from `fade` on.
 pub(super) fn glance(discs: &Discs, camera: &Camera, near: f64, fade: f64) -> Glance {
     let mut seen = vec![false; discs.rows];
-    let (mut sum, mut blocked, mut alone) = (Sums::default(), 0.0_f64, 0.0);
+    let (mut sum, mut alone, mut covered) = (Sums::default(), 0.0, 1.0_f64);
+    let (mut blocked, mut largest) = (0.0_f64, 0.0_f64);
     for instant in &discs.instants {
         let mut picture = Picture::default();
         for projected in project(instant, camera, fade) {
+            let before = picture.sums.weight;
             seen[projected.disc.row] |= projected.add_to(&mut picture, near);
+            largest = largest.max(picture.sums.weight - before);
         }
+        let open = picture.transmittance.iter().filter(|transmittance| **transmittance == 1.0).count();
+        covered = covered.min(1.0 - open as f64 / PIXELS as f64);
         let Sums { weight, depth, content, content_depth, blocked: here } = picture.sums;
         blocked = blocked.max(here / PIXELS as f64);
         alone += picture.without_content.iter().map(|transmittance| 1.0 - transmittance).sum::<f64>();
@@ -52,6 +61,8 @@ pub(super) fn glance(discs: &Discs, camera: &Camera, near: f64, fade: f64) -> Gl
     Glance {
         seen,
         blocked,
+        covered,
+        largest_share: ratio(largest, sum.weight),
         content: ratio(sum.content, alone),
         filled: alone / (PIXELS * discs.instants.len()) as f64,
         depth: ratio(sum.depth, sum.weight),

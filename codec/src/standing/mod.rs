@@ -1,6 +1,6 @@
 //! [`Surroundings`]: where the content of a field is, where people stand to look at it, and from where they see it first.
 //!
-//! All of it follows from the rows as discs in pictures of 48x36 pixels, at four instants:
+//! All of it follows from the rows as discs in pictures of 48x36 pixels, at a few instants:
 //!
 //! ```text
 //! discs -> content (a ball) -> stand points: rings around the content, each point as far away as walls let it be
@@ -11,6 +11,7 @@
 //! A field has no unit: distances are those at which the content fills the view, and fractions of them. Everything is
 //! deterministic, on any machine.
 
+mod coarse;
 mod content;
 mod discs;
 mod glance;
@@ -19,16 +20,15 @@ mod opening;
 mod tests;
 
 use crate::camera::{cross, dot, norm, normalize, sub};
-use crate::{Camera, Clip, Field, Viewpoint};
+use crate::clip::FRAMING_FOV_Y as FOV_Y;
+use crate::{Camera, Clip, ClipInfo, Field, Viewpoint};
+pub use coarse::{CoarseField, Sight};
 use content::{Ball, Content, EXTENT, bounds_along};
 use discs::{Discs, DiscsBuilder};
 use glance::{Glance, SIZE, glance};
 
 /// Rows of a field that are looked at, at most.
 const ROWS: usize = 12_000;
-
-/// Vertical field of view of the stand points in radians: from the distance at which the content fills it.
-const FOV_Y: f64 = 50.0 * std::f64::consts::PI / 180.0;
 
 /// Vertical field of view of the stand points that look around, in radians.
 const AROUND_FOV_Y: f64 = 75.0 * std::f64::consts::PI / 180.0;
@@ -42,6 +42,10 @@ const PLACES: [f64; 8] = [0.0, 3.0, 6.0, 1.0, 4.0, 7.0, 2.0, 5.0];
 
 /// ... at this share of the way to the sides of its box.
 const PLACE_SHARE: f64 = 0.5;
+
+/// How far the middle is moved aside for places of another turn, as a share of the way to the sides of the box: places of
+/// two turns share no eye.
+const MIDDLE_SHARE: f64 = 0.2;
 
 /// Most places within content from which it is judged.
 const PLACES_MAX: usize = 3;
@@ -211,6 +215,11 @@ impl Surroundings {
         self.content.radius()
     }
 
+    /// Where playing starts: the first viewpoint of `info`, or else the opening.
+    pub fn first_viewpoint(&self, info: &ClipInfo) -> Viewpoint {
+        info.viewpoints.first().cloned().unwrap_or_else(|| self.opening())
+    }
+
     /// The view of `camera`, its target as far away as the content, or else as far away as what it sees.
     pub fn viewpoint(&self, name: &str, camera: &Camera) -> Viewpoint {
         let (center, radius) = self.center_and_radius();
@@ -358,19 +367,18 @@ impl Surroundings {
             let [low, high] = self.content.bounds;
             0.5 * (0..3).map(|i| (axis[i] * (high[i] - low[i])).abs()).sum::<f64>()
         };
-        let beside = |eighths: f64| {
+        let place = |eighths: f64, share: f64| {
             let (sin, cos) = libm::sincos(std::f64::consts::FRAC_PI_4 * (eighths + turn));
-            let place = moved(center, axes[0], PLACE_SHARE * cos * extent(axes[0]));
-            moved(place, axes[1], PLACE_SHARE * sin * extent(axes[1]))
+            let place = moved(center, axes[0], share * cos * extent(axes[0]));
+            moved(place, axes[1], share * sin * extent(axes[1]))
         };
+        let middle = place(0.0, MIDDLE_SHARE * turn);
+        let beside = |eighths: f64| place(eighths, PLACE_SHARE);
         let quarter = std::f64::consts::FRAC_PI_2;
-        // The first look from beside the middle is at the middle.
+        // The first look from beside the center is at the center.
         let directions = |place: [f64; 3]| -> [[f64; 3]; 4] {
-            let (front, first) = match normalize(sub(center, place)) {
-                Some(front) => (front, 0.0),
-                None => (axes[0], turn),
-            };
-            std::array::from_fn(|i| rotate(front, self.up, quarter * (i as f64 + first)))
+            let front = normalize(sub(center, place)).unwrap_or(axes[0]);
+            std::array::from_fn(|i| rotate(front, self.up, quarter * i as f64))
         };
         let alone = self.content_discs();
         let sees_walls = |camera: &Camera| {
@@ -392,7 +400,7 @@ impl Surroundings {
             }
             Some((place, cameras.into_iter().map(|camera| self.look(camera, radius)).collect()))
         };
-        std::iter::once(center).chain(PLACES.map(beside)).filter_map(around).take(PLACES_MAX).collect()
+        std::iter::once(middle).chain(PLACES.map(beside)).filter_map(around).take(PLACES_MAX).collect()
     }
 
     /// Looks at the ceiling and the floor around `place`.
@@ -429,27 +437,6 @@ impl Clip {
             viewpoints => viewpoints.to_vec(),
         }
     }
-}
-
-/// Rows of `field` that no camera of `cameras` shows in pictures of 48x36 pixels, ascending: at none of four instants in each
-/// of `parts` equal parts of the clip, and at least one of these instants is in the row's life. The rims of some rows
-/// show in larger pictures.
-pub fn unseen_rows(field: &Field, plate: Option<&Field>, cameras: &[Camera], parts: usize) -> Vec<usize> {
-    let (mut is_alive, mut is_seen) = (vec![false; field.len()], vec![false; field.len()]);
-    let parts = if field.temporal.is_some() { parts.max(1) } else { 1 };
-    for part in 0..parts {
-        let mut builder = DiscsBuilder::new(field.len(), usize::MAX);
-        builder.add(field, [part, part + 1].map(|end| end as f64 / parts as f64));
-        plate.into_iter().for_each(|plate| builder.add_plate(plate));
-        let discs = builder.build();
-        let of_field = discs.instants.iter().flatten().filter(|disc| disc.row < discs.field_rows);
-        of_field.for_each(|disc| is_alive[disc.row] = true);
-        for camera in cameras {
-            let seen = glance(&discs, &camera.resized(SIZE.0, SIZE.1), 0.0, discs.near).seen;
-            is_seen.iter_mut().zip(seen).for_each(|(is_seen, seen)| *is_seen |= seen);
-        }
-    }
-    (0..field.len()).filter(|&row| is_alive[row] && !is_seen[row]).collect()
 }
 
 /// A unit vector along `up`, or along y where that has no direction.

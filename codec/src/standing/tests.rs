@@ -105,6 +105,20 @@ fn the_content_is_what_is_dense_whatever_surrounds_it() {
         let mut random = numbers(3);
         (0..COUNT).map(|_| ([size * (random() - 0.5), -1.0, size * (random() - 0.5)], 0.02 * size)).collect()
     };
+    // A sixth of all rows, 100 to 600 radii behind it.
+    let backdrop: Vec<Row> = {
+        let mut random = numbers(5);
+        let row = |_| {
+            let z = -100.0 - 500.0 * random();
+            ([z * (random() - 0.5), z * (random() - 0.5), z], 0.02 * z.abs())
+        };
+        (0..COUNT / 5).map(row).collect()
+    };
+    for rows in [ball.clone(), with(backdrop.clone())] {
+        let opening = surroundings(&rows).opening();
+        let [eye, target] = [opening.position, opening.target].map(|point| point.map(f64::from));
+        assert!(norm(target) < 0.1 && (3.0..4.5).contains(&distance(eye, target)), "{opening:?}");
+    }
     for (what, rows) in [
         ("alone", ball.clone()),
         ("in a room of 10", with(room(COUNT, 10.0))),
@@ -114,6 +128,7 @@ fn the_content_is_what_is_dense_whatever_surrounds_it() {
         ("under a sky at 1000", with(sky(COUNT, 1000.0))),
         ("with strays", with(strays(1e9))),
         ("on a floor", with(floor(30.0))),
+        ("before a backdrop", with(backdrop.clone())),
         ("in a room with strays", [with(room(COUNT, 100.0)), strays(1e9)].concat()),
     ] {
         assert_is_unit_ball(&surroundings(&rows).content, what);
@@ -183,10 +198,15 @@ fn people_stand_in_the_room_and_see_its_walls() {
 
 #[test]
 fn other_turns_are_other_places() {
-    let surroundings = surroundings(&[ball(COUNT, 1.0), room(COUNT, 10.0)].concat());
-    let [a, b] = [0.0, 0.5].map(|turn| surroundings.stand_points(turn, (64, 48)));
-    for a in a.content.iter().chain(&a.around) {
-        assert!(b.content.iter().chain(&b.around).all(|b| distance(a.position(), b.position()) > 0.1));
+    for rows in [[ball(COUNT, 1.0), room(COUNT, 10.0)].concat(), room(COUNT, 3.0)] {
+        let surroundings = surroundings(&rows);
+        let [a, b, c] = [0.0, 0.5, 0.75].map(|turn| surroundings.stand_points(turn, (64, 48)));
+        for (a, b) in [(&a, &b), (&a, &c), (&b, &c)] {
+            for a in a.content.iter().chain(&a.around) {
+                let is_apart = |b: &Camera| distance(a.position(), b.position()) > 0.1;
+                assert!(b.content.iter().chain(&b.around).all(is_apart));
+            }
+        }
     }
 }
 
@@ -354,12 +374,40 @@ fn rows_that_nothing_shows_are_counted() {
     let field = field(&[closed, ball(100, 0.3), below(ball(50, 0.1), 500.0)].concat());
     let surroundings = Surroundings::new(&field, None, UP);
     let ring = &surroundings.stand_points(0.0, (64, 48)).content[..8];
-    let of_sphere = unseen_rows(&field.select(&(0..COUNT).collect::<Vec<_>>()), None, ring, 1);
+    let sphere = field.select(&(0..COUNT).collect::<Vec<_>>());
+    let hidden = |field: &Field, plate: Option<&Field>, cameras: &[Camera]| -> Vec<usize> {
+        let sights = CoarseField::sights(field, plate, 0.0, cameras);
+        (0..sights.len()).filter(|row| sights[*row] == Sight::Hidden).collect()
+    };
+    let of_sphere = hidden(&sphere, None, ring);
     assert!(of_sphere.len() < COUNT / 4, "its lower side: {}", of_sphere.len());
     let within_and_below: Vec<usize> = (COUNT..COUNT + 150).collect();
-    assert_eq!(unseen_rows(&field, None, ring, 1), [of_sphere, within_and_below].concat());
-    assert_eq!(unseen_rows(&field, None, &[], 1).len(), field.len());
-    assert!(unseen_rows(&Field::default(), None, ring, 1).is_empty());
+    let expected = [&of_sphere[..], &within_and_below].concat();
+    assert_eq!(hidden(&field, None, ring), expected);
+    assert_eq!(hidden(&sphere, Some(&field.select(&within_and_below)), ring), expected, "of a plate");
+    assert_eq!(hidden(&field, None, &[]).len(), field.len());
+    let mut later = sphere.clone();
+    let count = later.len();
+    later.temporal = Some(Temporal { tau: vec![0.9; count], s: vec![0.01; count], ..Temporal::default() });
+    assert_eq!(CoarseField::sights(&later, None, 0.1, ring), vec![Sight::Absent; count]);
+}
+
+#[test]
+fn a_view_is_informative_with_pixels_and_rows_of_which_none_is_alone() {
+    let is_informative = |rows: &[Row], target: [f64; 3]| {
+        let camera = Camera::look_at([0.0, 0.0, 8.0], target, UP.map(f64::from), 0.8, 320, 240);
+        CoarseField::new(&field(rows), 0.0).is_informative(&camera)
+    };
+    let sphere = ball(400, 2.0);
+    assert!(is_informative(&sphere, [0.0; 3]));
+    assert!(!is_informative(&sphere, [0.0, 0.0, 20.0]), "it looks away");
+    assert!(!is_informative(&placed(&sphere, 1.0, [0.0, 0.0, -400.0]), [0.0; 3]), "too far away");
+    let before_the_lens = [&sphere[..], &[([0.0, 0.0, 7.0], 0.5)]].concat();
+    assert!(!is_informative(&before_the_lens, [0.0; 3]), "the inside of one Gaussian");
+    assert!(!is_informative(&[&sphere[..30], &placed(&sphere, 1.0, [0.0, 0.0, 90.0])].concat(), [0.0; 3]));
+    let few: Vec<Row> = ball(3, 1.0).into_iter().map(|(center, _)| (center, 0.3)).collect();
+    assert!(is_informative(&few, [0.0; 3]), "a field of few Gaussians, all of them");
+    assert!(!is_informative(&[], [0.0; 3]), "nothing is alive");
 }
 
 #[test]
@@ -386,6 +434,24 @@ fn many_rows_are_looked_at_as_few() {
     assert!(distance(few.content.balls[0].center, many.content.balls[0].center) < 0.1);
     assert!((few.content_radius() / many.content_radius() - 1.0).abs() < 0.1);
     assert_eq!(many.stand_points(0.0, (64, 48)), surroundings(&rows(50_000)).stand_points(0.0, (64, 48)));
+}
+
+#[test]
+fn cameras_show_the_content_unless_they_are_in_something_or_look_away() {
+    let mut rows = ball(COUNT, 1.0);
+    rows.push(([0.0, 0.0, -3.9], 0.4));
+    let at = |position: [f64; 3], target: [f64; 3]| {
+        Camera::look_at(position, target, UP.map(f64::from), 0.8, 320, 240)
+    };
+    let cameras = [
+        at([0.0, 0.0, 4.0], [0.0; 3]),
+        at([0.0, 0.0, -4.0], [0.0; 3]),
+        at([4.0, 0.0, 0.0], [9.0, 0.0, 0.0]),
+        at([-4.5, 1.0, 0.0], [0.0; 3]),
+    ];
+    let surroundings = surroundings(&rows);
+    assert_eq!(surroundings.which_show_content(cameras.iter()), [true, false, false, true]);
+    assert_eq!(surroundings.which_show_content(cameras[1..3].iter()), [true; 2], "none of them does");
 }
 
 #[test]

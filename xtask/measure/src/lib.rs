@@ -4,9 +4,12 @@
 //! without. [`stability`] compares the GPU's pictures of stiff and extreme fields with the f64
 //! reference's.
 
+mod cameras;
 pub mod device;
 pub mod parameter;
 pub mod playing;
 pub mod resident;
 pub mod scene;
 pub mod stability;
+
+pub use cameras::{MEASURED_TURN, measured_cameras};

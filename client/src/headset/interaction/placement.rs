@@ -18,9 +18,8 @@ pub const SCALE_RANGE: (f64, f64) = (0.05, 20.0);
 /// Farthest position of a clip along an axis of the stage, in metres.
 const FARTHEST_M: f64 = 1000.0;
 
-/// Initial distance in metres from the viewer to the center of a clip in front, and the least distance to its
-/// near side.
-const START_M: f64 = 1.75;
+/// Least initial distance in metres from the viewer to the near side of a clip in front. Its center is as far away as
+/// [`Standpoint::Standing`] where that is farther, and no farther than from the first viewpoint: a wall may be behind that.
 const START_CLEARANCE_M: f64 = 1.0;
 
 /// Largest radius in metres of a clip that starts in front of the viewer rather than around.
@@ -120,7 +119,10 @@ impl Placement {
             let has_floor = (EYE_HEIGHTS_M.0..=EYE_HEIGHTS_M.1).contains(&eye_m.y);
             DVec3 { y: if has_floor { 0.0 } else { on_eye.y }, ..on_eye }
         } else {
-            ahead(START_M.max(radius_m + START_CLEARANCE_M))
+            let distance_m = Standpoint::Standing.distance_m().max(radius_m + START_CLEARANCE_M);
+            // Who makes a clip smaller stands outside of its walls.
+            let free_m = if scale >= 1.0 { eye_m.x.hypot(eye_m.z) } else { f64::INFINITY };
+            ahead(distance_m.min(free_m))
         };
         Placement::new(scale, heading, position)
     }
@@ -233,7 +235,7 @@ mod tests {
             let crown = stage_from_clip.point(dvec3(3.0, -0.8, 5.0));
             assert!(feet.y.abs() < 0.04 && (crown.y - 1.8).abs() < 0.04, "{feet} {crown}");
             let ahead = dvec3(feet.x, 1.6, feet.z) - head.position.as_dvec3();
-            assert!((ahead.length() - 1.75).abs() < 0.05, "{ahead}");
+            assert!((ahead.length() - 2.0).abs() < 0.05, "{ahead}");
             assert!(ahead.normalize().dot(head.forward().as_dvec3()) > 0.99);
             // The viewpoint's side of the clip is the near one.
             let chest = stage_from_clip.point(dvec3(3.0, 0.0, 4.0));
@@ -269,7 +271,7 @@ mod tests {
             let ahead = DVec3 { y: 1.6, ..stage_from_clip.point(subject.ground) } - head.position.as_dvec3();
             assert!(placement.scale() == scale && placement.position().y == 0.0, "{placement:?}");
             let near_m = ahead.length() - scale * subject.radius_m;
-            assert!(near_m >= 0.99 && ahead.length() < 1.76 + scale, "{scale}: {ahead}");
+            assert!(near_m >= 0.99 && ahead.length() < 2.01 + scale, "{scale}: {ahead}");
         }
     }
 
@@ -313,7 +315,7 @@ mod tests {
             let stage_feet = stage_from_clip.point(feet);
             assert!(stage_feet.y.abs() < 0.04 && (subject.height_m - 1.8).abs() < 0.08, "{i}: {subject:?}");
             let ahead = dvec3(stage_feet.x, 1.6, stage_feet.z) - head.position.as_dvec3();
-            assert!((ahead.length() - 1.75).abs() < 0.1, "{i}: {ahead}");
+            assert!((ahead.length() - 2.0).abs() < 0.1, "{i}: {ahead}");
             assert!(ahead.normalize().dot(head.forward().as_dvec3()) > 0.99, "{i}: {ahead}");
             // The side of the opening view is the near one, and the room is around all of it.
             let eye = stage_from_clip.point(DVec3::from(surroundings.opening().position.map(f64::from)));

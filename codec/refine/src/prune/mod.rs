@@ -40,7 +40,7 @@ pub use fragments::{weight_per_fragment, within_fragments};
 pub use persistence::{Connectivity, Feature, MergeTree};
 pub(crate) use pictures::PictureErrors;
 pub use pictures::{Fidelity, Pictures, WorstPicture};
-pub use posed_views::{instants, is_informative, posed_views, steps_aside};
+pub use posed_views::{instants, posed_views, steps_aside};
 pub use rank::{Ranking, by_importance, contributions_to};
 pub use recolor::{PASSES, recolor};
 pub use select::{Candidate, RESOLUTION_DB, Selection, select};

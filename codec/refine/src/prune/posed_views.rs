@@ -3,26 +3,10 @@
 //! Viewpoints that a source suggests are used together with cameras slightly aside, since a head moves. All other cameras
 //! come from [`codec::Surroundings`].
 
-use codec::{ALPHA_MIN, Camera, Field, Viewpoint, Visibility};
+use codec::{Camera, Field, Viewpoint};
 use glam::{DQuat, DVec3};
 
-use crate::reference::{PosedView, Shown, shown};
-
-/// Width and height in pixels of the pictures that tell whether a view is informative.
-const PROBE: (u32, u32) = (64, 48);
-
-/// Whether `view` shows enough of `field` to compare pictures by: not empty space, and not the inside of one
-/// Gaussian. A camera that fails [`Camera::check`] shows nothing.
-pub fn is_informative(field: &Field, view: &PosedView) -> bool {
-    let PosedView { camera, t } = view;
-    let alive = (0..field.len()).filter(|&row| field.opacity_at(row, *t) >= ALPHA_MIN).count();
-    let camera = camera.resized(PROBE.0, PROBE.1);
-    if camera.check().is_err() {
-        return false;
-    }
-    let Shown { covered, gaussians, largest_share } = shown(field, &camera, *t);
-    Visibility { alive, gaussians, covered, largest_share }.is_informative()
-}
+use crate::reference::PosedView;
 
 /// Views of every camera at every instant, in clip time.
 pub fn posed_views(cameras: &[Camera], instants: &[f64]) -> Vec<PosedView> {
@@ -85,17 +69,6 @@ mod tests {
         assert!((arm(&cameras[1]) - arm(&cameras[2])).length() > 1.0);
     }
 
-    /// Points on a sphere, evenly.
-    fn sphere(count: usize, radius: f64) -> Vec<[f32; 3]> {
-        let point = |i: usize| {
-            let height = 1.0 - (2 * i + 1) as f64 / count as f64;
-            let (sin, cos) = libm::sincos(2.399_963 * i as f64);
-            let level = (1.0 - height * height).sqrt();
-            [level * cos, height, level * sin].map(|x| (radius * x) as f32)
-        };
-        (0..count).map(point).collect()
-    }
-
     #[test]
     fn instants_are_centres_of_intervals() {
         let mut field = balls(&[[0.0; 3]], 0.1, 0.9);
@@ -116,22 +89,5 @@ mod tests {
             .collect();
         sides.sort_unstable();
         assert_eq!(sides, [[-1, 0], [0, -1], [0, 1], [1, 0]]);
-    }
-
-    #[test]
-    fn a_view_counts_if_it_shows_enough() {
-        let field = balls(&sphere(400, 2.0), 0.1, 0.9);
-        let view = |field: &Field, target: [f64; 3]| {
-            let camera = Camera::look_at([0.0, 0.0, 8.0], target, [0.0, 1.0, 0.0], 0.8, 320, 240);
-            is_informative(field, &PosedView { camera, t: 0.0 })
-        };
-        assert!(view(&field, [0.0; 3]));
-        assert!(!view(&field, [0.0, 0.0, 20.0]), "it looks away");
-        let mut before_the_lens = field.clone();
-        before_the_lens.centers[0] = [0.0, 0.0, 7.0];
-        before_the_lens.log_scales[0] = [-0.7; 3];
-        assert!(!view(&before_the_lens, [0.0; 3]), "the inside of one Gaussian");
-        let few = balls(&sphere(3, 1.0), 0.3, 0.9);
-        assert!(view(&few, [0.0; 3]), "a field of few Gaussians, all of them");
     }
 }

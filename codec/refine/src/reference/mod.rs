@@ -19,7 +19,6 @@ mod evaluate;
 mod held;
 mod posed_view;
 mod sensitivity;
-mod shown;
 mod sort;
 mod splat;
 
@@ -31,7 +30,6 @@ pub use coverage::{Coverage, Radius, coverage};
 pub use held::render_held;
 pub use posed_view::PosedView;
 pub use sensitivity::sensitivities;
-pub use shown::{Shown, shown};
 pub use sort::Order;
 
 use crate::image::Image;

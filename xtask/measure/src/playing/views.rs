@@ -2,14 +2,12 @@
 
 use codec::{Camera, Clip};
 use glam::UVec2;
-use refine::prune::steps_aside;
 use refine::reference::PosedView;
+
+use crate::cameras::measured_cameras;
 
 /// Number of views for errors, times and counts.
 const PICTURES: usize = 4;
-
-/// Turn of all views but the first around the target of the first viewpoint, in degrees.
-const ASIDE_DEG: f64 = 7.0;
 
 /// Number of frames of the turning head.
 const TURN_FRAMES: usize = 8;
@@ -20,7 +18,7 @@ const TURN_DEG: f64 = 1.0;
 
 /// All views of a measurement.
 pub(super) struct ViewSet {
-    /// Views from different positions, each at its own instant.
+    /// Views from where people stand, each at its own instant.
     pub(super) pictures: Vec<PosedView>,
     /// Consecutive frames from the first viewpoint, while the clip plays and the head turns.
     pub(super) turn: Vec<PosedView>,
@@ -28,8 +26,7 @@ pub(super) struct ViewSet {
 
 /// The views of a clip, for images of `size` pixels.
 pub(super) fn view_set(clip: &Clip, size: UVec2) -> ViewSet {
-    let viewpoint = &clip.viewpoints()[0];
-    let cameras = steps_aside(viewpoint, clip.info.up, ASIDE_DEG.to_radians(), (size.x, size.y));
+    let cameras = measured_cameras(&clip.info, &clip.surroundings(), PICTURES, size.to_array());
     let picture = |(camera, t): (&Camera, f64)| PosedView { camera: camera.clone(), t };
     let middle = PosedView { camera: cameras[0].clone(), t: 0.5 };
     let duration_s = f64::from(clip.info.duration_s);

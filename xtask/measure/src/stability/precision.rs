@@ -7,6 +7,7 @@ use super::gaussians::{Gaussian, crowd, field};
 use refine::reference::PosedView;
 
 use super::case::{DeviationKind, PackageExpectation, StabilityCase, StabilityScene, at, case, exact};
+use crate::cameras::measured_cameras;
 use crate::scene::{Motion, Recipe};
 use client::gpu::SortOrder;
 
@@ -93,18 +94,20 @@ fn wide() -> Camera {
     Camera::look_at([0.0, 0.0, -8.0], [0.0; 3], [0.0, -1.0, 0.0], 0.9, 256, 192)
 }
 
-/// A case that draws the user's field at 5 instants of the clip, from up to four of its viewpoints.
+/// A case that draws the user's field at 5 instants of the clip, from up to four of its viewpoints; from where people stand, if
+/// it states none.
 pub fn along(name: &str, info: &ClipInfo, field: &Field, plate: Option<&Field>) -> StabilityCase {
     let clip = Clip { plate: plate.cloned(), info: info.clone(), ..exact(field.clone()) };
-    let posed_views: Vec<PosedView> = clip
-        .viewpoints()
-        .iter()
-        .take(4)
-        .map(|viewpoint| viewpoint.camera(info.up, 320, 240))
-        .flat_map(|camera| {
-            instants().into_iter().step_by(4).map(move |t| PosedView { camera: camera.clone(), t })
-        })
-        .collect();
+    let size = [320, 240];
+    let stated = info.viewpoints.iter().take(4).map(|viewpoint| viewpoint.camera(info.up, size[0], size[1]));
+    let mut cameras: Vec<Camera> = stated.collect();
+    if cameras.is_empty() {
+        cameras = measured_cameras(info, &clip.surroundings(), 4, size);
+    }
+    let at_instants = |camera: Camera| {
+        instants().into_iter().step_by(4).map(move |t| PosedView { camera: camera.clone(), t })
+    };
+    let posed_views: Vec<PosedView> = cameras.into_iter().flat_map(at_instants).collect();
     StabilityCase {
         measure: DeviationKind::Mean,
         ..case(

@@ -43,7 +43,7 @@ pub struct PackageReport {
     pub refined: Option<RefinementReport>,
     /// What was made static before coding.
     pub snapped: Snapped,
-    /// Number of Gaussians that cannot be seen from where people stand; they are kept.
+    /// Number of Gaussians, of the plate too, that cannot be seen from where people stand; they are kept.
     pub unseen: usize,
     /// Number of Gaussians up to the end of each layer.
     pub layers: Vec<usize>,

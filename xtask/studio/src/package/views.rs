@@ -4,9 +4,10 @@
 //! walk around. Judging views differ from steering views, so that no choice is judged by the pictures that led to it. A view
 //! that shows next to nothing, or one Gaussian's inside, does not count.
 
-use codec::{Camera, Field, StandPoints, unseen_rows};
+use codec::{Camera, CoarseField, Field, Sight, StandPoints};
+use measure::MEASURED_TURN;
 use rayon::prelude::*;
-use refine::prune::{instants, is_informative, steps_aside};
+use refine::prune::{instants, steps_aside};
 use refine::reference::PosedView;
 use refine::reference::RenderScene;
 
@@ -57,7 +58,7 @@ const JUDGING_PLACES: Places = Places { aside: 6.0, viewpoint: true, turn: 0.5 }
 
 /// Placement of the views that measure what is reported of a selection, of a scene that states no viewpoint, and of rate and
 /// distortion; they choose nothing.
-const REPORTED_PLACES: Places = Places { aside: 3.0, viewpoint: false, turn: 0.75 };
+const REPORTED_PLACES: Places = Places { aside: 3.0, viewpoint: false, turn: MEASURED_TURN };
 
 /// Placements of the views for joint rounding, apart from the placements of the steering and the judging views.
 const ROUNDING_PLACES: [Places; 5] = [
@@ -125,22 +126,31 @@ pub(crate) fn rate_views(scene: &Scene, field: &Field, size: (u32, u32), count: 
     views_of(scene, field, REPORTED_PLACES, size, count)
 }
 
-/// Seconds between the instants at which Gaussians are looked for from where people stand, and most parts of a clip with four
-/// of these instants each.
+/// Seconds between the instants at which Gaussians are looked for from where people stand, and most of these instants.
 const UNSEEN_STEP_S: f64 = 0.1;
-const UNSEEN_PARTS_MAX: f64 = 64.0;
+const UNSEEN_INSTANTS_MAX: f64 = 256.0;
 
-/// The rows of `field` that no place shows where people stand, whether it judges or steers, and no viewpoint; and these
-/// places.
-pub(super) fn unseen(scene: &Scene, field: &Field, plate: Option<&Field>) -> (Vec<usize>, Vec<Camera>) {
-    let parts =
-        (f64::from(scene.info.duration_s) / (4.0 * UNSEEN_STEP_S)).ceil().clamp(1.0, UNSEEN_PARTS_MAX);
-    let cameras = stand_points(scene);
-    (unseen_rows(field, plate, &cameras, parts as usize), cameras)
+/// The rows of `field`, and of `plate`, that none of [`stand_points`] shows.
+pub(super) fn unseen(
+    scene: &Scene,
+    field: &Field,
+    plate: Option<&Field>,
+    stand_points: &[Camera],
+) -> [Vec<usize>; 2] {
+    let count = (f64::from(scene.info.duration_s) / UNSEEN_STEP_S).ceil().clamp(4.0, UNSEEN_INSTANTS_MAX);
+    let sights = instants(field, count as usize)
+        .into_par_iter()
+        .map(|t| CoarseField::sights(field, plate, t, stand_points))
+        .reduce(Vec::new, |a, b| match a.is_empty() {
+            true => b,
+            false => a.into_iter().zip(b).map(|(a, b)| a.max(b)).collect(),
+        });
+    let (of_field, of_plate) = sights.split_at(field.len());
+    [of_field, of_plate].map(|sights| (0..sights.len()).filter(|row| sights[*row] == Sight::Hidden).collect())
 }
 
 /// The places where people stand, whether they judge or steer, and the viewpoints.
-fn stand_points(scene: &Scene) -> Vec<Camera> {
+pub(super) fn stand_points(scene: &Scene) -> Vec<Camera> {
     let info = &scene.info;
     let turned =
         [STEERING_PLACES, JUDGING_PLACES].map(|places| scene.surroundings().stand_points(places.turn, SIZE));
@@ -176,10 +186,9 @@ fn views_of(scene: &Scene, field: &Field, places: Places, size: (u32, u32), coun
 pub(crate) fn blind_viewpoints(scene: &Scene) -> Vec<&str> {
     let fields = [Some(&scene.subject), scene.plate.as_ref()].into_iter().flatten().map(|part| &part.field);
     let instants = instants(&scene.subject.field, COMPARED);
-    let shows = |camera: &Camera| {
-        let view = |t: f64| PosedView { camera: camera.clone(), t };
-        fields.clone().any(|field| instants.iter().any(|&t| is_informative(field, &view(t))))
-    };
+    let at_instants: Vec<CoarseField> =
+        fields.flat_map(|field| instants.iter().map(move |&t| CoarseField::new(field, t))).collect();
+    let shows = |camera: &Camera| at_instants.iter().any(|field| field.is_informative(camera));
     let viewpoints = scene.info.viewpoints.iter();
     let blind = viewpoints.filter(|viewpoint| !shows(&viewpoint.camera(scene.info.up, SIZE.0, SIZE.1)));
     blind.map(|viewpoint| viewpoint.name.as_str()).collect()
@@ -187,12 +196,13 @@ pub(crate) fn blind_viewpoints(scene: &Scene) -> Vec<&str> {
 
 /// The `i`th view of a dynamic field, at `t`: of the next camera of the next group that shows enough then.
 fn view_at(groups: &[Vec<Camera>], field: &Field, t: f64, i: usize) -> Option<PosedView> {
+    let field = CoarseField::new(field, t);
     let of_group = |group: &[Camera]| {
         let first = i / groups.len();
         let step = CAMERA_STEPS.into_iter().find(|step| !group.len().is_multiple_of(*step)).unwrap_or(1);
         (0..group.len()).find_map(|k| {
-            let camera = group[(first + k) * step % group.len()].clone();
-            Some(PosedView { camera, t }).filter(|view| is_informative(field, view))
+            let camera = &group[(first + k) * step % group.len()];
+            field.is_informative(camera).then(|| PosedView { camera: camera.clone(), t })
         })
     };
     (0..groups.len()).find_map(|k| of_group(&groups[(i + k) % groups.len()]))
@@ -200,10 +210,10 @@ fn view_at(groups: &[Vec<Camera>], field: &Field, t: f64, i: usize) -> Option<Po
 
 /// At most `count` views of a static field that show enough, as many of each group.
 fn static_views(groups: &[Vec<Camera>], field: &Field, count: usize) -> Vec<PosedView> {
-    let view = |camera: &Camera| PosedView { camera: camera.clone(), t: 0.0 };
+    let field = CoarseField::new(field, 0.0);
     let informative = |group: &Vec<Camera>| {
-        let views = group.par_iter().map(view).filter(|view| is_informative(field, view));
-        views.collect::<Vec<PosedView>>()
+        let cameras = group.par_iter().filter(|camera| field.is_informative(camera));
+        cameras.map(|camera| PosedView { camera: camera.clone(), t: 0.0 }).collect::<Vec<PosedView>>()
     };
     let groups: Vec<Vec<PosedView>> =
         groups.iter().map(informative).filter(|group| !group.is_empty()).collect();

@@ -9,7 +9,7 @@ use refine::prune::{contributions_to, instants, posed_views};
 
 use super::report::Counts;
 use super::settings::{DropPart, PackageSettings};
-use super::views::unseen;
+use super::views::{stand_points, unseen};
 use crate::scene::Scene;
 
 /// Instants at which the rims of Gaussians are looked for, at most: in larger pictures, which take longer.
@@ -51,9 +51,15 @@ pub(crate) fn visible_scene(scene: &Scene, settings: &PackageSettings) -> Result
     }
 
     if drop(DropPart::Unseen) {
-        let (is_hidden, all) = (hidden(scene, &field), field.len());
-        field = field.select(&(0..all).filter(|row| !is_hidden[*row]).collect::<Vec<_>>());
-        subject.drop("seen from nowhere people stand", all - field.len());
+        let hidden = hidden(scene, &field, background.as_ref().map(|(plate, _)| plate));
+        let plate = background.as_mut().map(|(plate, counts)| (plate, counts));
+        let parts = [Some((&mut field, &mut subject)), plate];
+        for ((part, counts), is_hidden) in parts.into_iter().flatten().zip(hidden) {
+            let all = part.len();
+            *part = part.select(&(0..all).filter(|row| !is_hidden[*row]).collect::<Vec<_>>());
+            counts.drop("seen from nowhere people stand", all - part.len());
+            counts.gaussians_out = part.len();
+        }
     }
 
     if field.is_empty() {
@@ -100,17 +106,20 @@ pub(crate) fn visible(imported: &Imported) -> (Field, Counts) {
     (field.select(&rows), counts)
 }
 
-/// Whether no place shows anything of each row of `field` where people stand, not even a rim.
-fn hidden(scene: &Scene, field: &Field) -> Vec<bool> {
-    let (unseen, cameras) = unseen(scene, field, None);
-    if unseen.is_empty() {
-        return vec![false; field.len()];
-    }
-    let views = posed_views(&cameras, &instants(field, RIM_INSTANTS));
-    let seen = contributions_to(&views, field, || ());
-    let mut is_hidden = vec![false; field.len()];
-    unseen.into_iter().for_each(|row| is_hidden[row] = seen[row].weight_max < ALPHA_MIN);
-    is_hidden
+/// Whether no place shows anything of each row of `field`, and of `plate`, where people stand, not even a rim.
+fn hidden(scene: &Scene, field: &Field, plate: Option<&Field>) -> [Vec<bool>; 2] {
+    let cameras = stand_points(scene);
+    let is_hidden = |part: &Field, unseen: Vec<usize>| {
+        let mut is_hidden = vec![false; part.len()];
+        if !unseen.is_empty() {
+            let views = posed_views(&cameras, &instants(part, RIM_INSTANTS));
+            let seen = contributions_to(&views, part, || ());
+            unseen.into_iter().for_each(|row| is_hidden[row] = seen[row].weight_max < ALPHA_MIN);
+        }
+        is_hidden
+    };
+    let [of_field, of_plate] = unseen(scene, field, plate, &cameras);
+    [is_hidden(field, of_field), plate.map_or_else(Vec::new, |plate| is_hidden(plate, of_plate))]
 }
 
 /// Removes a part of every Gaussian; returns how many had it.

@@ -145,7 +145,7 @@ impl DecodedTake {
         let mut layers = file.layers();
         layers.truncate(decoded);
         layers.iter_mut().for_each(|layer| layer.gaussians -= plates);
-        let (info, duration_s, viewpoints) = (take.info.clone(), take.duration_s, file.viewpoints());
+        let (info, duration_s, viewpoints) = (take.info.clone(), take.duration_s, file.viewpoints(0.0));
         let gaussians = Some(take.segments.iter().map(|segment| segment.gaussians()).sum());
         Ok(DecodedTake { info, duration_s, viewpoints, gaussians, layers, segments })
     }
@@ -181,7 +181,7 @@ impl DecodedTake {
         Ok(DecodedTake { info, duration_s, viewpoints, gaussians, layers: Vec::new(), segments })
     }
 
-    /// What all of the segments that were read record of their fit: held-out frames, mattes and origin.
+    /// What all of the segments that were read record of their fit: held-out frames, mattes, origin and device.
     pub fn fit_record(&self) -> FitRecord {
         let records: Vec<FitRecord> =
             self.segments.iter().map(|segment| segment.content.fit_record()).collect();
@@ -190,6 +190,7 @@ impl DecodedTake {
             holdout: first.filter(|_| records.iter().all(|record| record.holdout == first)),
             has_mattes: records.iter().any(|record| record.has_mattes),
             origin: records.iter().find_map(|record| record.origin),
+            device: records.iter().find_map(|record| record.device.clone()),
             ..FitRecord::default()
         }
     }

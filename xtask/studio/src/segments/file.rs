@@ -7,7 +7,8 @@ use std::path::{Path, PathBuf};
 use std::thread::available_parallelism;
 
 use codec::{
-    AttributeSize, Clip, Contents, Error, FormatError, Limits, Poster, SegmentLayer, Sound, Take, Viewpoint,
+    AttributeSize, Clip, Contents, Error, FormatError, Limits, Poster, Segment, SegmentLayer, Sound,
+    Surroundings, SurroundingsBuilder, Take, Viewpoint,
 };
 use program::Fault;
 
@@ -198,15 +199,31 @@ impl TakeFile {
         sizes.map_err(|error| self.bad_section(index, error))
     }
 
-    /// The viewpoints, or the opening at the start if there are none, by the segments there that can be decoded. Never
+    /// The viewpoints, or the opening at second `t_s` if there are none, by the segments there that can be decoded. Never
     /// empty.
-    pub fn viewpoints(&self) -> Vec<Viewpoint> {
+    pub fn viewpoints(&self, t_s: f64) -> Vec<Viewpoint> {
         if !self.take.info.viewpoints.is_empty() {
             return self.take.info.viewpoints.clone();
         }
         let decoded = |index: usize| Some((index, self.decode(index).ok()?));
-        let clips: Vec<(usize, Clip)> = self.take.at(0.0).filter_map(decoded).collect();
-        vec![self.take.surroundings(&clips).opening()]
+        let clips: Vec<(usize, Clip)> = self.take.at(t_s).filter_map(decoded).collect();
+        vec![self.take.surroundings(t_s, &clips).opening()]
+    }
+
+    /// Where people stand, over all of the time. Decodes one segment after another.
+    ///
+    /// # Errors
+    /// Those of [`TakeFile::decode`].
+    pub(crate) fn surroundings(&self) -> Result<Surroundings, Fault> {
+        let mut builder = SurroundingsBuilder::new(self.take.segments.iter().map(Segment::gaussians).sum());
+        for index in 0..self.take.segments.len() {
+            let clip = self.decode(index)?;
+            [&clip.static_field, &clip.dynamic_field]
+                .into_iter()
+                .for_each(|field| builder.add(field, [0.0, 1.0]));
+            clip.plate.iter().for_each(|plate| builder.add_plate(plate));
+        }
+        Ok(builder.build(self.take.info.up))
     }
 
     /// Checks that the first `length` bytes of a segment are in the file.

@@ -63,6 +63,40 @@ fn a_fit_generalizes_to_held_out_photographs() {
     assert!(scattered < held_frames - 1.0, "{scattered} without an anchor, {held_frames} with one");
 }
 
+/// A capture in kilometres, in millimetres, and in metres about a far origin, as geographic coordinates have it.
+#[test]
+fn a_fit_depends_neither_on_the_unit_nor_on_the_origin() {
+    let folder = stage();
+    let folder = folder.path();
+    let path = folder.join("stage/capture.json");
+    let metres: Value = serde_json::from_slice(&fs::read(&path).unwrap()).unwrap();
+    let psnr = |unit: f64, origin: [f64; 3]| {
+        let mut manifest = metres.clone();
+        manifest["metres_per_unit"] = (1.0 / unit).into();
+        for camera in manifest["cameras"].as_array_mut().unwrap() {
+            for axis in 0..3 {
+                let number = |column: usize| camera["w2c"][axis][column].as_f64().unwrap();
+                let offset: f64 = (0..3).map(|column| number(column) * origin[column]).sum();
+                camera["w2c"][axis][3] = (unit * number(3) - offset).into();
+            }
+        }
+        fs::write(&path, manifest.to_string()).unwrap();
+        fit(folder, &["--steps", "300", "--gaussians", "600"]);
+        // The figure's middle, 0.9 m above the floor, as far from the eye as its cameras are.
+        let viewpoint = import(&folder.join("field.ply")).unwrap().hints.viewpoints.swap_remove(0);
+        let arm = [0, 1, 2].map(|axis| f64::from(viewpoint.position[axis] - viewpoint.target[axis]) / unit);
+        let distance = arm.iter().map(|x| x * x).sum::<f64>().sqrt();
+        assert!((2.0..4.5).contains(&distance), "{viewpoint:?}");
+        measured(folder, "train")
+    };
+    let expected = psnr(1.0, [0.0; 3]);
+    assert!(expected > 15.0, "{expected}");
+    for (unit, origin) in [(1e-3, [0.0; 3]), (1e3, [0.0; 3]), (1.0, [448_262.5, 130.0, 5_411_932.25])] {
+        let psnr = psnr(unit, origin);
+        assert!((psnr - expected).abs() < 0.5, "{unit} {origin:?}: {psnr} dB, {expected} dB in metres");
+    }
+}
+
 /// A fit ends with what `eval` measures, here of all frames.
 #[test]
 fn a_fit_ends_with_the_cameras_that_it_held() {

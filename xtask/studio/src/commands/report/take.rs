@@ -4,6 +4,7 @@ use std::path::Path;
 
 use anyhow::bail;
 use codec::{Camera, Segment, SegmentLayer, Take};
+use measure::measured_cameras;
 use measure::parameter::{ParameterValue, Quartiles};
 use program::Fault;
 use refine::fit::Cpu;
@@ -39,7 +40,7 @@ const BEFORE_S: f64 = 1e-4;
 /// Instants at which layers are compared.
 const LAYER_INSTANTS: usize = 16;
 
-/// Most cameras whose photographs a take is compared with.
+/// Most cameras that a take is measured from, and whose photographs it is compared with.
 const CAMERAS: usize = 3;
 
 /// Largest difference of the durations of a take and its field in seconds: rounding.
@@ -127,8 +128,8 @@ fn measure_file(
     let take = file.take();
     let mut compared = reference.map(|path| Reference::load(path, take)).transpose()?;
     let capture_files = request.capture.map(|folder| capture_of(folder, request, take)).transpose()?;
-    let viewpoint = file.viewpoints().swap_remove(0);
-    let camera = viewpoint.camera(take.info.up, size[0], size[1]);
+    let surroundings = file.surroundings()?;
+    let cameras = measured_cameras(&take.info, &surroundings, CAMERAS, size);
     let layers = file.layers().len();
     let (cuts, times) = (cuts(take), instants(take));
     let progress = StagedProgress::visible();
@@ -137,10 +138,10 @@ fn measure_file(
     progress.stage("over time", times.len());
     let mut instants = Vec::new();
     for &time in &times {
-        instants.push(instant(&mut walk, compared.as_mut(), &camera, time)?);
+        instants.push(instant(&mut walk, compared.as_mut(), &cameras, time)?);
         progress.step();
     }
-    let of_layers = LayerErrors::measure(layers, &mut walk, &camera, &progress)?;
+    let of_layers = LayerErrors::measure(layers, &mut walk, &cameras, &progress)?;
     let photographs = match &capture_files {
         Some(capture_files) => Some(photographs(capture_files, &mut walk, &cuts, &progress)?),
         None => None,
@@ -159,14 +160,15 @@ fn measure_file(
             duration_s: take.duration_s,
             layers,
             size,
-            viewpoint: viewpoint.name,
+            viewpoint: surroundings.first_viewpoint(&take.info).name,
+            cameras: cameras.len(),
             reference: reference.map(name_of),
         },
         course: course(take),
         cuts,
         gaps: gaps(take.duration_s, &spans),
         instants,
-        parameter: (layers > 1).then(|| layers_parameter(of_layers.points(&file, &camera))),
+        parameter: (layers > 1).then(|| layers_parameter(of_layers.points(&file))),
         layers: of_layers.instants,
         photographs,
         left_out,
@@ -267,17 +269,21 @@ fn instants(take: &Take) -> Vec<(f64, bool)> {
 fn instant(
     walk: &mut TakeWalk,
     reference: Option<&mut Reference>,
-    camera: &Camera,
+    cameras: &[Camera],
     (t_s, is_cut): (f64, bool),
 ) -> anyhow::Result<TakeInstant> {
     walk.go_to(t_s)?;
     let (scene, t) = (walk.to_reference(None), t_s / walk.duration_s());
-    let counts = coverage(&scene, std::slice::from_ref(camera), t, Radius::Exact);
+    let counts = coverage(&scene, cameras, t, Radius::Exact);
     let psnr_db = match reference {
         None => None,
         Some(reference) => {
-            let expected = render(&reference.at(t_s)?, camera, t, Order::Depth);
-            finite(render(&scene, camera, t, Order::Depth).psnr(&expected))
+            let expected = reference.at(t_s)?;
+            let errors = cameras.iter().map(|camera| {
+                let [picture, expected] = [&scene, &expected].map(|s| render(s, camera, t, Order::Depth));
+                picture.squared_error(&expected)
+            });
+            finite(psnr(errors.sum(), pixels(cameras)))
         }
     };
     Ok(TakeInstant {
@@ -286,13 +292,13 @@ fn instant(
         segments: walk.segments(),
         resident: walk.gaussians(),
         alive: counts.alive,
-        fragments_per_pixel: counts.fragments as f64 / pixels(camera),
+        fragments_per_pixel: counts.fragments as f64 / pixels(cameras) as f64,
         psnr_db,
     })
 }
 
-fn pixels(camera: &Camera) -> f64 {
-    f64::from(camera.width) * f64::from(camera.height)
+fn pixels(cameras: &[Camera]) -> usize {
+    cameras.iter().map(|camera| camera.width as usize * camera.height as usize).sum()
 }
 
 /// `None` where pictures are the same.
@@ -303,6 +309,9 @@ fn finite(psnr_db: f64) -> Option<f64> {
 /// Errors and fragments of the first layers, over instants.
 struct LayerErrors {
     instants: Vec<LayerInstant>,
+    /// Pictures of all instants, and their pixels.
+    pictures: usize,
+    pixels: usize,
     /// By number of layers: squared errors of all pictures, and their fragments.
     squared_errors: Vec<f64>,
     fragments: Vec<u64>,
@@ -310,14 +319,20 @@ struct LayerErrors {
 
 impl LayerErrors {
     fn new(layers: usize) -> LayerErrors {
-        LayerErrors { instants: Vec::new(), squared_errors: vec![0.0; layers], fragments: vec![0; layers] }
+        LayerErrors {
+            instants: Vec::new(),
+            pictures: 0,
+            pixels: 0,
+            squared_errors: vec![0.0; layers],
+            fragments: vec![0; layers],
+        }
     }
 
     /// Goes to several instants and compares the first layers with all; to none where there is one layer.
     fn measure(
         layers: usize,
         walk: &mut TakeWalk,
-        camera: &Camera,
+        cameras: &[Camera],
         progress: &StagedProgress,
     ) -> anyhow::Result<LayerErrors> {
         let mut errors = LayerErrors::new(layers);
@@ -326,43 +341,44 @@ impl LayerErrors {
         for i in 0..count {
             let t_s = (i as f64 + 0.5) / count as f64 * walk.duration_s();
             walk.go_to(t_s)?;
-            errors.add(walk, camera, t_s);
+            errors.add(walk, cameras, t_s);
             progress.step();
         }
         Ok(errors)
     }
 
     /// Adds the pictures of an instant that the walk has gone to.
-    fn add(&mut self, walk: &TakeWalk, camera: &Camera, t_s: f64) {
+    fn add(&mut self, walk: &TakeWalk, cameras: &[Camera], t_s: f64) {
         let t = t_s / walk.duration_s();
         let layers = self.fragments.len();
-        let mut picture = |k: usize| -> Image {
+        let mut pictures = |k: usize| -> Vec<Image> {
             let scene = walk.to_reference(Some(k));
-            self.fragments[k - 1] +=
-                coverage(&scene, std::slice::from_ref(camera), t, Radius::Exact).fragments;
-            render(&scene, camera, t, Order::Depth)
+            self.fragments[k - 1] += coverage(&scene, cameras, t, Radius::Exact).fragments;
+            cameras.iter().map(|camera| render(&scene, camera, t, Order::Depth)).collect()
         };
-        let whole = picture(layers);
+        let whole = pictures(layers);
         let mut psnr_db = Vec::new();
         for k in 1..layers {
-            let part = picture(k);
-            self.squared_errors[k - 1] += part.squared_error(&whole);
-            psnr_db.push(finite(part.psnr(&whole)));
+            let part = pictures(k);
+            let squared_error = part.iter().zip(&whole).map(|(part, whole)| part.squared_error(whole)).sum();
+            self.squared_errors[k - 1] += squared_error;
+            psnr_db.push(finite(psnr(squared_error, pixels(cameras))));
         }
+        self.pictures += cameras.len();
+        self.pixels += pixels(cameras);
         self.instants.push(LayerInstant { t_s, psnr_db });
     }
 
     /// The values of the parameter: 1 layer to all.
-    fn points(&self, file: &TakeFile, camera: &Camera) -> Vec<ParameterValue> {
-        let pictures = self.instants.len();
+    fn points(&self, file: &TakeFile) -> Vec<ParameterValue> {
         let layers = file.layers();
         let point = |k: usize| {
             let SegmentLayer { bytes, gaussians } = layers[k - 1];
-            let error = psnr(self.squared_errors[k - 1], pictures * pixels(camera) as usize);
+            let error = psnr(self.squared_errors[k - 1], self.pixels);
             let counts = [
                 ("package_bytes", bytes as f64),
                 ("gaussians_decoded", gaussians as f64),
-                ("covered_fragments", self.fragments[k - 1] as f64 / pictures as f64),
+                ("covered_fragments", self.fragments[k - 1] as f64 / self.pictures as f64),
             ];
             let is_all = k == layers.len();
             let value = if is_all { format!("{k}, all") } else { k.to_string() };

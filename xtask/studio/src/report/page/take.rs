@@ -64,8 +64,10 @@ pub struct TakeSetup {
     pub layers: usize,
     /// Size of the pictures in pixels.
     pub size: [u32; 2],
-    /// Name of the viewpoint that they are seen from.
+    /// Name of the first viewpoint, which they are seen from.
     pub viewpoint: String,
+    /// Number of cameras: at that viewpoint, and where people stand.
+    pub cameras: usize,
     /// Name of the field that the take is compared with; `None` if none was given.
     pub reference: Option<String>,
 }
@@ -107,6 +109,14 @@ struct Worst {
     /// Medians over the instants at cuts and over the others; `None` without such instants that differ.
     median_at_cuts_db: Option<f64>,
     median_between_db: Option<f64>,
+}
+
+impl TakeSetup {
+    /// Where the cameras are, in words.
+    fn places(&self) -> String {
+        let places = count(self.cameras - 1, "place");
+        format!("viewpoint \"{}\" and {places} where people stand", self.viewpoint)
+    }
 }
 
 impl TakeFindings {
@@ -158,10 +168,10 @@ impl TakeFindings {
         let most = self.instants.iter().map(|instant| instant.fragments_per_pixel).fold(0.0, f64::max);
         let _ = writeln!(
             text,
-            "player   at most {} Gaussians resident, {} fragments per pixel from viewpoint \"{}\"",
+            "player   at most {} Gaussians resident, {} fragments per pixel from {}",
             course.resident_max,
             decimal(most, 1),
-            setup.viewpoint
+            setup.places()
         );
         let _ = writeln!(text, "error    {}", self.exactness());
         if let Some(photographs) = &self.photographs {
@@ -278,7 +288,7 @@ impl TakeFindings {
     }
 
     fn introduce(&self, text: &mut String) {
-        let TakeSetup { size: [width, height], viewpoint, .. } = &self.setup;
+        let TakeSetup { size: [width, height], .. } = self.setup;
         let cuts = match self.cuts.len() {
             0 => String::new(),
             1..=CUTS_MAX => format!(" Dashed lines mark its {}.", count(self.cuts.len(), "cut")),
@@ -292,11 +302,11 @@ impl TakeFindings {
             text,
             "<p>{}. Machine: {}.</p>\n<p>A cut is an instant at which a segment begins or ends.{cuts}{gaps}</p>\n\
              <p>All costs are counts, which depend on no machine. Bytes and Gaussians to decode are those of the segments that \
-             begin. Pictures are those of the f64 reference, {width}x{height} from viewpoint \"{}\", evenly over the \
+             begin. Pictures are those of the f64 reference, {width}x{height} from {}, evenly over the \
              take, and at cuts and just before them.</p>",
             self.size(),
             escape(&self.machine),
-            escape(viewpoint)
+            escape(&self.setup.places())
         );
     }
 

@@ -1,0 +1,29 @@
+//! [`measured_cameras`]: from where a package is measured.
+
+use codec::{Camera, ClipInfo, Surroundings};
+use glam::DVec3;
+
+/// Turn of the places where people stand from which packages are measured, in units of the angle between them: packaging
+/// chooses nothing by pictures from there.
+pub const MEASURED_TURN: f64 = 0.75;
+
+/// At most `count` cameras of `size` pixels: where playing starts, then places where people stand around the content, or in
+/// it, each the farthest from those before.
+pub fn measured_cameras(
+    info: &ClipInfo,
+    surroundings: &Surroundings,
+    count: usize,
+    [width, height]: [u32; 2],
+) -> Vec<Camera> {
+    let mut cameras = vec![surroundings.first_viewpoint(info).camera(info.up, width, height)];
+    let mut places = surroundings.stand_points(MEASURED_TURN, (width, height)).content;
+    while cameras.len() < count && !places.is_empty() {
+        let apart = |camera: &Camera| {
+            let eye = DVec3::from(camera.position());
+            cameras.iter().map(|other| eye.distance(other.position().into())).fold(f64::INFINITY, f64::min)
+        };
+        let farthest = (0..places.len()).max_by(|&a, &b| apart(&places[a]).total_cmp(&apart(&places[b])));
+        cameras.push(places.swap_remove(farthest.expect("there are places")));
+    }
+    cameras
+}
