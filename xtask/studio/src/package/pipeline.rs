@@ -68,10 +68,7 @@ pub fn package_with(
     progress.stage("looking for what nobody sees", 1);
     let unseen = unseen(scene, &choice.field, plate.as_ref(), &stand_points(scene));
     progress.finish();
-    let within_budget = settings.budget.map_or(field.len(), |budget| budget.min(field.len()));
-    subject.drop("over budget", field.len() - within_budget);
-    subject.drop("over the budget of fragments", within_budget - choice.field.len());
-    subject.gaussians_out = choice.field.len();
+    subject.keep(choice.field.len(), settings.budget);
     let report = PackageReport {
         subject,
         plate: plate_counts,

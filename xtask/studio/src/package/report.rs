@@ -126,6 +126,14 @@ impl Counts {
             *self.dropped.entry(reason).or_default() += rows;
         }
     }
+
+    /// Counts the rows that are left out for a budget of Gaussians, and below it for a budget of fragments, where `rows` stay.
+    pub(super) fn keep(&mut self, rows: usize, budget: Option<usize>) {
+        let within_budget = budget.map_or(self.gaussians_out, |budget| budget.min(self.gaussians_out));
+        self.drop("over budget", self.gaussians_out - within_budget);
+        self.drop("over the budget of fragments", within_budget - rows);
+        self.gaussians_out = rows;
+    }
 }
 
 /// A candidate for the budget, and its measures.
