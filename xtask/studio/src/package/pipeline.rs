@@ -145,6 +145,7 @@ fn plan(settings: &PackageSettings, rows: usize, refinement: Option<&Refinement>
     if is_judged {
         add("comparing with the whole", 3.0);
     }
+    add("looking for what nobody sees", 2.0);
     plan
 }
 
