@@ -149,6 +149,9 @@ impl Look {
 }
 
 impl Surroundings {
+    /// Turn of the stand points from which packages are measured: nothing is chosen by pictures from there.
+    pub const MEASURED_TURN: f64 = 0.75;
+
     /// The surroundings that a field and its static background make; `up` points up in the axes of the field.
     pub fn new(field: &Field, plate: Option<&Field>, up: [f32; 3]) -> Surroundings {
         Surroundings::from_parts(&[(field, [0.0, 1.0])], plate, up)

@@ -3,10 +3,6 @@
 use codec::{Camera, ClipInfo, Surroundings};
 use glam::DVec3;
 
-/// Turn of the places where people stand from which packages are measured, in units of the angle between them: packaging
-/// chooses nothing by pictures from there.
-pub const MEASURED_TURN: f64 = 0.75;
-
 /// At most `count` cameras of `size` pixels: where playing starts, then places where people stand around the content, or in
 /// it, each the farthest from those before.
 pub fn measured_cameras(
@@ -16,7 +12,7 @@ pub fn measured_cameras(
     [width, height]: [u32; 2],
 ) -> Vec<Camera> {
     let mut cameras = vec![surroundings.first_viewpoint(info).camera(info.up, width, height)];
-    let mut places = surroundings.stand_points(MEASURED_TURN, (width, height)).content;
+    let mut places = surroundings.stand_points(Surroundings::MEASURED_TURN, (width, height)).content;
     while cameras.len() < count && !places.is_empty() {
         let apart = |camera: &Camera| {
             let eye = DVec3::from(camera.position());

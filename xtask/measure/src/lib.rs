@@ -12,4 +12,4 @@ pub mod resident;
 pub mod scene;
 pub mod stability;
 
-pub use cameras::{MEASURED_TURN, measured_cameras};
+pub use cameras::measured_cameras;

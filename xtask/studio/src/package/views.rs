@@ -4,8 +4,7 @@
 //! walk around. Judging views differ from steering views, so that no choice is judged by the pictures that led to it. A view
 //! that shows next to nothing, or one Gaussian's inside, does not count.
 
-use codec::{Camera, CoarseField, Field, Sight, StandPoints};
-use measure::MEASURED_TURN;
+use codec::{Camera, CoarseField, Field, Sight, StandPoints, Surroundings};
 use rayon::prelude::*;
 use refine::prune::{instants, steps_aside};
 use refine::reference::PosedView;
@@ -58,7 +57,7 @@ const JUDGING_PLACES: Places = Places { aside: 6.0, viewpoint: true, turn: 0.5 }
 
 /// Placement of the views that measure what is reported of a selection, of a scene that states no viewpoint, and of rate and
 /// distortion; they choose nothing.
-const REPORTED_PLACES: Places = Places { aside: 3.0, viewpoint: false, turn: MEASURED_TURN };
+const REPORTED_PLACES: Places = Places { aside: 3.0, viewpoint: false, turn: Surroundings::MEASURED_TURN };
 
 /// Placements of the views for joint rounding, apart from the placements of the steering and the judging views.
 const ROUNDING_PLACES: [Places; 5] = [

@@ -7,8 +7,7 @@ use std::path::{Path, PathBuf};
 use std::thread::available_parallelism;
 
 use codec::{
-    AttributeSize, Clip, Contents, Error, FormatError, Limits, Poster, Segment, SegmentLayer, Sound,
-    Surroundings, SurroundingsBuilder, Take, Viewpoint,
+    AttributeSize, Clip, Contents, Error, FormatError, Limits, Poster, SegmentLayer, Sound, Take, Viewpoint,
 };
 use program::Fault;
 
@@ -208,22 +207,6 @@ impl TakeFile {
         let decoded = |index: usize| Some((index, self.decode(index).ok()?));
         let clips: Vec<(usize, Clip)> = self.take.at(t_s).filter_map(decoded).collect();
         vec![self.take.surroundings(t_s, &clips).opening()]
-    }
-
-    /// Where people stand, over all of the time. Decodes one segment after another.
-    ///
-    /// # Errors
-    /// Those of [`TakeFile::decode`].
-    pub(crate) fn surroundings(&self) -> Result<Surroundings, Fault> {
-        let mut builder = SurroundingsBuilder::new(self.take.segments.iter().map(Segment::gaussians).sum());
-        for index in 0..self.take.segments.len() {
-            let clip = self.decode(index)?;
-            [&clip.static_field, &clip.dynamic_field]
-                .into_iter()
-                .for_each(|field| builder.add(field, [0.0, 1.0]));
-            clip.plate.iter().for_each(|plate| builder.add_plate(plate));
-        }
-        Ok(builder.build(self.take.info.up))
     }
 
     /// Checks that the first `length` bytes of a segment are in the file.

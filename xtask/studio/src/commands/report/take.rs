@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use anyhow::bail;
-use codec::{Camera, Segment, SegmentLayer, Take};
+use codec::{Camera, Segment, SegmentLayer, Surroundings, SurroundingsBuilder, Take};
 use measure::measured_cameras;
 use measure::parameter::{ParameterValue, Quartiles};
 use program::Fault;
@@ -128,7 +128,7 @@ fn measure_file(
     let take = file.take();
     let mut compared = reference.map(|path| Reference::load(path, take)).transpose()?;
     let capture_files = request.capture.map(|folder| capture_of(folder, request, take)).transpose()?;
-    let surroundings = file.surroundings()?;
+    let surroundings = surroundings(&file)?;
     let cameras = measured_cameras(&take.info, &surroundings, CAMERAS, size);
     let layers = file.layers().len();
     let (cuts, times) = (cuts(take), instants(take));
@@ -263,6 +263,23 @@ fn instants(take: &Take) -> Vec<(f64, bool)> {
         is_same
     });
     instants
+}
+
+/// Where people stand, over all of the time. Decodes one segment after another.
+///
+/// # Errors
+/// Those of [`TakeFile::decode`].
+fn surroundings(file: &TakeFile) -> Result<Surroundings, Fault> {
+    let take = file.take();
+    let mut builder = SurroundingsBuilder::new(take.segments.iter().map(Segment::gaussians).sum());
+    for index in 0..take.segments.len() {
+        let clip = file.decode(index)?;
+        for field in [&clip.static_field, &clip.dynamic_field] {
+            builder.add(field, [0.0, 1.0]);
+        }
+        clip.plate.iter().for_each(|plate| builder.add_plate(plate));
+    }
+    Ok(builder.build(take.info.up))
 }
 
 /// Goes to an instant and measures it.
