@@ -275,7 +275,7 @@ impl OpenTake {
         let segments = self.take.at(0.0).filter(|&segment| self.layers[segment] > 0);
         let clips: Vec<(usize, Clip)> =
             segments.filter_map(|segment| Some((segment, self.segment(segment, 1).ok()?))).collect();
-        self.take.surroundings(0.0, &clips)
+        self.take.surroundings(&clips)
     }
 
     /// Reads and decodes the first `layers` layers of a segment.

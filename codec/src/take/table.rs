@@ -125,13 +125,13 @@ impl Take {
         (0..self.segments.len()).filter(move |&index| self.holds(index, t_s))
     }
 
-    /// Where the content is from second `from_s` on, and where people stand to look at it. `clips` are segments that are seen
-    /// there ([`Take::at`]), as decoded, with their numbers: they are looked at until the first of them ends. Without any,
-    /// the box around all centres is the content.
+    /// Where the content is at the start, and where people stand to look at it. `clips` are segments that are seen there
+    /// ([`Take::at`]), as decoded, with their numbers: they are looked at until the first of them ends. Without any, the
+    /// box around all centres is the content.
     ///
     /// # Panics
     /// If there is no segment of such a number.
-    pub fn surroundings(&self, from_s: f64, clips: &[(usize, Clip)]) -> Surroundings {
+    pub fn surroundings(&self, clips: &[(usize, Clip)]) -> Surroundings {
         if clips.is_empty() {
             return Surroundings::from_box(self.bounds, self.info.up);
         }
@@ -139,7 +139,7 @@ impl Take {
         let end_s = ends.fold(f64::INFINITY, f64::min);
         let ranges = clips
             .iter()
-            .map(|(number, clip)| (clip, [from_s, end_s].map(|t_s| self.segments[*number].clip_time(t_s))));
+            .map(|(number, clip)| (clip, [0.0, end_s].map(|t_s| self.segments[*number].clip_time(t_s))));
         Surroundings::from_clips(&ranges.collect::<Vec<_>>(), self.info.up)
     }
 

@@ -135,7 +135,7 @@ fn chosen(args: &Args, file: &TakeFile, before: Option<Poster>) -> Result<Poster
         let end = decimal(take.duration_s, 3);
         return Err(Fault::Usage(format!("--time {time_s}: choose a time from 0 to {end} s")));
     }
-    let viewpoints = file.viewpoints(time_s);
+    let viewpoints = file.viewpoints();
     let Viewpoint { position, target, fov_y, .. } = match (&args.view, before) {
         (Some(PosterView::Named(name)), _) => viewpoint(&viewpoints, name)?.clone(),
         (&Some(PosterView::Free { eye, target, fov }), _) => {

@@ -145,7 +145,7 @@ impl DecodedTake {
         let mut layers = file.layers();
         layers.truncate(decoded);
         layers.iter_mut().for_each(|layer| layer.gaussians -= plates);
-        let (info, duration_s, viewpoints) = (take.info.clone(), take.duration_s, file.viewpoints(0.0));
+        let (info, duration_s, viewpoints) = (take.info.clone(), take.duration_s, file.viewpoints());
         let gaussians = Some(take.segments.iter().map(|segment| segment.gaussians()).sum());
         Ok(DecodedTake { info, duration_s, viewpoints, gaussians, layers, segments })
     }

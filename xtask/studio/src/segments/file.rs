@@ -198,15 +198,15 @@ impl TakeFile {
         sizes.map_err(|error| self.bad_section(index, error))
     }
 
-    /// The viewpoints, or the opening at second `t_s` if there are none, by the segments there that can be decoded. Never
+    /// The viewpoints, or the opening at the start if there are none, by the segments there that can be decoded. Never
     /// empty.
-    pub fn viewpoints(&self, t_s: f64) -> Vec<Viewpoint> {
+    pub fn viewpoints(&self) -> Vec<Viewpoint> {
         if !self.take.info.viewpoints.is_empty() {
             return self.take.info.viewpoints.clone();
         }
         let decoded = |index: usize| Some((index, self.decode(index).ok()?));
-        let clips: Vec<(usize, Clip)> = self.take.at(t_s).filter_map(decoded).collect();
-        vec![self.take.surroundings(t_s, &clips).opening()]
+        let clips: Vec<(usize, Clip)> = self.take.at(0.0).filter_map(decoded).collect();
+        vec![self.take.surroundings(&clips).opening()]
     }
 
     /// Checks that the first `length` bytes of a segment are in the file.
