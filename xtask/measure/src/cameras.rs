@@ -3,8 +3,8 @@
 use codec::{Camera, ClipInfo, Surroundings};
 use glam::DVec3;
 
-/// At most `count` cameras of `size` pixels: where playing starts, then places where people stand around the content, or in
-/// it, each the farthest from those before.
+/// At most `count` cameras of this size in pixels. The first is where playing starts. The others stand where people stand,
+/// around the content or in it; each next one is the place farthest from all cameras chosen so far.
 pub fn measured_cameras(
     info: &ClipInfo,
     surroundings: &Surroundings,

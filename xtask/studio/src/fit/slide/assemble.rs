@@ -92,7 +92,7 @@ pub(super) fn assemble(
 }
 
 /// The rows of each segment, by the lives of all rows of a part. A row that was fitted from second `from_s` on counts as
-/// alive until then, because segments that end before are written. A row that is never alive is in none: nobody sees it.
+/// alive until then, because segments that end before are written. A row that is never alive belongs to no segment.
 fn places(
     grid: &SegmentGrid,
     [from_s, duration_s]: [f64; 2],
