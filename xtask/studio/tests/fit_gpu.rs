@@ -1,6 +1,7 @@
 //! `fit` and `package` with `--backend gpu`, on a stage that a ray tracer made. Without a graphics device these
 //! tests are ignored.
 
+mod small_rig;
 mod small_stage;
 mod tool;
 
@@ -10,11 +11,12 @@ use std::process::ExitCode;
 use libtest_mimic::{Arguments, Completion, Failed, Trial};
 use refine::fit::gpu::Gpu;
 use small_stage::{fit, kill_when, measured, stage};
-use tool::aarc_studio;
+use tool::{aarc_studio, has_ffmpeg};
 
 fn main() -> ExitCode {
     let trials = vec![
         with_device("a device fits as the CPU does", fits_as_the_cpu),
+        with_device("a device fits whole photographs as the CPU does", fits_whole_photographs),
         with_device("a device slides as the CPU does", slides_as_the_cpu),
         with_device("a device packages as the CPU does, and the package says so", packages_as_the_cpu),
         with_device("the CPU goes on where a device was", goes_on_elsewhere),
@@ -49,6 +51,25 @@ fn fits_as_the_cpu() {
     assert!((by_cpu - by_device).abs() < 0.5, "{by_cpu} {by_device}");
     let table = fs::read_to_string(folder.join("field.fit.csv")).unwrap();
     assert!(table.lines().last().unwrap().ends_with(&format!("\"{backend}\"")), "{table}");
+}
+
+/// A plate and what moves before it, with alpha wanted and colours of cameras learned.
+fn fits_whole_photographs() {
+    if !has_ffmpeg() {
+        return;
+    }
+    let folder = small_rig::studio();
+    let folder = folder.path();
+    let measured = |backend: &str| {
+        let line = format!("fit studio -o {backend}.ply --steps 100 --gaussians 400 --backend {backend}");
+        small_rig::run(folder, &line).success();
+        small_rig::eval(folder, &format!("{backend}.ply"))
+    };
+    let ([cpu, cpu_subject], [device, device_subject]) = (measured("cpu"), measured("gpu"));
+    println!(
+        "{cpu:.2} and {cpu_subject:.2} dB by the CPU, {device:.2} and {device_subject:.2} dB by the device"
+    );
+    assert!((cpu - device).abs() < 0.3 && (cpu_subject - device_subject).abs() < 0.5 && device > 20.0);
 }
 
 fn slides_as_the_cpu() {

@@ -6,6 +6,7 @@
 //! inverse depth of the farthest around them, from a pyramid that is filled from coarse to fine (pull-push: Gortler et al.,
 //! 1996).
 
+use codec::NEAR_SHARE;
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -22,8 +23,7 @@ use crate::fit::Photograph;
 const SIZE: u32 = 192;
 const DEPTHS: usize = 384;
 
-/// Nearest and farthest depth, in distances between the cameras and what they look at.
-const NEAREST: f64 = 0.2;
+/// Farthest depth, in distances between the cameras and what they look at; the nearest is the near distance's share.
 const FARTHEST: f64 = 20.0;
 
 /// Every so many columns and rows, a pixel is matched.
@@ -52,7 +52,7 @@ const ALIKE: f64 = 8.0;
 pub(super) fn sweep(views: &[(&Pinhole, &Photograph)], grounding: &[bool]) -> Option<Vec<DepthMap>> {
     let pinholes: Vec<Pinhole> = views.iter().map(|(pinhole, _)| (*pinhole).clone()).collect();
     let Focus { center, distance, .. } = focus(&pinholes)?;
-    let steps = Steps { nearest: NEAREST * distance, farthest: FARTHEST * distance };
+    let steps = Steps { nearest: NEAR_SHARE * distance, farthest: FARTHEST * distance };
     let mut all: Vec<SweptView> =
         views.par_iter().map(|(pinhole, photograph)| shrunk(pinhole, photograph, SIZE)).collect();
     for (i, view) in all.iter_mut().enumerate() {

@@ -8,9 +8,16 @@ use crate::median::median;
 /// Cameras without a common point are taken to look at one so many times as far away as they are apart.
 const FAR_FROM_RIG: f64 = 3.0;
 
+/// Axes that cross farther away than so many radii of the rig are parallel but for the errors of their calibration.
+const CROSSING_MAX: f64 = 30.0;
+
 /// Largest near distance in distances of the nearest camera: one that is much nearer to its subject than the others still
 /// sees it.
 const NEAREST_SHARE: f64 = 0.4;
+
+/// Least near distance in distances of the cameras: one that stands where the others look leaves them no haze. Pictures of
+/// panoptic-basketball from held cameras lose 1 dB with it, and 16 dB with none.
+const NEAR_SHARE_MIN: f64 = 0.05;
 
 /// The point that cameras look at.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -24,7 +31,7 @@ pub struct Focus {
 }
 
 impl Focus {
-    /// The focus of `cameras`: the point nearest to their optical axes, or, where these are parallel or have it behind
+    /// The focus of `cameras`: the point nearest to their optical axes, or, where these are nearly parallel or have it behind
     /// them, a point before the rig at three times its radius. `None` if all cameras are at one place.
     pub fn from_cameras<'a>(cameras: impl IntoIterator<Item = &'a Camera>) -> Option<Focus> {
         let axes: Vec<Axis> = cameras.into_iter().map(Axis::new).collect();
@@ -35,18 +42,23 @@ impl Focus {
         let count = axes.len().max(1) as f64;
         let middle = axes.iter().map(|axis| axis.position).sum::<DVec3>() / count;
         let distances = |from: DVec3| axes.iter().map(move |axis| axis.position.distance(from));
-        let center = nearest_to_axes(axes).filter(|point| is_ahead(*point, axes)).or_else(|| {
+        let to = |from: DVec3| median(distances(from).collect());
+        let radius = to(middle)?;
+        let is_near = |point: &DVec3| to(*point).is_some_and(|far| far <= CROSSING_MAX * radius);
+        let crossing = nearest_to_axes(axes).filter(|point| is_ahead(*point, axes)).filter(is_near);
+        let center = crossing.unwrap_or_else(|| {
             let forward = axes.iter().map(|axis| axis.forward).sum::<DVec3>() / count;
-            Some(middle + FAR_FROM_RIG * median(distances(middle).collect())? * forward)
-        })?;
-        let distance = median(distances(center).collect()).filter(|distance| *distance > 0.0)?;
+            middle + FAR_FROM_RIG * radius * forward
+        });
+        let distance = to(center).filter(|distance| *distance > 0.0)?;
         let nearest = distances(center).fold(f64::INFINITY, f64::min);
         (center.is_finite() && distance.is_finite()).then_some(Focus { center, distance, nearest })
     }
 
     /// [`Field::near`](codec::Field::near) of what these cameras photograph.
     pub fn near(&self) -> f64 {
-        (NEAR_SHARE * self.distance).min(NEAREST_SHARE * self.nearest)
+        let of_nearest = (NEAREST_SHARE * self.nearest).max(NEAR_SHARE_MIN * self.distance);
+        (NEAR_SHARE * self.distance).min(of_nearest)
     }
 }
 
@@ -124,6 +136,21 @@ mod tests {
         let mut cameras = ring(3.0, 0.0);
         cameras.push(at([0.5, 0.0, 0.0], [0.0; 3]));
         assert!((Focus::from_cameras(&cameras).unwrap().near() - 0.2).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_camera_where_the_others_look_leaves_them_a_near_distance() {
+        let mut cameras = ring(3.0, 0.0);
+        cameras.push(at([0.001, 0.0, 0.0], [0.0; 3]));
+        assert!((Focus::from_cameras(&cameras).unwrap().near() - 0.15).abs() < 1e-6);
+    }
+
+    #[test]
+    fn axes_that_hardly_cross_are_parallel() {
+        // Cameras a unit apart, turned to each other by a third of a degree: what they look at may be three units away.
+        let toe_in = |far: f64| [at([-0.5, 0.0, 0.0], [0.0, 0.0, far]), at([0.5, 0.0, 0.0], [0.0, 0.0, far])];
+        assert!(Focus::from_cameras(&toe_in(140.0)).unwrap().distance < 3.0);
+        assert!((Focus::from_cameras(&toe_in(10.0)).unwrap().distance - 10.0).abs() < 0.1);
     }
 
     #[test]

@@ -82,6 +82,8 @@ pub(super) struct Background {
     pub is_matted: bool,
     /// Whether photographs keep the colours of the background; their alpha is the mask in any case.
     pub is_kept: bool,
+    /// Whether photographs are as they were taken, whatever masks and mattes they have.
+    pub is_whole: bool,
 }
 
 /// The 8-bit colours of a picture over black.

@@ -270,6 +270,9 @@ impl CaptureFiles {
     /// If the capture has no such photograph.
     pub fn photo(&self, photo_id: PhotoId) -> Result<Photo, Fault> {
         let mut image = self.taken(photo_id)?;
+        if self.background.is_whole {
+            return Ok(self.seen(photo_id.camera, image));
+        }
         let plate = self.plates[photo_id.camera].plate(&self.file_cameras[photo_id.camera])?;
         let has_mask = self.mask_path(self.index(photo_id)).is_some();
         if let Some(plate) =
@@ -304,7 +307,12 @@ impl CaptureFiles {
 
     /// Whether the photographs of the camera of this one, which is read, are multiplied with their masks already, so that what
     /// is outside of the subject is black: on average over some of them, as lossy files and noise leave no exact black.
-    fn is_premultiplied(&self, PhotoId { camera, frame }: PhotoId, image: &Image, mask: &Mask) -> bool {
+    pub(super) fn is_premultiplied(
+        &self,
+        PhotoId { camera, frame }: PhotoId,
+        image: &Image,
+        mask: &Mask,
+    ) -> bool {
         *self.is_premultiplied[camera].get_or_init(|| {
             let photos = &self.capture.photos;
             let is_masked = |i: &usize| photos[*i].camera == camera && self.mask_path(*i).is_some();
@@ -361,7 +369,7 @@ impl CaptureFiles {
     }
 
     /// Reads the mask of a photograph.
-    fn mask(&self, path: &Path, camera: usize) -> Result<Mask, Fault> {
+    pub(super) fn mask(&self, path: &Path, camera: usize) -> Result<Mask, Fault> {
         let mask = read_mask(path)?;
         let Camera { width: w, height: h, .. } = self.file_cameras[camera];
         let (width, height) = mask.dimensions();

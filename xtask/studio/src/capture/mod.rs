@@ -35,7 +35,8 @@ pub(crate) use easyvolcap::{Storage, numbers, parse as parse_storage, pixels, ro
 pub(crate) use image_file::{bad, bad_layout, read as read_file_image, read_text};
 pub use image_file::{find_image, read_picture};
 pub(crate) use manifest::{check_fps, check_length};
-pub(crate) use plates::{PICTURES_MAX, median_frames};
+pub use plates::BackgroundSource;
+pub(crate) use plates::{PICTURES_MAX, PICTURES_MIN, median_frames};
 pub(crate) use video::{Video, high_range_note};
 
 use crate::messages::unreadable;

@@ -8,7 +8,7 @@ use std::path::Path;
 
 use program::Fault;
 use rayon::prelude::*;
-use refine::capture::{Holdout, Photo, PhotoId};
+use refine::capture::{CalibratedCamera, Holdout, Photo, PhotoId};
 use refine::image::Image;
 use refine::matte::Plate;
 
@@ -23,7 +23,7 @@ pub(crate) const PICTURES_MAX: usize = 33;
 const BYTES_MAX: usize = 210 << 20;
 
 /// Fewest photographs of a camera that a median is of: fewer show too little of the background.
-pub(super) const PICTURES_MIN: usize = 8;
+pub(crate) const PICTURES_MIN: usize = 8;
 
 /// Cameras whose medians are made at a time.
 const CAMERAS_MAX: usize = 4;
@@ -37,59 +37,85 @@ pub(crate) fn median_frames(count: usize, pixels: usize, least: usize) -> Vec<us
     }
 }
 
+/// What a capture tells of what is behind its subject.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum BackgroundSource {
+    /// Each camera that is fitted to has a plate, stated or to be found as the median of its photographs.
+    Plates,
+    /// Masks say what the subject is, and nothing is known of the rest.
+    Masks,
+    /// Photographs show the subject alone: they are transparent or black around it.
+    CutOut,
+    /// This camera has so few photographs that its plate cannot be found.
+    Few(String, usize),
+}
+
 impl CaptureFiles {
-    /// Whether photographs have no masks, but plates that give them mattes: each camera has one, or enough photographs to
-    /// find it.
+    /// What tells the background. Photographs with masks tell it where the capture states plates: their median may be of the
+    /// subject.
     ///
     /// # Errors
     /// Those of [`CaptureFiles::open`].
-    pub fn can_be_matted(&self, holdout: Holdout) -> anyhow::Result<bool> {
-        if self.has_masks()? {
-            return Ok(false);
+    pub fn background_source(&self, holdout: Holdout) -> anyhow::Result<BackgroundSource> {
+        let is_fitted = |camera: &usize| !self.capture.cameras[*camera].held;
+        let without_plate: Vec<usize> = (0..self.plates.len())
+            .filter(|camera| is_fitted(camera) && self.plates[*camera].stated_path().is_none())
+            .collect();
+        if let Some(masked) = self.masked()? {
+            let has_plates = without_plate.is_empty() && masked == BackgroundSource::Masks;
+            return Ok(if has_plates { BackgroundSource::Plates } else { masked });
         }
-        let is_stated = |plate: &CameraPlate| plate.stated_path().is_some();
-        if self.plates.iter().all(is_stated) {
-            return Ok(true);
-        }
-        let whole = CaptureFiles::open(&self.folder)?;
-        for (camera, plate) in self.plates.iter().enumerate() {
-            if !is_stated(plate) && self.background_photos(&whole, camera, holdout)?.len() < PICTURES_MIN {
-                return Ok(false);
-            }
-        }
-        Ok(true)
-    }
-
-    /// Whether photographs have masks, in files of their own or as transparency; looks at one photograph of each camera.
-    fn has_masks(&self) -> Result<bool, Fault> {
-        let mut is_seen = vec![false; self.capture.cameras.len()];
-        for (i, photo_id) in self.capture.photos.iter().enumerate() {
-            if self.mask_path(i).is_some() {
-                return Ok(true);
-            }
-            let is_first = !std::mem::replace(&mut is_seen[photo_id.camera], true);
-            if is_first && self.videos[photo_id.camera].is_none() {
-                let image = read_image(&self.path(*photo_id))?;
-                if image.pixels.iter().any(|pixel| pixel[3] < 0.5) {
-                    return Ok(true);
+        if !without_plate.is_empty() {
+            let whole = CaptureFiles::open(&self.folder)?;
+            for camera in without_plate {
+                let photos = self.background_photos(&whole, camera, holdout)?.len();
+                if photos < PICTURES_MIN {
+                    return Ok(BackgroundSource::Few(self.capture.cameras[camera].name.clone(), photos));
                 }
             }
         }
-        Ok(false)
+        Ok(BackgroundSource::Plates)
+    }
+
+    /// [`BackgroundSource::Masks`] or [`BackgroundSource::CutOut`] if photographs have masks, in files of their own or as
+    /// transparency; looks at one photograph of each camera.
+    fn masked(&self) -> Result<Option<BackgroundSource>, Fault> {
+        let mut is_seen = vec![false; self.capture.cameras.len()];
+        let mut has_masks = false;
+        for (i, photo_id) in self.capture.photos.iter().enumerate() {
+            let mask = self.mask_path(i);
+            has_masks |= mask.is_some();
+            if std::mem::replace(&mut is_seen[photo_id.camera], true) {
+                continue;
+            }
+            let is_cut_out = match mask {
+                Some(mask) => {
+                    let mask = self.mask(&mask, photo_id.camera)?;
+                    self.is_premultiplied(*photo_id, &self.taken(*photo_id)?, &mask)
+                }
+                None if self.videos[photo_id.camera].is_some() => false,
+                None => read_image(&self.path(*photo_id))?.pixels.iter().any(|pixel| pixel[3] < 0.5),
+            };
+            if is_cut_out {
+                return Ok(Some(BackgroundSource::CutOut));
+            }
+        }
+        Ok(has_masks.then_some(BackgroundSource::Masks))
     }
 
     /// Finds the plates that are not stated: medians of photographs from all over the capture, of frames that `holdout` does
-    /// not hold out. From then on, photographs without masks get mattes.
+    /// not hold out. From then on, photographs without masks get mattes, but for those of held cameras with too few
+    /// photographs for a median.
     ///
     /// # Errors
-    /// [`Fault::Data`] that names a file that cannot be read, or a camera with too few photographs.
+    /// [`Fault::Data`] that names a file that cannot be read, or a fitted camera with too few photographs.
     pub fn find_plates(&mut self, holdout: Holdout) -> anyhow::Result<()> {
         let unknown = |camera: &usize| self.plates[*camera].is_unknown();
         let cameras: Vec<usize> = (0..self.capture.cameras.len()).filter(unknown).collect();
         if !cameras.is_empty() {
             self.find_medians(&cameras, holdout)?;
         }
-        self.background.is_matted = true;
+        self.background.is_matted = (0..self.capture.photos.len()).any(|i| self.mask_path(i).is_none());
         Ok(())
     }
 
@@ -98,7 +124,10 @@ impl CaptureFiles {
         for cameras in cameras.chunks(CAMERAS_MAX) {
             cameras.par_iter().try_for_each(|&camera| -> Result<(), Fault> {
                 let photos = self.background_photos(&whole, camera, holdout)?;
-                self.plates[camera].set(whole.median_plate(&self.capture.cameras[camera].name, &photos)?);
+                let CalibratedCamera { name, held, .. } = &self.capture.cameras[camera];
+                if !*held || photos.len() >= PICTURES_MIN {
+                    self.plates[camera].set(whole.median_plate(name, &photos)?);
+                }
                 Ok(())
             })?;
         }
@@ -113,6 +142,11 @@ impl CaptureFiles {
     /// Pictures without the subject that the capture states.
     pub fn stated_plates(&self) -> impl Iterator<Item = &Path> {
         self.plates.iter().filter_map(CameraPlate::stated_path)
+    }
+
+    /// From now on, photographs are as they were taken, without masks and mattes.
+    pub fn see_whole(&mut self) {
+        self.background.is_whole = true;
     }
 
     /// From now on, photographs without masks get no mattes.

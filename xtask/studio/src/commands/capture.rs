@@ -5,7 +5,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, Once, PoisonError};
 
-use crate::capture::CaptureFiles;
+use crate::capture::{BackgroundSource, CaptureFiles};
 use crate::fit::{TrainingViews, file_crc};
 use crate::lpips_weights::load_lpips;
 use crate::messages::count;
@@ -114,9 +114,9 @@ impl FrameSelection {
         let source = FitSource::of_scene(path, scene);
         let (holdout, note) = source.held_frames(self.holdout());
         let mut capture_files = self.open_for(folder, &source, holdout)?;
-        if scene.plate.is_some() {
+        if scene.plate.is_some() && capture_files.background_source(holdout)? == BackgroundSource::Plates {
             // The field is refined before its plate, so photographs are compared as they are.
-            capture_files.forget_mattes();
+            capture_files.see_whole();
         }
         source.note_static(&capture_files);
         let views = load_training_views(&capture_files, holdout)?;

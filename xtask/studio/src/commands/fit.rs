@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::thread::available_parallelism;
 use std::time::Instant;
 
-use crate::capture::{CameraCorrections, CameraPart, CaptureFiles};
+use crate::capture::{BackgroundSource, CameraCorrections, CameraPart, CaptureFiles};
 use crate::eval::{HeldCameras, Subject, fragments_per_lit_pixel, held_photos, judge_held_cameras};
 use crate::fields::{FitRecord, fitted_field_file};
 use crate::fit::{
@@ -104,7 +104,7 @@ pub(super) struct FitOptions {
     #[arg(long, value_enum, value_name = "PART[,PART..]|none", value_delimiter = ',')]
     learn: Vec<Learn>,
     /// Whether a plate is fitted: a static field of what is behind the subject. It becomes a file .plate.ply beside the
-    /// field, where all commands find it. Photographs without masks get mattes for it
+    /// field, where all commands find it
     #[arg(long, value_enum, value_name = "WHEN", default_value_t = PlateWhen::Auto)]
     pub(super) plate: PlateWhen,
     #[arg(long = "set", value_name = "KEY=VALUE", value_parser = fit_setting, help = fit_setting::HELP)]
@@ -174,7 +174,7 @@ enum Rule {
     Relocate,
 }
 
-/// Fits a capture with the defaults of `fit`; its plates are found if the plan has one.
+/// Fits a capture with the defaults of `fit`, and judges held cameras; its plates are found if the plan has one.
 pub(super) fn by_default(
     capture_files: &CaptureFiles,
     plan: &FitPlan,
@@ -184,11 +184,15 @@ pub(super) fn by_default(
     fn runtime(backend: &mut dyn Backend) -> FitRuntime<'_> {
         FitRuntime { backend, lpips: None, checkpoint_every: fit::CHECKPOINT_EVERY }
     }
-    announce(plan, capture_files, backend);
+    announce(plan, capture_files, fit::check_checkpoint(plan, out)?, backend);
     let mut capture_files = capture_files.clone();
     let mut views = load_training_views(&plan.start_files(&capture_files), plan.holdout)?;
     let plate = fit_plate(plan, &mut capture_files, &mut views, runtime(backend), out)?;
-    fit_and_write(out, plan, &capture_files, &views, plate.as_ref(), runtime(backend)).map(drop)
+    fit_and_write(out, plan, &capture_files, &views, plate.as_ref(), runtime(backend))?;
+    if let Some(held_cameras) = judged_after_fit(out, capture_files, plan.holdout) {
+        eprint!("{}", held_cameras.table());
+    }
+    Ok(())
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<()> {
@@ -400,20 +404,19 @@ fn fit_capture(args: &Args, out: &Path) -> anyhow::Result<FitResult> {
     if out.extension() != Some(OsStr::new("ply")) {
         bail!(Fault::Usage(format!("cannot write {}: a field file ends in .ply; name it so", out.display())));
     }
-    let mut capture_files = match &args.from {
-        None => args.selection.open(args.capture())?,
+    let (mut capture_files, holdout) = match &args.from {
+        None => (args.selection.open(args.capture())?, args.selection.holdout_of_fit()),
         Some(from) => open_for_start(args, from)?,
     };
     args.options.state_fps(&mut capture_files)?;
     correct(args, &mut capture_files)?;
-    let holdout = args.selection.holdout_of_fit();
     let splits = describe(&capture_files, holdout)?;
     let lpips = args.options.lpips.load()?;
     let plate = plate_plan(args, &mut capture_files, holdout)?;
     let plan = plan(args, args.options.plan(&capture_files, holdout, plate)?)?;
-    fit::check_checkpoint(&plan, out)?;
+    let done = fit::check_checkpoint(&plan, out)?;
     let mut backend = args.options.open_backend()?;
-    announce(&plan, &capture_files, &*backend);
+    announce(&plan, &capture_files, done, &*backend);
     let runtime = args.options.runtime(&mut *backend, lpips.as_ref());
     let mut views = load_training_views(&plan.start_files(&capture_files), holdout)?;
     let plate = fit_plate(&plan, &mut capture_files, &mut views, runtime, out)?;
@@ -425,21 +428,25 @@ fn fit_capture(args: &Args, out: &Path) -> anyhow::Result<FitResult> {
     let field = fitted.fit.to_field();
     let scene = RenderScene::from(&field);
     let fragments_per_lit_pixel = fragments_per_lit_pixel(&scene, &capture_files, counted);
-    // The field is written: a photograph that cannot be read does not undo it.
-    let held_cameras = held_cameras(out, capture_files, holdout).unwrap_or_else(|error| {
-        eprintln!("note: held cameras are not judged: {error:#}");
-        None
-    });
+    let held_cameras = judged_after_fit(out, capture_files, holdout);
     Ok(FitResult { plan, fitted, splits, fragments_per_lit_pixel, held_cameras })
 }
 
-/// Says in a line what a fit of whole photographs does and, on the CPU, how long it takes.
-fn announce(plan: &FitPlan, capture_files: &CaptureFiles, backend: &dyn Backend) {
+/// Says in a line what a fit of whole photographs does after `done` steps and, on the CPU, how long it takes.
+fn announce(plan: &FitPlan, capture_files: &CaptureFiles, done: u64, backend: &dyn Backend) {
     if plan.plate == PlatePlan::Fitted {
         let is_cpu = backend.device().is_none();
         let cores = is_cpu.then(|| available_parallelism().map_or(1, NonZero::get));
-        eprintln!("note: {}", plan.describe_whole(capture_files, cores));
+        eprintln!("note: {}", plan.describe_whole(capture_files, done, cores));
     }
+}
+
+/// [`held_cameras`]; the field is written, so a photograph that cannot be read does not undo it.
+fn judged_after_fit(out: &Path, capture_files: CaptureFiles, holdout: Holdout) -> Option<HeldCameras> {
+    held_cameras(out, capture_files, holdout).unwrap_or_else(|error| {
+        eprintln!("note: held cameras are not judged: {error:#}");
+        None
+    })
 }
 
 /// Compares the field that was written to `out` with a few photographs of held cameras, as `eval` does: with the plate behind
@@ -473,9 +480,13 @@ fn plate_plan(args: &Args, capture_files: &mut CaptureFiles, holdout: Holdout) -
     let is_whole = matches!(args.anchor, Anchor::Depths(_) | Anchor::None);
     let has_plate = |from: &Path| Input::load(from).map(|input| input.has_plate());
     match (args.options.plate, &args.from) {
-        (PlateWhen::Auto, Some(from)) if capture_files.has_mattes() => {
-            Ok(if has_plate(from)? { PlatePlan::Fitted } else { PlatePlan::Mattes })
+        (PlateWhen::Auto, Some(from))
+            if has_plate(from)? && capture_files.background_source(holdout)? == BackgroundSource::Plates =>
+        {
+            capture_files.find_plates(holdout)?;
+            Ok(PlatePlan::Fitted)
         }
+        (PlateWhen::Auto, Some(_)) if capture_files.has_mattes() => Ok(PlatePlan::Mattes),
         (PlateWhen::On, Some(from)) if !has_plate(from)? => bail!(Fault::Usage(format!(
             "--plate on: {} has no plate to go on from; leave --plate out, or fit without --from",
             from.display()
@@ -491,12 +502,16 @@ fn correct(args: &Args, capture_files: &mut CaptureFiles) -> Result<(), Fault> {
     capture_files.correct(&CameraCorrections::read(path)?, path)
 }
 
-/// Opens the capture for a fit that starts from a field; one that moves is fitted to its own frames.
-fn open_for_start(args: &Args, from: &Path) -> anyhow::Result<CaptureFiles> {
+/// Opens the capture for a fit that starts from a field; one that moves is fitted to its own frames. Frames that were held out
+/// from its fit are held out from this one, unless others are named.
+fn open_for_start(args: &Args, from: &Path) -> anyhow::Result<(CaptureFiles, Holdout)> {
     check_one_field(from)?;
     let input = Input::load(from)?;
     let source = FitSource::new(from, &input);
-    let holdout = args.selection.holdout_of_fit();
+    let (holdout, note) = source.held_frames(args.selection.holdout());
+    if let Some(note) = note.filter(|_| source.record.holdout.is_some()) {
+        eprintln!("note: {note}");
+    }
     let capture_files = match input.is_static() {
         true => {
             let mut capture_files = args.selection.open(args.capture())?;
@@ -506,7 +521,7 @@ fn open_for_start(args: &Args, from: &Path) -> anyhow::Result<CaptureFiles> {
         false => args.selection.open_for(args.capture(), &source, holdout)?,
     };
     source.note_static(&capture_files);
-    Ok(capture_files)
+    Ok((capture_files, holdout))
 }
 
 /// The results of a finished fit.
@@ -548,6 +563,10 @@ pub(super) fn fit_and_write(
     // The checkpoint goes only when the field is safe.
     let record = FitRecord { device: fitted.device(), ..capture_files.fit_record(plan.holdout) };
     let [moving, still] = fitted.fit.to_field_and_plate();
+    if moving.is_empty() {
+        let what = "nothing is left in front of the plate: leave --set floor=off out, or fit all as one, --plate off";
+        bail!(Fault::Data(what.into()));
+    }
     let info = fit::clip_info(capture_files, &[(&moving, [0.0, 1.0])], plate.map(|_| &still));
     if plate.is_some() {
         write_plate(&plate_path(out), &still, &info)?;

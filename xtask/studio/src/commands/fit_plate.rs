@@ -8,7 +8,7 @@ use program::{Fault, output};
 use refine::capture::Holdout;
 use refine::fit::{Learned, Rig};
 
-use crate::capture::CaptureFiles;
+use crate::capture::{BackgroundSource, CaptureFiles, PICTURES_MIN};
 use crate::fields::{FitRecord, fitted_field_file, import};
 use crate::fit::{self, FitPlan, FitRuntime, FitStart, FittedPlate, PlatePlan, TrainingViews, log};
 use crate::input::Input;
@@ -19,12 +19,12 @@ use super::fit_progress::{fit_bar, show};
 /// Whether a fit makes a plate. The variants' docs are help texts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub(super) enum PlateWhen {
-    /// Where no photograph has a mask and cameras stand still
+    /// Where cameras stand still, and no photograph has a mask or the capture states plates
     #[default]
     Auto,
     /// Always
     On,
-    /// Never: without masks, everything is the subject
+    /// Never: what masks show is the subject, or without masks everything
     Off,
 }
 
@@ -32,38 +32,60 @@ impl PlateWhen {
     /// What a fit makes of the background; finds the plates if it needs them.
     ///
     /// # Errors
-    /// Those of [`CaptureFiles::find_plates`].
+    /// Those of [`CaptureFiles::find_plates`]; [`Fault::Data`] if a plate is wanted and photographs show none.
     pub(super) fn find(
         self,
         capture_files: &mut CaptureFiles,
         holdout: Holdout,
     ) -> anyhow::Result<PlatePlan> {
         let is_wanted = match self {
-            PlateWhen::On => true,
+            PlateWhen::On => {
+                if capture_files.background_source(holdout)? == BackgroundSource::CutOut {
+                    let what = "--plate on: photographs are transparent or black around the subject, so there is nothing \
+                                to make a plate of; leave it out";
+                    return Err(Fault::Data(what.into()).into());
+                }
+                true
+            }
             PlateWhen::Off => false,
-            PlateWhen::Auto => capture_files.capture.frames() > 1 && capture_files.can_be_matted(holdout)?,
+            PlateWhen::Auto => capture_files.capture.frames() > 1 && tells_plate(capture_files, holdout)?,
         };
         if !is_wanted {
             capture_files.forget_mattes();
             return Ok(PlatePlan::None);
         }
+        capture_files.find_plates(holdout)?;
         if self == PlateWhen::Auto {
+            let subject = if capture_files.has_mattes() { "what moves" } else { "what masks show" };
             eprintln!(
-                "note: no photograph has a mask: what moves is the subject, in front of a plate of the rest"
+                "note: {subject} is the subject, in front of a plate of the rest; --plate off fits it alone"
             );
         }
-        capture_files.find_plates(holdout)?;
         Ok(PlatePlan::Fitted)
     }
 }
 
+/// Whether photographs tell plates; says in a line why not, where they have no masks either.
+fn tells_plate(capture_files: &CaptureFiles, holdout: Holdout) -> anyhow::Result<bool> {
+    Ok(match capture_files.background_source(holdout)? {
+        BackgroundSource::Plates => true,
+        BackgroundSource::Masks | BackgroundSource::CutOut => false,
+        BackgroundSource::Few(camera, photographs) => {
+            eprintln!(
+                "note: camera {camera} has {photographs} of the {PICTURES_MIN} photographs that a plate needs, so all that is \
+                 seen is fitted as one; plates or masks in capture.json tell the subject apart"
+            );
+            false
+        }
+    })
+}
+
 /// Fits the plate that belongs behind the field `out`, if the plan says so, and writes it beside; `capture_files` and
-/// `views`, its photographs, get the colours of cameras that it learned. If it is there and the fit of the field goes on, it
-/// is left as it is; a fit that starts from a field has the plate of that. Returns it.
+/// `views`, its photographs, get the colours of cameras that it learned. A fit that goes on from a checkpoint has it, and one
+/// that starts from a field has the plate of that.
 ///
 /// # Errors
-/// Those of [`fit::fit_plate`]; [`Fault::Data`] if nothing is in front of the plates; [`Fault::Usage`] if the file cannot be
-/// written.
+/// Those of [`fit::fit_plate`]; [`Fault::Data`] if nothing is in front of the plates.
 pub(super) fn fit_plate(
     plan: &FitPlan,
     capture_files: &mut CaptureFiles,
@@ -86,14 +108,9 @@ pub(super) fn fit_plate(
         let gains = plan.learned.gains || (plan.asks_for_gains() && is_known);
         return Ok(plate.map(|field| FittedPlate { field, learned: Learned { gains, ..plan.learned } }));
     }
-    let path = plate_path(out);
-    if path.is_file() && fit::has_checkpoint(out) {
-        // The checkpoint has its rows and the cameras.
-        return Ok(Some(FittedPlate { field: import(&path)?.field, learned: plan.learned }));
-    }
     fit::name_covered(views, &capture_files.capture.cameras);
     let bar = fit_bar(plan.plate_steps());
-    bar.println(format!("plate: {}", path.display()));
+    bar.println(format!("plate: {}", plate_path(out).display()));
     let fitted = fit::fit_plate(plan, capture_files, runtime, out, &mut |progress| show(&bar, progress))?;
     bar.finish_and_clear();
     if let Some(rig) = fitted.fit.rig() {
@@ -102,10 +119,8 @@ pub(super) fn fit_plate(
             views.responses[i] = camera.response;
         }
     }
-    let plate = fitted.fit.to_field();
-    write_plate(&path, &plate, &fit::clip_info(capture_files, &[(&plate, [0.0, 1.0])], None))?;
     let learned = fitted.fit.rig().map_or(plan.learned, Rig::learned);
-    Ok(Some(FittedPlate { field: plate, learned }))
+    Ok(Some(FittedPlate { field: fitted.fit.to_field(), learned }))
 }
 
 pub(super) fn write_plate(path: &Path, plate: &Field, info: &ClipInfo) -> Result<(), Fault> {

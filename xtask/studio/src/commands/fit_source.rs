@@ -5,7 +5,7 @@ use std::path::Path;
 use program::Fault;
 use refine::capture::Holdout;
 
-use crate::capture::{CameraCorrections, CaptureFiles};
+use crate::capture::{BackgroundSource, CameraCorrections, CaptureFiles};
 use crate::fields::FitRecord;
 use crate::input::Input;
 use crate::messages::count;
@@ -87,7 +87,9 @@ impl<'a> FitSource<'a> {
     /// Those of [`CaptureFiles::find_plates`].
     fn find_mattes(&self, capture_files: &mut CaptureFiles, holdout: Holdout) -> anyhow::Result<()> {
         // A plate of another program's field tells as much as a record.
-        if self.record.has_mattes || (self.has_plate && capture_files.can_be_matted(holdout)?) {
+        let is_matted = self.record.has_mattes
+            || (self.has_plate && capture_files.background_source(holdout)? == BackgroundSource::Plates);
+        if is_matted {
             capture_files.find_plates(holdout)?;
         }
         Ok(())

@@ -273,17 +273,13 @@ fn preview(run: &mut Run, views: &TrainingViews, pictures: &[RenderedImage<f32>]
 }
 
 /// Checks, before the photographs are read, that a checkpoint of the field `out` is intact and has this
-/// plan. No checkpoint is fine.
+/// plan. Returns the steps that it has done: 0 without a checkpoint.
 ///
 /// # Errors
 /// [`Fault::Data`] if it is damaged, [`Fault::Usage`] if it has another plan.
-pub fn check_checkpoint(plan: &FitPlan, out: &Path) -> Result<(), Fault> {
-    Checkpoint::load(&checkpoint::path_for(out), plan).map(drop)
-}
-
-/// Whether there is a checkpoint of the field `out`.
-pub fn has_checkpoint(out: &Path) -> bool {
-    checkpoint::path_for(out).is_file()
+pub fn check_checkpoint(plan: &FitPlan, out: &Path) -> Result<u64, Fault> {
+    let checkpoint = Checkpoint::load(&checkpoint::path_for(out), plan)?;
+    Ok(checkpoint.map_or(0, |checkpoint| checkpoint.fit.steps_done()))
 }
 
 /// Removes the checkpoints of the finished field at `out` and of its plate, if there are any.

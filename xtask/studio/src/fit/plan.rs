@@ -220,8 +220,9 @@ impl FitPlan {
         self.asks_for_gains() || (is_learned && self.plate == PlatePlan::Fitted)
     }
 
-    /// What a fit of whole photographs does, in a line, and how long that takes if it is on so many cores.
-    pub fn describe_whole(&self, capture_files: &CaptureFiles, cores: Option<usize>) -> String {
+    /// What a fit of whole photographs does, in a line, after `done` of its steps, and how long that takes if it is on so many
+    /// cores.
+    pub fn describe_whole(&self, capture_files: &CaptureFiles, done: u64, cores: Option<usize>) -> String {
         let size = |factor: u32| {
             let cameras = capture_files.capture.cameras.iter().map(|camera| &camera.camera);
             let largest = cameras.max_by_key(|camera| u64::from(camera.width) * u64::from(camera.height));
@@ -230,24 +231,26 @@ impl FitPlan {
             })
         };
         let Coarse { factor, steps: coarse } = self.coarse;
+        let plate = if done == 0 { self.plate_steps() } else { 0 };
+        let small = coarse.saturating_sub(done);
+        let left = self.steps.saturating_sub(done);
         let pixels = largest_photograph(capture_files);
-        let of_small = (self.plate_steps() + coarse) as f64 * (pixels / f64::from(factor * factor));
-        let of_large = (self.steps - coarse) as f64 * pixels;
+        let of_small = (plate + small) as f64 * (pixels / f64::from(factor * factor));
+        let of_large = (left - small) as f64 * pixels;
         let time = cores.map_or(String::new(), |cores| {
             let minutes = (of_small + of_large) * CORE_S_A_PIXEL / cores as f64 / 60.0;
             let minutes = count(minutes.max(1.0).round() as usize, "minute");
             format!("; about {minutes} on {}", count(cores, "core"))
         });
-        let first = match coarse {
+        let first = match small {
             0 => String::new(),
-            _ => format!(", the first {coarse} at {}", size(factor)),
+            _ => format!(", the first {small} at {}", size(factor)),
         };
-        format!(
-            "whole photographs of {}: {} steps for what stands still, then {} together with what moves{first}{time}",
-            size(1),
-            self.plate_steps(),
-            self.steps,
-        )
+        let still = match plate {
+            0 => String::new(),
+            _ => format!("{plate} steps for what stands still, then "),
+        };
+        format!("whole photographs of {}: {still}{left} steps for all of it together{first}{time}", size(1))
     }
 
     /// The capture with the photographs that place the first Gaussians: the photographs of the first steps.

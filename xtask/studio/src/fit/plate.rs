@@ -21,7 +21,7 @@ use crate::scene::plate_path;
 const FRAMES: usize = 4;
 
 /// Fits a static field to the plates of the cameras that are not held out. `out` is the path of the field that belongs in
-/// front of it. The plate gets no more steps and Gaussians than `plan` has. What it learns of the cameras' colours is what
+/// front of it; the caller writes the plate. It gets no more steps and Gaussians than `plan` has. What it learns of the cameras' colours is what
 /// the other fit starts from.
 ///
 /// # Errors
@@ -53,7 +53,10 @@ pub fn fit_plate(
     let runtime = FitRuntime { backend: &mut *backend, lpips, checkpoint_every };
     let path = plate_path(out);
     let fitted = fit(&plan, &small, &views, None, runtime, &path, on_progress)?;
-    // A fit that is killed before the other one has a checkpoint starts there.
+    if fitted.resumed_at == steps {
+        return Ok(fitted);
+    }
+    // Until the other fit is done, one that is killed starts there.
     Checkpoint::of_finished(&plan, &fitted.fit, &fitted.entries).save(&checkpoint::path_for(&path))?;
     // The plate is fitted: it is not lost to a question about it.
     let named = name_strangers(&fitted.fit, &views, &capture_files.capture.cameras, backend);

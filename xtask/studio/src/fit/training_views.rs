@@ -58,7 +58,7 @@ impl TrainingViews {
         Ok(TrainingViews { train, held, timeline, responses })
     }
 
-    /// The same photographs as they were taken, without mattes.
+    /// The same photographs as they were taken, without masks and mattes.
     ///
     /// # Errors
     /// [`Fault::Data`] that names a file that cannot be read.
@@ -68,7 +68,7 @@ impl TrainingViews {
         holdout: Holdout,
     ) -> Result<TrainingViews, Fault> {
         let mut capture_files = capture_files.clone();
-        capture_files.forget_mattes();
+        capture_files.see_whole();
         let whole = TrainingViews::load(&capture_files, holdout, || ())?;
         Ok(TrainingViews { responses: self.responses.clone(), ..whole })
     }

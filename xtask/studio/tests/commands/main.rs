@@ -25,6 +25,8 @@ mod takes;
 mod undistortion;
 mod videos;
 
+#[path = "../small_rig/mod.rs"]
+mod small_rig;
 #[path = "../small_stage/mod.rs"]
 mod small_stage;
 #[path = "../../../../codec/formats/tests/support/mod.rs"]

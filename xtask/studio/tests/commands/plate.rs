@@ -3,42 +3,16 @@
 use std::fs;
 use std::path::Path;
 
+use crate::small_rig::{NOISE, eval, run, studio, studio_of};
 use crate::small_stage::kill_when;
-use crate::tool::{Outcome, aarc_studio, ffmpeg, has_ffmpeg};
+use crate::tool::{ffmpeg, has_ffmpeg};
 use refine::capture::Holdout;
 use serde_json::Value;
-use studio::capture::CaptureFiles;
-use studio::synth::rig::{Perturbations, Rig, RigSettings, write};
-use tempfile::{TempDir, tempdir};
+use studio::capture::{BackgroundSource, CaptureFiles};
+use studio::synth::rig::Perturbations;
+use tempfile::tempdir;
 
 const FIT: &str = "--steps 300 --gaussians 600 --sh-degree 0";
-
-/// A capture of videos without masks, with plates, and the masks of the figure beside.
-fn studio() -> TempDir {
-    studio_of(Perturbations { noise: 1.0, ..Perturbations::NONE })
-}
-
-fn studio_of(perturbations: Perturbations) -> TempDir {
-    let folder = tempdir().unwrap();
-    let settings = RigSettings {
-        cameras: 6,
-        seconds: 1.0,
-        fps: 15.0,
-        size: [64, 48],
-        seed: 0,
-        crf: 12,
-        shadow: false,
-        masks: true,
-        perturbations,
-    };
-    write(&folder.path().join("rig"), &Rig::new(&settings).unwrap(), || {}).unwrap();
-    run(folder.path(), "ingest rig -o studio --offsets none --plates rig/plates --mattes off").success();
-    folder
-}
-
-fn run(folder: &Path, arguments: &str) -> Outcome {
-    aarc_studio(folder, &arguments.split(' ').collect::<Vec<_>>())
-}
 
 /// From now on, the capture asks a fit to learn nothing of its cameras.
 fn ask_for_nothing(folder: &Path) {
@@ -52,12 +26,6 @@ fn edit_manifest(folder: &Path, stays: impl Fn(&str) -> bool) {
     let lines: Vec<&str> = manifest.lines().filter(|line| stays(line)).collect();
     assert!(lines.len() < manifest.lines().count(), "{manifest}");
     fs::write(&path, lines.join("\n")).unwrap();
-}
-
-/// PSNR of the whole pictures and of the subject.
-fn eval(folder: &Path, field: &str) -> [f64; 2] {
-    let json = run(folder, &format!("eval {field} --capture studio --json")).json();
-    ["psnr_full", "psnr_fg"].map(|key| json["splits"]["train"][key].as_f64().unwrap())
 }
 
 #[test]
@@ -137,7 +105,8 @@ fn what_moves_is_fitted_in_front_of_a_plate() {
     assert!(error.contains("--plate on: a.ply has no plate to go on from"), "{error}");
 }
 
-/// It is killed while the plate is fitted, right after, and while both are fitted together.
+/// It is killed while the plate is fitted, right after, and while both are fitted together. Until it is done, the plate of an
+/// earlier fit stays.
 #[test]
 fn a_killed_fit_with_a_plate_resumes_with_the_same_result() {
     if !has_ffmpeg() {
@@ -151,19 +120,86 @@ fn a_killed_fit_with_a_plate_resumes_with_the_same_result() {
     let read = || files.map(|file| fs::read(folder.join(file)).unwrap());
     let uninterrupted = read();
     files.iter().for_each(|file| fs::remove_file(folder.join(file)).unwrap());
-    fs::remove_file(folder.join("a.fit.csv")).unwrap();
+    ["a.fit.csv", "a.plate.fit.csv"].iter().for_each(|file| fs::remove_file(folder.join(file)).unwrap());
+    fs::write(folder.join("a.plate.ply"), "earlier").unwrap();
     let args: Vec<&str> = line.split(' ').chain(["--set", "checkpoint-every=0.02"]).collect();
     let [plate, both] = ["a.plate.checkpoint", "a.checkpoint"].map(|file| folder.join(file));
     kill_when(folder, &args, || plate.exists());
-    assert!(!folder.join("a.plate.ply").exists() && !both.exists());
-    kill_when(folder, &args, || folder.join("a.plate.ply").exists());
+    assert!(!both.exists());
+    kill_when(folder, &args, || has_line(&folder.join("a.plate.fit.csv"), 600));
     assert!(!folder.join("a.ply").exists() && plate.exists(), "the plate is not lost");
-    let fitted = fs::read(folder.join("a.plate.ply")).unwrap();
     kill_when(folder, &args, || both.exists());
-    assert!(!folder.join("a.ply").exists() && fs::read(folder.join("a.plate.ply")).unwrap() == fitted);
+    assert!(!folder.join("a.ply").exists() && fs::read(folder.join("a.plate.ply")).unwrap() == b"earlier");
     run(folder, line).success();
     assert!(read() == uninterrupted, "the same files, bit by bit");
     assert!(!plate.exists() && !both.exists());
+}
+
+/// Whether the table of a fit has a line of this step.
+fn has_line(table: &Path, step: u64) -> bool {
+    fs::read_to_string(table).is_ok_and(|table| table.contains(&format!("\n{step},")))
+}
+
+/// It is killed while photographs are small, and after.
+#[test]
+fn a_killed_fit_resumes_on_either_side_of_the_change_of_size() {
+    if !has_ffmpeg() {
+        return;
+    }
+    let folder = studio_of([480, 320], NOISE);
+    let folder = folder.path();
+    let line = "fit studio -o a.ply --cameras 00,02,04 --frames 0..4 --steps 12 --gaussians 300 --learn none";
+    let stderr = run(folder, line).success().stderr;
+    assert!(stderr.contains("the first 6 at 240x160"), "{stderr}");
+    let files = ["a.ply", "a.plate.ply"];
+    let read = || files.map(|file| fs::read(folder.join(file)).unwrap());
+    let uninterrupted = read();
+    for step in [2, 8] {
+        fs::remove_file(folder.join("a.fit.csv")).unwrap();
+        let args: Vec<&str> = line.split(' ').chain(["--set", "checkpoint-every=0.001"]).collect();
+        kill_when(folder, &args, || has_line(&folder.join("a.fit.csv"), step));
+        let stderr = run(folder, line).success().stderr;
+        assert_eq!(stderr.contains("at 240x160"), step < 6, "{stderr}");
+        assert!(read() == uninterrupted, "killed after step {step}");
+    }
+}
+
+/// `ingest` writes plates and, unless told otherwise, masks.
+#[test]
+fn masks_beside_plates_leave_photographs_whole() {
+    if !has_ffmpeg() {
+        return;
+    }
+    let folder = studio();
+    let folder = folder.path();
+    run(folder, "ingest rig -o studio --offsets none --plates rig/plates").success();
+    let manifest = fs::read_to_string(folder.join("studio/capture.json")).unwrap();
+    assert!(manifest.contains("\"masks\"") && manifest.contains("\"plates\""), "{manifest}");
+    let stderr = run(folder, &format!("fit studio -o a.ply --holdout odd {FIT}")).success().stderr;
+    assert!(stderr.contains("what masks show is the subject, in front of a plate"), "{stderr}");
+    let [whole, subject] = eval(folder, "a.ply");
+    assert!(whole > 22.0 && subject > 17.0, "{whole} {subject}");
+    let stderr = run(folder, "package a.ply --capture studio --refine 5 -o a.aarc").success().stderr;
+    assert!(eval(folder, "a.aarc")[0] > 20.0, "{stderr}");
+
+    // What goes on from it holds the same frames out.
+    run(folder, "fit studio --from a.ply -o b.ply --steps 5").success();
+    let json = run(folder, "eval b.ply --capture studio --json").json();
+    assert!(
+        json["holdout"] == "odd" && json["splits"]["train"]["psnr_full"].as_f64().unwrap() > 22.0,
+        "{json}"
+    );
+
+    // Plates that are not stated may be of the subject, so they are made where they are asked for.
+    edit_manifest(folder, |line| !line.contains("\"plates\""));
+    let plate = folder.join("c.plate.ply");
+    run(folder, &format!("fit studio -o c.ply {FIT}")).success();
+    assert!(!plate.exists());
+    run(folder, &format!("fit studio -o c.ply --plate on {FIT}")).success();
+    assert!(plate.exists() && eval(folder, "c.ply")[0] > 22.0);
+    fs::write(folder.join("studio/capture.json"), manifest).unwrap();
+    run(folder, &format!("fit studio -o c.ply --plate off {FIT}")).success();
+    assert!(!plate.exists());
 }
 
 #[test]
@@ -190,6 +226,54 @@ fn cameras_and_plates_that_are_wrong_are_named() {
     fs::rename(rig.join("black.mp4"), rig.join("01.mp4")).unwrap();
     let stderr = run(folder, short).success().stderr;
     assert!(stderr.contains("note: next to nothing is seen by camera 01"), "{stderr}");
+}
+
+/// What films are like that are not as one would want them, and what the fit says of each, if anything.
+#[test]
+fn films_that_are_not_as_one_would_want_them_are_fitted() {
+    if !has_ffmpeg() {
+        return;
+    }
+    let folder = studio();
+    let folder = folder.path();
+    let recoded = |camera: &str, from: &str, filter: &str| {
+        let rig = folder.join("rig");
+        let line = format!(
+            "-i {from}/{camera}.mp4 -i plates/{camera}.png -f lavfi -i testsrc2=size=64x48:rate=15 -filter_complex \
+             {filter} -shortest -c:v libx264 -crf 8 -pix_fmt yuv420p {camera}.mp4"
+        );
+        ffmpeg(&rig, &line);
+    };
+    let cameras = ["00", "01", "02", "03", "04", "05"];
+    let whole = folder.join("rig/whole");
+    fs::create_dir(&whole).unwrap();
+    let restore = || {
+        for camera in cameras {
+            fs::copy(whole.join(format!("{camera}.mp4")), folder.join(format!("rig/{camera}.mp4"))).unwrap();
+        }
+    };
+    for camera in cameras {
+        fs::copy(folder.join(format!("rig/{camera}.mp4")), whole.join(format!("{camera}.mp4"))).unwrap();
+    }
+    let leaves = "[0:v][1:v]overlay=enable='gte(t,0.5)'";
+    let fills = "[2:v]crop=64:48";
+    let white = "[0:v]colorchannelmixer=rr=0.6:bb=1.3";
+    for (what, cameras, filter, more, said) in [
+        ("another white balance", &["02"][..], white, "", "in colours that differ by"),
+        ("a person who leaves", &cameras, leaves, "", "what moves is the subject"),
+        ("a person before one camera", &["04"], fills, "", "photographs of camera 04 differ from the plate"),
+        ("three cameras", &[], "", " --cameras 00,02,04", "what moves is the subject"),
+        ("a clip of eight frames", &[], "", " --frames 0..8", "what moves is the subject"),
+    ] {
+        cameras.iter().for_each(|camera| recoded(camera, "whole", filter));
+        let line = format!("fit studio -o a.ply --steps 60 --gaussians 300 --sh-degree 0{more}");
+        let stderr = run(folder, &line).success().stderr;
+        assert!(stderr.contains(said), "{what}: {stderr}");
+        let [full, _] = eval(folder, "a.ply");
+        println!("{what}: {full:.2} dB");
+        assert!(full > 15.0, "{what}: {full}");
+        restore();
+    }
 }
 
 #[test]
@@ -221,7 +305,7 @@ fn colours_that_are_learned_start_from_measured_gains() {
     if !has_ffmpeg() {
         return;
     }
-    let folder = studio_of(Perturbations { noise: 1.0, exposure: 0.4, ..Perturbations::NONE });
+    let folder = studio_of([64, 48], Perturbations { exposure: 0.4, ..NOISE });
     let folder = folder.path();
     let greens = || {
         let stderr = run(folder, "fit studio -o a.ply --steps 4 --gaussians 600").success().stderr;
@@ -263,11 +347,57 @@ fn held_photographs_are_no_part_of_plates() {
     for (start, level) in [(0, 40), (3, 200), (4, 40)] {
         let mut capture_files = CaptureFiles::open(folder.path()).unwrap();
         capture_files.keep_frames(start..start + 4).unwrap();
-        assert!(capture_files.can_be_matted(Holdout::Odd).unwrap());
+        assert_eq!(capture_files.background_source(Holdout::Odd).unwrap(), BackgroundSource::Plates);
         capture_files.find_plates(Holdout::Odd).unwrap();
         let plate = capture_files.plate_photo(0).unwrap().unwrap().image.to_rgb8();
         assert!(plate.iter().all(|c| *c == level), "{start}: {}", plate[0]);
     }
+}
+
+/// Camera b has three photographs; masks show the left half.
+#[test]
+fn a_background_is_told_by_plates_or_enough_photographs() {
+    let folder = tempdir().unwrap();
+    let capture = |right: u8, of_both: &str, of_b: &str| {
+        for (name, frames) in [("a", 12), ("b", 3)] {
+            for (kind, left, right) in [("images", 90, right), ("masks", 255, 0)] {
+                let files = folder.path().join(kind).join(name);
+                fs::create_dir_all(&files).unwrap();
+                for frame in 0..frames {
+                    let level = |x, _| image::Luma([if x < 8 { left } else { right }]);
+                    let picture = image::GrayImage::from_fn(16, 12, level);
+                    picture.save(files.join(format!("{frame:06}.png"))).unwrap();
+                }
+            }
+        }
+        let camera = |id: &str, more: &str| {
+            format!(
+                r#"{{"id": "{id}", "w": 16, "h": 12, "K": [[20, 0, 8], [0, 20, 6], [0, 0, 1]]{more},
+                     "w2c": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 3], [0, 0, 0, 1]]}}"#
+            )
+        };
+        let [a, b] = [camera("a", ""), camera("b", of_b)];
+        let manifest = format!(
+            r#"{{"fps": 30, "frames": 12, "images": "images/{{camera}}/{{frame:06}}.png"{of_both},
+                "cameras": [{a}, {b}]}}"#
+        );
+        fs::write(folder.path().join("capture.json"), manifest).unwrap();
+        CaptureFiles::open(folder.path()).unwrap()
+    };
+    let source = |capture_files: &CaptureFiles| capture_files.background_source(Holdout::None).unwrap();
+    assert_eq!(source(&capture(50, "", "")), BackgroundSource::Few("b".into(), 3));
+    let mut held = capture(50, "", r#", "held": true"#);
+    assert_eq!(source(&held), BackgroundSource::Plates);
+    held.find_plates(Holdout::None).unwrap();
+    assert!(held.plate_photo(0).unwrap().is_some() && held.plate_photo(1).unwrap().is_none());
+
+    let masks = r#", "masks": "masks/{camera}/{frame:06}.png""#;
+    let plates = r#", "plates": "images/{camera}/000000.png""#;
+    assert_eq!(source(&capture(50, masks, "")), BackgroundSource::Masks);
+    assert_eq!(source(&capture(50, &format!("{masks}{plates}"), "")), BackgroundSource::Plates);
+    assert_eq!(source(&capture(0, &format!("{masks}{plates}"), "")), BackgroundSource::CutOut);
+    let error = run(folder.path(), "fit . -o a.ply --plate on --steps 4").error(3);
+    assert!(error.contains("--plate on: photographs are transparent or black"), "{error}");
 }
 
 #[test]

@@ -38,7 +38,7 @@ pub(in crate::fit) struct DensityControl {
     pub(in crate::fit) rule: DensityRule,
     /// Steps between controls; 100 in 3D Gaussian Splatting.
     pub(in crate::fit) interval: usize,
-    /// The capacity floor `N_min`: pruning leaves at least this many Gaussians.
+    /// The capacity floor `N_min`: pruning leaves at least this many Gaussians in front of a plate.
     pub(in crate::fit) floor: usize,
     /// Densification makes at most this many Gaussians.
     pub(in crate::fit) cap: usize,

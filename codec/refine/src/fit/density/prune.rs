@@ -11,9 +11,9 @@ use crate::raster::Real;
 /// Peak opacity below which a Gaussian is transparent.
 const OPACITY_MIN: f64 = 0.005;
 
-/// Drops transparent Gaussians and floaters. If fewer than `floor` would be left, keeps that many: the
-/// most opaque that do not float, then the most opaque floaters, the first of equals. Rows with
-/// non-finite numbers always go.
+/// Drops transparent Gaussians and floaters. If fewer than `floor` would be left in front of the plate, keeps that many of
+/// these: the most opaque that do not float, then the most opaque floaters, the first of equals. Rows with non-finite numbers
+/// always go.
 pub(super) fn prune<T: Real>(
     floor: usize,
     parameters: &mut Parameters<T>,
@@ -28,14 +28,17 @@ pub(super) fn prune<T: Real>(
     let mut kept: Vec<usize> =
         (0..count).filter(|&row| stays(row) || !floating[row] && is_opaque(parameters, row)).collect();
     let unbounded = kept.len();
-    if unbounded < floor {
-        kept = (0..count).filter(|row| parameters.is_finite(*row)).collect();
+    let is_in_front = |row: &usize| !parameters.is_behind(*row);
+    if kept.iter().filter(|row| is_in_front(row)).count() < floor {
+        kept.retain(|row| !is_in_front(row));
+        let mut in_front: Vec<usize> =
+            (0..count).filter(|row| is_in_front(row) && parameters.is_finite(*row)).collect();
         let logit = |row: usize| parameters.logits[row].to_double();
-        kept.sort_unstable_by(|&a, &b| {
+        in_front.sort_unstable_by(|&a, &b| {
             let by_opacity = logit(b).total_cmp(&logit(a));
             (!stays(a), floating[a]).cmp(&(!stays(b), floating[b])).then(by_opacity).then(a.cmp(&b))
         });
-        kept.truncate(floor);
+        kept.extend(in_front.into_iter().take(floor));
         kept.sort_unstable();
     }
     change.floaters = floating.iter().filter(|floats| **floats).count();

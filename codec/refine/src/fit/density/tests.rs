@@ -70,6 +70,16 @@ fn the_floor_retains_the_most_opaque() {
 }
 
 #[test]
+fn the_floor_counts_what_is_in_front_of_the_plate() {
+    let plate = [0.9, 0.8, 0.7, 0.002];
+    let mut all = parameters(&[[0.003, 0.001, 0.6, 0.002].as_slice(), &plate].concat());
+    all.behind = [[false; 4], [true; 4]].concat();
+    let control = DensityControl { floor: 3, ..CONTROL };
+    let change = run(control, &mut DensityState::new(8, 0), &mut all);
+    assert_eq!((numbers(&all), change.retained), (vec![0, 2, 3, 4, 5, 6], 2));
+}
+
+#[test]
 fn among_equals_the_first_stay() {
     assert_eq!(pruned(&[0.001; 9], 4).0, [0, 1, 2, 3]);
     assert_eq!(pruned(&[0.001; 9], 0).0, [0; 0]);

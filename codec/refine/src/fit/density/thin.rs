@@ -19,7 +19,7 @@ const FRAGMENTS: f64 = 0.7;
 const CAMERAS_MAX: usize = 128;
 
 /// Leaves out the still Gaussians that show least for the pixels that they cover in the pictures of the cameras of
-/// `views`, but never so many that fewer than `floor` Gaussians are left. Returns how many.
+/// `views`, but never so many that fewer than `floor` Gaussians are left in front of the plate. Returns how many.
 pub(in crate::fit) fn thin(
     floor: usize,
     parameters: &mut Parameters<f32>,
@@ -40,7 +40,10 @@ pub(in crate::fit) fn thin(
     let field = Field { temporal: None, ..parameters.select(&still).to_field(timeline) };
     let seen = contributions_to(&cameras(views), &field, || ());
     let order = by_importance(&weight_per_fragment(&seen));
-    let kept = within_fragments(&order, &seen, FRAGMENTS).max(floor.saturating_sub(count - still.len()));
+    let of_plate = (0..count).filter(|row| parameters.is_behind(*row)).count();
+    // Without a plate, what stands still counts for the floor, too.
+    let least = if of_plate > 0 { 0 } else { floor.saturating_sub(count - still.len()) };
+    let kept = within_fragments(&order, &seen, FRAGMENTS).max(least);
     let mut stays = vec![true; count];
     order.iter().skip(kept).for_each(|row| stays[still[*row]] = false);
     let rows: Vec<usize> = (0..count).filter(|row| stays[*row]).collect();
@@ -120,7 +123,9 @@ mod tests {
         let carried = |of_still: Carried| [vec![Carried::NONE; 3], vec![of_still; 8]].concat();
         let all = || in_front_of_still_ones(4, 4);
         assert_eq!(thinned(0, all(), carried(Carried::STATIC)), [0, 1, 2, 3, 4, 5, 6, 7, 8]);
-        assert_eq!(thinned(10, all(), carried(Carried::STATIC)).len(), 10, "the floor counts all");
+        assert_eq!(thinned(10, all(), carried(Carried::STATIC)).len(), 10, "still ones count for the floor");
+        let plate = Parameters { behind: [vec![false; 3], vec![true; 8]].concat(), ..all() };
+        assert_eq!(thinned(10, plate, carried(Carried::STATIC)).len(), 9, "but those of a plate");
         assert_eq!(thinned(0, all(), carried(Carried::NONE)).len(), 11);
         assert_eq!(thinned(0, all(), carried(Carried { share: 0.5, ..Carried::STATIC })).len(), 11);
         // One frame: nothing has a time, and the subject is no part of the plate.

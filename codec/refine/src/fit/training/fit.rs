@@ -28,8 +28,8 @@ pub const FRAGMENT_WEIGHT: f64 = 1e-3;
 pub struct FitSettings {
     /// Number of steps, each on one training view.
     pub steps: u64,
-    /// Capacity floor, the paper's `N_min` (Eq. 8): pruning leaves at least this many Gaussians; 0 for
-    /// no floor.
+    /// Capacity floor, the paper's `N_min` (Eq. 8): pruning leaves at least this many Gaussians in front of a plate;
+    /// 0 for no floor.
     pub floor: usize,
     /// Largest number of Gaussians that densification makes; `None` for twice the larger of the floor and the initial
     /// number: the paper's fits end with 1.1 to 1.75 times their floor.

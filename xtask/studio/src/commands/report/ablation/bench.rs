@@ -268,10 +268,13 @@ impl Bench<'_> {
         // A plate changes the responses that its field starts from.
         let responses = views.responses.clone();
         let runtime = options.runtime(&mut *backend, lpips);
-        let plate = fit_plate(plan, &mut capture_files, views, runtime, field)?;
+        let plate = fit_plate(plan, &mut capture_files, views, runtime, field);
         let runtime = options.runtime(&mut *backend, lpips);
-        let fitted = fit_and_write(field, plan, &capture_files, views, plate.as_ref(), runtime)?;
+        let fitted = plate
+            .and_then(|plate| fit_and_write(field, plan, &capture_files, views, plate.as_ref(), runtime));
+        // The next variant starts from them, also after a failure.
         views.responses = responses;
+        let fitted = fitted?;
         let splits = self.ablation.photographs.clone();
         // Fragments are counted with the other measures, in the views that the page shows.
         let result = FitResult {
