@@ -62,11 +62,6 @@ impl Split {
         }
     }
 
-    /// Whether the frames of the split are held out.
-    pub fn holds_frame(self) -> bool {
-        matches!(self, Split::InterpA | Split::InterpB)
-    }
-
     fn new(held_camera: bool, held_frame: bool) -> Split {
         match (held_camera, held_frame) {
             (false, false) => Split::Train,

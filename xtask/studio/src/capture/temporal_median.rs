@@ -26,8 +26,14 @@ impl CaptureFiles {
         Ok(TemporalMedian::from_pictures(&pictures.collect::<Result<Vec<_>, Fault>>()?))
     }
 
-    /// A photograph whose colours are right; with the background its mask is not made.
-    fn colors(&self, photo_id: PhotoId) -> Result<Photo, Fault> {
+    /// What [`CaptureFiles::photo`] returns, but where the background is kept, its alpha is not the mask, which takes time.
+    ///
+    /// # Errors
+    /// [`Fault::Data`] that names the file.
+    ///
+    /// # Panics
+    /// If the capture has no such photograph.
+    pub(crate) fn colors(&self, photo_id: PhotoId) -> Result<Photo, Fault> {
         match self.background.is_kept {
             true => Ok(self.seen(photo_id.camera, self.taken(photo_id)?)),
             false => self.photo(photo_id),

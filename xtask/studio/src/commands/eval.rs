@@ -4,9 +4,8 @@ use std::path::{Path, PathBuf};
 
 use crate::capture::CaptureFiles;
 use crate::eval::{
-    self, Baseline, PrefixEval, SplitMeasures, Strips, Subject, baseline_rows, csv, eval_prefixes,
-    fastest_interval, free_views, judge, judge_baselines, means, over_scenes, quarter_frames, scenes_table,
-    table,
+    self, BlendedPhotographs, PrefixEval, SplitMeasures, Strips, Subject, csv, eval_prefixes,
+    fastest_interval, free_views, judge, means, over_scenes, quarter_frames, scenes_table, table,
 };
 use crate::input::Input;
 use crate::progress::counting;
@@ -35,10 +34,6 @@ pub struct Args {
     captures: Vec<PathBuf>,
     #[command(flatten)]
     selection: FrameSelection,
-    /// Also compare held frames with two baselines: SUBJECT at the nearest fitted frame, and a blend of the
-    /// two fitted frames around; SUBJECT is a field or package
-    #[arg(long)]
-    baselines: bool,
     #[command(flatten)]
     lpips: LpipsOption,
     #[command(flatten)]
@@ -143,14 +138,6 @@ impl Evaluation<'_> {
             capture_files.keep_background();
         }
         let about = describe(&capture_files, holdout)?;
-        let compared = match (&subject, args.baselines) {
-            (Subject::Drawn(input), true) => Some(input),
-            (Subject::Pictures(_), true) => bail!(Fault::Usage(format!(
-                "--baselines draw a field or package between frames; {} holds pictures: leave --baselines out",
-                path.display()
-            ))),
-            (_, false) => None,
-        };
         if let Some(out) = &out {
             output::make_folder(out)?;
         }
@@ -166,12 +153,17 @@ impl Evaluation<'_> {
         }
         let progress = counting(capture_files.capture.photos.len() as u64, "photographs");
         let mut strips = Strips::new(&subject, &capture_files, holdout)?;
+        let splits = eval::splits(&capture_files, holdout)?;
+        let mut blended = BlendedPhotographs::new(&capture_files, splits, lpips);
         let judged = judge(&subject, &capture_files, holdout, lpips, |look| {
-            if let (Some(look), Some(_)) = (look, &out) {
+            progress.inc(1);
+            let Some(look) = look else { return Ok(()) };
+            if out.is_some() {
                 strips.add(look);
             }
-            progress.inc(1);
+            blended.add(&look)
         })?;
+        let blended = means(&blended.judged()?);
         progress.finish_and_clear();
         if let Some(note) = note {
             eprintln!("note: {note}");
@@ -200,21 +192,10 @@ impl Evaluation<'_> {
             "frames": [capture_files.selected_frames().start, capture_files.selected_frames().end],
             "splits": by_split(&means)?,
         });
-        let mut table = table(&means);
-        if let Some(input) = compared {
-            let held = judged.iter().filter(|one| one.split.holds_frame()).count();
-            progress.reset();
-            progress.set_length(held as u64);
-            let guesses = judge_baselines(input, &capture_files, holdout, lpips, || progress.inc(1))?;
-            progress.finish_and_clear();
-            let mut baselines = Map::new();
-            for (baseline, judged) in Baseline::ALL.into_iter().zip(&guesses) {
-                let means = eval::means(judged);
-                table += &baseline_rows(baseline, &means);
-                baselines.insert(baseline.name().into(), by_split(&means)?.into());
-            }
-            json["baselines"] = baselines.into();
+        if !blended.is_empty() {
+            json["baselines"] = json!({"blended_photographs": by_split(&blended)?});
         }
+        let mut table = table(&means, &blended);
         if let (Some(out), Subject::Drawn(input)) = (&out, &subject)
             && let Some(prefixes) = more_pictures(out, input, holdout, &capture_files)?
         {

@@ -6,7 +6,7 @@ use refine::capture::{Capture, Holdout, PhotoId, Split};
 use serde::Serialize;
 
 use super::means::{known_psnr, mean_psnr, show_db};
-use super::{Comparison, Judged, Subject, judge_photos, splits};
+use super::{Judged, Subject, judge_photos, splits};
 use crate::capture::CaptureFiles;
 use crate::fit::evenly;
 
@@ -66,7 +66,10 @@ pub fn judge_held_cameras(
     if photos.is_empty() {
         return Ok(None);
     }
-    let judged = judge_photos(subject, capture_files, photos, None, |_: Option<Comparison>| on_photo())?;
+    let judged = judge_photos(subject, capture_files, photos, None, |_| {
+        on_photo();
+        Ok(())
+    })?;
     let cameras = capture_files.capture.cameras.iter().enumerate();
     let rows: Vec<HeldCamera> = cameras
         .filter_map(|(i, camera)| {
@@ -124,21 +127,11 @@ impl HeldCameras {
 
 #[cfg(test)]
 mod tests {
-    use codec::Camera;
-    use refine::capture::{CalibratedCamera, Lens, Response};
-
     use super::*;
+    use crate::eval::fixtures::camera;
 
     #[test]
     fn photographs_are_spread_over_the_frames_of_held_cameras() {
-        let camera = |held| CalibratedCamera {
-            name: "c".into(),
-            camera: Camera::look_at([0.0; 3], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0], 1.0, 8, 8),
-            lens: Lens::default(),
-            time_offset_s: 0.0,
-            response: Response::NEUTRAL,
-            held,
-        };
         let photos = |frames: usize| {
             let ids = (0..frames).flat_map(|frame| (0..3).map(move |camera| PhotoId { camera, frame }));
             let cameras = vec![camera(false), camera(true), camera(true)];

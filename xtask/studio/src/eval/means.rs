@@ -7,7 +7,7 @@ use refine::capture::{Capture, PhotoId, Split};
 use refine::metrics::{AlignedPsnr, ImageMetrics};
 use serde::Serialize;
 
-use super::{Baseline, Judged};
+use super::Judged;
 use crate::capture::CaptureFiles;
 
 /// Mean measures of a split; the fields are keys of the JSON.
@@ -95,24 +95,14 @@ pub(super) fn mean(numbers: &[f64]) -> f64 {
     numbers.iter().sum::<f64>() / numbers.len() as f64
 }
 
-/// The means as a table in Markdown.
-pub fn table(means: &[SplitMeasures]) -> String {
+/// The means as a table in Markdown, then those of [`BlendedPhotographs`](super::BlendedPhotographs).
+pub fn table(means: &[SplitMeasures], blended: &[SplitMeasures]) -> String {
     let mut text = String::from(
         "| split | images | subject, dB | aligned | whole, dB | aligned | moving, dB | aligned | SSIM | LPIPS |\n\
          |---|---|---|---|---|---|---|---|---|---|\n",
     );
     means.iter().for_each(|row| write_row(&mut text, row.split, row));
-    text
-}
-
-/// Rows of a baseline for that table.
-pub fn baseline_rows(baseline: Baseline, means: &[SplitMeasures]) -> String {
-    let what = match baseline {
-        Baseline::Nearest => "nearest fitted frame",
-        Baseline::Blend => "blend of the two around",
-    };
-    let mut text = String::new();
-    means.iter().for_each(|row| write_row(&mut text, &format!("{}, {what}", row.split), row));
+    blended.iter().for_each(|row| write_row(&mut text, &format!("{}, photographs blended", row.split), row));
     text
 }
 
@@ -233,17 +223,17 @@ mod tests {
         assert_eq!((rows[0].psnr_fg, rows[0].psnr_fg_deviation), (Some(23.0), Some(3.0)));
         assert_eq!((rows[0].images, rows[0].without_subject, rows.len()), (3, 1, 1));
         assert!(
-            table(&rows).contains(
+            table(&rows, &[]).contains(
                 "| train | 3 | 23.00 ± 3.00 | 24.00 | 30.00 | 32.00 | 10.00 | 15.00 | 0.5000 | – |"
             ),
             "{}",
-            table(&rows)
+            table(&rows, &[])
         );
     }
 
     #[test]
     fn exact_pictures_and_empty_ones_have_no_deviation() {
-        let text = |psnr: &[Option<f64>]| table(&means(&judged(psnr)));
+        let text = |psnr: &[Option<f64>]| table(&means(&judged(psnr)), &[]);
         assert!(text(&[Some(f64::INFINITY); 2]).contains("| 2 | inf | inf | 30.00 |"));
         assert!(text(&[None]).contains("| 1 | – | – | 30.00 | 32.00 | – | – |"));
     }

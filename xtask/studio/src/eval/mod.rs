@@ -1,11 +1,11 @@
 //! Compares a field, a package or a folder of pictures with the photographs of a capture.
 //!
-//! Measures: what needs all photographs of a camera (`by_camera`), means of each split (`means`), baselines for held frames
-//! (`baselines`), held cameras after a fit (`held_cameras`), means over scenes (`scenes`), prefixes of a package (`prefixes`),
+//! Measures: what needs all photographs of a camera (`by_camera`), means of each split (`means`), what predicts held frames
+//! without a fit (`blended`), held cameras after a fit (`held_cameras`), means over scenes (`scenes`), prefixes of a package (`prefixes`),
 //! frames of a take (`over_time`), cost for a player (`fragments`). Pictures, as in the paper's appendices: beside the
 //! photographs (`strips`), between captured frames (`quarter`), from new viewpoints (`free`).
 
-mod baselines;
+mod blended;
 mod by_camera;
 mod fragments;
 mod free;
@@ -25,7 +25,7 @@ use program::Fault;
 use refine::capture::{Holdout, Photo, PhotoId, Split};
 use refine::fit::{Lpips, LpipsError};
 use refine::image::Image;
-use refine::metrics::ImageMetrics;
+use refine::metrics::{ImageMetrics, TemporalMedian};
 use refine::reference::{self, Order};
 
 use crate::capture::{CaptureFiles, find_image, read_picture};
@@ -33,11 +33,11 @@ use crate::input::Input;
 pub use by_camera::Judged;
 use by_camera::{Measured, Medians, align, by_camera};
 
-pub use baselines::{Baseline, judge_baselines};
+pub use blended::BlendedPhotographs;
 pub use fragments::fragments_per_lit_pixel;
 pub use free::free_views;
 pub use held_cameras::{HeldCamera, HeldCameras, held_photos, judge_held_cameras};
-pub use means::{SplitMeasures, baseline_rows, csv, means, parse_csv, table};
+pub use means::{SplitMeasures, csv, means, parse_csv, table};
 pub use over_time::{FrameErrors, over_time};
 pub use prefixes::{PrefixEval, PrefixEvalStep, eval_prefixes};
 pub use quarter::{Interval, fastest_interval, quarter_frames};
@@ -137,8 +137,10 @@ pub struct Comparison<'a> {
     pub measures: &'a ImageMetrics,
     /// The picture.
     pub picture: &'a Image,
-    /// The photograph.
+    /// The photograph; its alpha is the subject.
     pub photo: &'a Photo,
+    /// The median over time of the photograph's camera.
+    pub median: Option<&'a TemporalMedian>,
 }
 
 /// The split of each photograph of `capture_files`.
@@ -171,13 +173,13 @@ fn photo_for(
 /// if it is skipped.
 ///
 /// # Errors
-/// [`Fault::Data`] where a file cannot be read or no picture is left to compare.
+/// [`Fault::Data`] where a file cannot be read or no picture is left to compare; those of `on_photo`.
 pub fn judge(
     subject: &Subject,
     capture_files: &CaptureFiles,
     holdout: Holdout,
     lpips: Option<&Lpips<f32>>,
-    on_photo: impl FnMut(Option<Comparison>),
+    on_photo: impl FnMut(Option<Comparison>) -> Result<(), Fault>,
 ) -> anyhow::Result<Vec<Judged>> {
     judge_photos(subject, capture_files, splits(capture_files, holdout)?, lpips, on_photo)
 }
@@ -188,7 +190,7 @@ fn judge_photos(
     capture_files: &CaptureFiles,
     photos: Vec<(PhotoId, Split)>,
     lpips: Option<&Lpips<f32>>,
-    mut on_photo: impl FnMut(Option<Comparison>),
+    mut on_photo: impl FnMut(Option<Comparison>) -> Result<(), Fault>,
 ) -> anyhow::Result<Vec<Judged>> {
     let tells_subject = subject.tells_subject(capture_files);
     let mut whole = capture_files.clone();
@@ -200,7 +202,7 @@ fn judge_photos(
     let mut measured = Vec::new();
     for (photo_id, split) in by_camera(photos) {
         if !subject.shows(capture_files, photo_id) {
-            on_photo(None);
+            on_photo(None)?;
             continue;
         }
         // The photograph first: reading it checks its size against the camera's.
@@ -219,7 +221,8 @@ fn judge_photos(
                 measures: &measures,
                 picture: &picture,
                 photo: &photo,
-            }));
+                median,
+            }))?;
             measured.push(Measured { photo_id, split, measures, sums });
         }
     }
@@ -229,4 +232,22 @@ fn judge_photos(
         ));
     }
     Ok(align(&measured))
+}
+
+#[cfg(test)]
+mod fixtures {
+    use codec::Camera;
+    use refine::capture::{CalibratedCamera, Lens, Response};
+
+    /// A camera in the origin, in time with its frames.
+    pub(super) fn camera(held: bool) -> CalibratedCamera {
+        CalibratedCamera {
+            name: "c".into(),
+            camera: Camera::look_at([0.0; 3], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0], 1.0, 8, 8),
+            lens: Lens::default(),
+            time_offset_s: 0.0,
+            response: Response::NEUTRAL,
+            held,
+        }
+    }
 }

@@ -350,36 +350,44 @@ fn freeze(folder: &Path, field: &Field, name: &str, t: f64) {
 }
 
 #[test]
-fn baselines_predict_held_frames() {
-    let (folder, field) = lively_studio();
+fn held_frames_are_compared_with_a_blend_of_the_photographs_around_them() {
+    let (folder, _) = lively_studio();
     let folder = folder.path();
     write_manifest(folder, |_| ());
-    freeze(folder, &field, "first", 0.0);
-    let eval = |subject: &str, more: &[&str]| {
-        aarc_studio(folder, &[&["eval", subject, "--capture", ".", "--holdout", "odd"], more].concat())
-    };
-    let json = eval("field.ply", &["--baselines", "--json"]).json();
-    let first = eval("first", &["--json"]).json();
-    let [nearest, blend] = ["nearest_frame", "blended_frames"].map(|name| &json["baselines"][name]);
-    for (split, images) in [("interp_b", 2), ("interp_a", 1)] {
-        // Halfway between two frames the earlier one is the nearest: the same pictures.
-        let as_they_are = ["psnr_fg", "psnr_full", "psnr_moving", "ssim", "images"];
-        for key in as_they_are {
-            assert_eq!(nearest[split][key], first["splits"][split][key], "{key}");
-        }
-        assert_eq!(nearest[split]["images"], images);
-        // Half of the frames have another transform of colours than all.
-        assert!(nearest[split]["psnr_full_aligned"].as_f64() > nearest[split]["psnr_full"].as_f64());
-        let [nearest, blend] =
-            [nearest, blend].map(|baseline| baseline[split]["psnr_full"].as_f64().unwrap());
-        assert!(blend != nearest && blend < 60.0, "{blend} {nearest}");
-        assert!(json["splits"][split]["psnr_full"].is_null(), "the field is exact");
+    // Frame 1 is halfway.
+    for c in 0..3 {
+        let [mut blend, last] =
+            [0, 2].map(|frame| picture(&folder.join(format!("images/c{c}/{frame:02}.png"))));
+        blend.iter_mut().zip(last.iter()).for_each(|(a, b)| *a = a.midpoint(*b));
+        let path = folder.join(format!("blend/c{c}/01.png"));
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        blend.save(path).unwrap();
     }
-    assert!(nearest.get("train").is_none(), "{nearest}");
-    let text = eval("field.ply", &["--baselines"]).stdout;
-    assert!(text.contains("| interp_b, nearest fitted frame | 2 |"), "{text}");
-    assert!(text.contains("| interp_a, blend of the two around | 1 |"), "{text}");
-    assert!(eval("first", &["--baselines"]).error(2).contains("first holds pictures"));
+    let eval = |line: &str| {
+        let line = format!("eval {line} --capture .");
+        aarc_studio(folder, &line.split_whitespace().collect::<Vec<_>>())
+    };
+    let json = eval("field.ply --holdout odd --json").json();
+    let of_pictures = eval("blend --holdout odd --json").json();
+    let blended = &json["baselines"]["blended_photographs"];
+    assert_eq!(blended.as_object().unwrap().keys().collect::<Vec<_>>(), ["interp_b"]);
+    let [row, expected] = [&blended["interp_b"], &of_pictures["splits"]["interp_b"]];
+    assert_eq!(row["images"], 2);
+    let measures = row.as_object().unwrap().iter().filter(|(_, value)| value.is_number());
+    for (key, value) in measures {
+        // Half levels are rounded otherwise.
+        let off = (value.as_f64().unwrap() - expected[key].as_f64().unwrap()).abs();
+        assert!(off < 0.05, "{key}: {row} {expected}");
+    }
+    assert!(row["psnr_moving"].as_f64() < row["psnr_full"].as_f64(), "{row}");
+    assert!(json["splits"]["interp_b"]["psnr_full"].is_null(), "the field is exact");
+    assert_eq!(
+        &of_pictures["baselines"]["blended_photographs"], blended,
+        "read, as only held frames have a picture"
+    );
+    let text = eval("field.ply --holdout odd").stdout;
+    assert!(text.contains("| interp_b, photographs blended | 2 |"), "{text}");
+    assert!(eval("field.ply --holdout none --json").json().get("baselines").is_none());
 }
 
 /// Photographs whose colours are changed by camera, or by frame.

@@ -384,18 +384,18 @@ impl Bench<'_> {
     ) -> anyhow::Result<Value> {
         let progress = counting(self.images() as u64, "photographs");
         progress.set_message(name.to_owned());
-        let mut written = Ok(());
         let judged = judge(subject, judged_files, HOLDOUT, self.lpips.as_ref(), |comparison| {
             progress.inc(1);
-            let Some(comparison) = comparison.filter(|_| is_shown && written.is_ok()) else { return };
-            let shown = self.pictured.iter().find(|photo| photo.photo_id == comparison.photo_id);
-            if let Some(photo) = shown {
-                let picture = photo.crop.apply(comparison.picture);
-                written = write_picture(&self.path(folder, &photo.file), &picture);
+            let Some(comparison) = comparison.filter(|_| is_shown) else { return Ok(()) };
+            match self.pictured.iter().find(|photo| photo.photo_id == comparison.photo_id) {
+                Some(photo) => {
+                    let picture = photo.crop.apply(comparison.picture);
+                    write_picture(&self.path(folder, &photo.file), &picture)
+                }
+                None => Ok(()),
             }
         })?;
         progress.finish_and_clear();
-        written?;
         output::write(csv, eval::csv(&judged, &self.capture_files).as_bytes())?;
         let fragments = match subject {
             Subject::Drawn(input) if is_shown => {
