@@ -147,9 +147,12 @@ pub fn render(scene: &RenderScene, camera: &Camera, t: f64, order: Order) -> Ima
 pub fn render_with_subject(scene: &RenderScene, camera: &Camera, t: f64, order: Order) -> (Image, Vec<f64>) {
     let (mut splats, mut behind) = sorted(scene, camera, t, order);
     let subject = splat::splat(&splats, camera.width, camera.height);
+    let alpha = subject.pixels.iter().map(|pixel| pixel[3]).collect();
+    if behind.is_empty() {
+        return (subject, alpha);
+    }
     splats.append(&mut behind);
-    let whole = splat::splat(&splats, camera.width, camera.height);
-    (whole, subject.pixels.iter().map(|pixel| pixel[3]).collect())
+    (splat::splat(&splats, camera.width, camera.height), alpha)
 }
 
 /// The sorted splats of a scene, and the sorted splats of its plates.

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::capture::CaptureFiles;
 use crate::eval::{
-    self, BlendedPhotographs, PrefixEval, SplitMeasures, Strips, Subject, csv, eval_prefixes,
+    self, BlendedPhotographs, Photographs, PrefixEval, SplitMeasures, Strips, Subject, csv, eval_prefixes,
     fastest_interval, free_views, judge, means, over_scenes, quarter_frames, scenes_table, table,
 };
 use crate::input::Input;
@@ -155,7 +155,8 @@ impl Evaluation<'_> {
         let mut strips = Strips::new(&subject, &capture_files, holdout)?;
         let splits = eval::splits(&capture_files, holdout)?;
         let mut blended = BlendedPhotographs::new(&capture_files, splits, lpips);
-        let judged = judge(&subject, &capture_files, holdout, lpips, |look| {
+        let photographs = Photographs::new(&capture_files, source.has_plate);
+        let judged = judge(&subject, &photographs, holdout, lpips, |look| {
             progress.inc(1);
             let Some(look) = look else { return Ok(()) };
             if out.is_some() {
@@ -197,7 +198,7 @@ impl Evaluation<'_> {
         }
         let mut table = table(&means, &blended);
         if let (Some(out), Subject::Drawn(input)) = (&out, &subject)
-            && let Some(prefixes) = more_pictures(out, input, holdout, &capture_files)?
+            && let Some(prefixes) = more_pictures(out, input, holdout, &capture_files, &photographs)?
         {
             table += &prefixes.table();
             json["ladder"] = serde_json::to_value(&prefixes)?;
@@ -226,6 +227,7 @@ fn more_pictures(
     input: &Input,
     holdout: Holdout,
     capture_files: &CaptureFiles,
+    photographs: &Photographs,
 ) -> anyhow::Result<Option<PrefixEval>> {
     let interval = fastest_interval(capture_files, holdout)?;
     if let Some(interval) = &interval {
@@ -236,7 +238,7 @@ fn more_pictures(
         write_picture(&out.join("free_views.png"), &views)?;
     }
     let Input::Take(take) = input else { return Ok(None) };
-    let prefixes = eval_prefixes(take, capture_files, holdout)?;
+    let prefixes = eval_prefixes(take, photographs, holdout)?;
     if let Some(prefixes) = &prefixes {
         write_picture(&out.join("ladder.png"), &prefixes.picture)?;
     }

@@ -6,7 +6,7 @@ use refine::capture::{Capture, Holdout, PhotoId, Split};
 use serde::Serialize;
 
 use super::means::{known_psnr, mean_psnr, show_db};
-use super::{Judged, Subject, judge_photos, splits};
+use super::{Judged, Photographs, Subject, judge_photos, splits};
 use crate::capture::CaptureFiles;
 use crate::fit::evenly;
 
@@ -66,7 +66,8 @@ pub fn judge_held_cameras(
     if photos.is_empty() {
         return Ok(None);
     }
-    let judged = judge_photos(subject, capture_files, photos, None, |_| {
+    let photographs = Photographs::new(capture_files, subject.has_plate());
+    let judged = judge_photos(subject, &photographs, photos, None, |_| {
         on_photo();
         Ok(())
     })?;

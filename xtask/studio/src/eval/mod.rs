@@ -1,6 +1,6 @@
 //! Compares a field, a package or a folder of pictures with the photographs of a capture.
 //!
-//! Measures: what needs all photographs of a camera (`by_camera`), means of each split (`means`), what predicts held frames
+//! Measures: the photographs and their subject (`photographs`), what needs all photographs of a camera (`by_camera`), means of each split (`means`), what predicts held frames
 //! without a fit (`blended`), held cameras after a fit (`held_cameras`), means over scenes (`scenes`), prefixes of a package (`prefixes`),
 //! frames of a take (`over_time`), cost for a player (`fragments`). Pictures, as in the paper's appendices: beside the
 //! photographs (`strips`), between captured frames (`quarter`), from new viewpoints (`free`).
@@ -12,6 +12,7 @@ mod free;
 mod held_cameras;
 mod means;
 mod over_time;
+mod photographs;
 mod prefixes;
 mod quarter;
 mod scenes;
@@ -39,6 +40,7 @@ pub use free::free_views;
 pub use held_cameras::{HeldCamera, HeldCameras, held_photos, judge_held_cameras};
 pub use means::{SplitMeasures, csv, means, parse_csv, table};
 pub use over_time::{FrameErrors, over_time};
+pub use photographs::Photographs;
 pub use prefixes::{PrefixEval, PrefixEvalStep, eval_prefixes};
 pub use quarter::{Interval, fastest_interval, quarter_frames};
 pub use scenes::{SceneMeasures, Spread, over_scenes, scenes_table};
@@ -85,31 +87,22 @@ impl Subject {
         let Subject::Pictures(_) = self else { return Ok(()) };
         let first =
             capture_files.capture.photos.iter().find(|photo_id| self.shows(capture_files, **photo_id));
-        first.map_or(Ok(()), |photo_id| self.picture(capture_files, *photo_id, false).map(drop))
+        first.map_or(Ok(()), |photo_id| self.picture(capture_files, *photo_id).map(drop))
     }
 
-    /// Whether it tells what the subject is in photographs without masks: what it draws before a plate.
-    fn tells_subject(&self, capture_files: &CaptureFiles) -> bool {
-        matches!(self, Subject::Drawn(input) if input.has_plate()) && capture_files.has_mattes()
+    /// Whether it is drawn before a plate.
+    pub fn has_plate(&self) -> bool {
+        matches!(self, Subject::Drawn(input) if input.has_plate())
     }
 
-    /// Its picture of a photograph's view, if any, and `with_subject` the alpha of the subject before the plate.
-    fn picture(
-        &self,
-        capture_files: &CaptureFiles,
-        photo_id: PhotoId,
-        with_subject: bool,
-    ) -> Result<Option<Picture>, Fault> {
+    /// Its picture of a photograph's view, if any.
+    fn picture(&self, capture_files: &CaptureFiles, photo_id: PhotoId) -> Result<Option<Picture>, Fault> {
         let camera = &capture_files.capture.cameras[photo_id.camera].camera;
         match self {
             Subject::Drawn(input) => {
                 let (scene, t) = (input.to_reference(), capture_files.capture.clip_time(photo_id));
-                Ok(Some(if with_subject {
-                    let (picture, alpha) = reference::render_with_subject(&scene, camera, t, Order::Depth);
-                    Picture { image: picture, subject: Some(alpha) }
-                } else {
-                    Picture { image: reference::render(&scene, camera, t, Order::Depth), subject: None }
-                }))
+                let (image, alpha) = reference::render_with_subject(&scene, camera, t, Order::Depth);
+                Ok(Some(Picture { image, subject: Some(alpha) }))
             }
             Subject::Pictures(folder) => match find_image(&folder.join(capture_files.name(photo_id))) {
                 Some(path) => Ok(Some(Picture { image: read_picture(&path, camera)?, subject: None })),
@@ -122,7 +115,7 @@ impl Subject {
 /// A picture of a subject.
 struct Picture {
     image: Image,
-    /// Alpha of the subject before the plate, pixel by pixel, if it was asked for.
+    /// Alpha of what is drawn before a plate, pixel by pixel; `None` of a picture that is not drawn.
     subject: Option<Vec<f64>>,
 }
 
@@ -153,22 +146,22 @@ pub(crate) fn splits(capture_files: &CaptureFiles, holdout: Holdout) -> Result<V
 
 /// Reads a photograph and checks that it is large enough for `lpips`.
 fn photo_for(
-    capture_files: &CaptureFiles,
+    photographs: &Photographs,
     photo_id: PhotoId,
     lpips: Option<&Lpips<f32>>,
 ) -> Result<Photo, Fault> {
-    let photo = capture_files.photo(photo_id)?;
+    let photo = photographs.read(photo_id)?;
     if let Some(lpips) = lpips {
         let Image { width, height, .. } = photo.image;
         let too_small = |error: LpipsError| {
-            Fault::Data(format!("{}: {error}; leave --lpips-weights out", capture_files.name(photo_id)))
+            Fault::Data(format!("{}: {error}; leave --lpips-weights out", photographs.files.name(photo_id)))
         };
         lpips.check_size(width as usize, height as usize).map_err(too_small)?;
     }
     Ok(photo)
 }
 
-/// Compares pictures of `subject` with all photographs of `capture_files`; skips photographs whose picture a
+/// Compares pictures of `subject` with all `photographs`; skips photographs whose picture a
 /// folder lacks. Measures LPIPS if its network is given. Calls `on_photo` for each photograph, camera by camera, with `None`
 /// if it is skipped.
 ///
@@ -176,28 +169,23 @@ fn photo_for(
 /// [`Fault::Data`] where a file cannot be read or no picture is left to compare; those of `on_photo`.
 pub fn judge(
     subject: &Subject,
-    capture_files: &CaptureFiles,
+    photographs: &Photographs,
     holdout: Holdout,
     lpips: Option<&Lpips<f32>>,
     on_photo: impl FnMut(Option<Comparison>) -> Result<(), Fault>,
 ) -> anyhow::Result<Vec<Judged>> {
-    judge_photos(subject, capture_files, splits(capture_files, holdout)?, lpips, on_photo)
+    judge_photos(subject, photographs, splits(&photographs.files, holdout)?, lpips, on_photo)
 }
 
 /// Compares pictures of `subject` with these photographs, as [`judge`] does.
 fn judge_photos(
     subject: &Subject,
-    capture_files: &CaptureFiles,
+    photographs: &Photographs,
     photos: Vec<(PhotoId, Split)>,
     lpips: Option<&Lpips<f32>>,
     mut on_photo: impl FnMut(Option<Comparison>) -> Result<(), Fault>,
 ) -> anyhow::Result<Vec<Judged>> {
-    let tells_subject = subject.tells_subject(capture_files);
-    let mut whole = capture_files.clone();
-    if tells_subject {
-        whole.forget_mattes();
-    }
-    let capture_files = &whole;
+    let capture_files = &photographs.files;
     let mut medians = Medians::new(capture_files);
     let mut measured = Vec::new();
     for (photo_id, split) in by_camera(photos) {
@@ -206,13 +194,9 @@ fn judge_photos(
             continue;
         }
         // The photograph first: reading it checks its size against the camera's.
-        let mut photo = photo_for(capture_files, photo_id, lpips)?;
-        if let Some(Picture { image: picture, subject }) =
-            subject.picture(capture_files, photo_id, tells_subject)?
-        {
-            for (pixel, alpha) in photo.image.pixels.iter_mut().zip(subject.iter().flatten()) {
-                pixel[3] = *alpha;
-            }
+        let mut photo = photo_for(photographs, photo_id, lpips)?;
+        if let Some(Picture { image: picture, subject }) = subject.picture(capture_files, photo_id)? {
+            subject.iter().for_each(|drawn| photographs.tell(&mut photo, drawn));
             let median = medians.median(photo_id.camera)?;
             let (measures, sums) = ImageMetrics::with_sums(&picture, &photo, median, lpips);
             on_photo(Some(Comparison {

@@ -8,8 +8,8 @@ use refine::image::Image;
 use refine::metrics::ImageMetrics;
 use serde::Serialize;
 
+use super::Photographs;
 use super::means::mean;
-use crate::capture::CaptureFiles;
 
 /// Errors at a frame of a capture, over its cameras.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -30,17 +30,18 @@ struct Compared {
 }
 
 /// Compares pictures of the views of `cameras`, indices of the capture, with their photographs, in the order of time.
-/// `draw` renders a view at a second of the take; `on_frame` is called after each frame. Memory holds two frames.
+/// `draw` renders a view at a second of the take, and the alpha of what is before the plate; `on_frame` is called after each
+/// frame. Memory holds two frames.
 ///
 /// # Errors
 /// A [fault of data](program::Fault::Data) if a photograph cannot be read; the errors of `draw`.
 pub fn over_time(
-    capture_files: &CaptureFiles,
+    photographs: &Photographs,
     cameras: &[usize],
-    mut draw: impl FnMut(&Camera, f64) -> anyhow::Result<Image>,
+    mut draw: impl FnMut(&Camera, f64) -> anyhow::Result<(Image, Vec<f64>)>,
     mut on_frame: impl FnMut(),
 ) -> anyhow::Result<Vec<FrameErrors>> {
-    let capture = &capture_files.capture;
+    let capture = &photographs.files.capture;
     let photos: HashSet<PhotoId> = capture.photos.iter().copied().collect();
     let mut before: BTreeMap<usize, Compared> = BTreeMap::new();
     let mut errors = Vec::new();
@@ -49,9 +50,10 @@ pub fn over_time(
         for &camera in cameras {
             let photo_id = PhotoId { camera, frame };
             if photos.contains(&photo_id) {
-                let photo = capture_files.photo(photo_id)?;
+                let mut photo = photographs.read(photo_id)?;
                 let at_s = capture.time_s(photo_id).clamp(0.0, capture.duration_s());
-                let picture = draw(&capture.cameras[camera].camera, at_s)?;
+                let (picture, subject) = draw(&capture.cameras[camera].camera, at_s)?;
+                photographs.tell(&mut photo, &subject);
                 now.insert(camera, Compared { photo, picture });
             }
         }

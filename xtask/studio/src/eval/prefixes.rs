@@ -12,8 +12,7 @@ use serde::Serialize;
 
 use super::means::{mean, mean_psnr};
 use super::sheet::{Crop, sheet};
-use super::splits;
-use crate::capture::CaptureFiles;
+use super::{Photographs, splits};
 use crate::segments::DecodedTake;
 
 /// Maximum number of photographs that each prefix is compared with.
@@ -52,20 +51,21 @@ pub struct PrefixEvalStep {
     pub ssim: f64,
 }
 
-/// Compares each prefix of the layers of `take` with photographs of the first non-empty split of `SPLITS`. `None` if its
-/// segments have one layer, or none.
+/// Compares each prefix of the layers of `take` with photographs of the first non-empty split of `SPLITS`; where what is
+/// drawn tells their subject, that is of all layers. `None` if its segments have one layer, or none.
 ///
 /// # Errors
 /// [`Fault::Data`](program::Fault::Data) where a file cannot be read or no photograph is left for fitting.
 pub fn eval_prefixes(
     take: &DecodedTake,
-    capture_files: &CaptureFiles,
+    photographs: &Photographs,
     holdout: Holdout,
 ) -> anyhow::Result<Option<PrefixEval>> {
     let layers = take.layers.len();
     if layers < 2 {
         return Ok(None);
     }
+    let capture_files = &photographs.files;
     let splits = splits(capture_files, holdout)?;
     let photos_in = |target: Split| -> Vec<PhotoId> {
         splits.iter().filter(|(_, split)| *split == target).map(|(photo_id, _)| *photo_id).collect()
@@ -83,9 +83,12 @@ pub fn eval_prefixes(
     let mut row = Vec::new();
     for (i, photo_id) in photo_ids.iter().enumerate() {
         let camera = &capture_files.capture.cameras[photo_id.camera].camera;
-        let (photo, t) = (capture_files.photo(*photo_id)?, capture_files.capture.clip_time(*photo_id));
-        let draw = |layer: usize| reference::render(&take.to_reference(layer + 1), camera, t, Order::Depth);
-        let pictures: Vec<Image> = (0..layers).map(draw).collect();
+        let (mut photo, t) = (photographs.read(*photo_id)?, capture_files.capture.clip_time(*photo_id));
+        let draw = |layers: usize| reference::render(&take.to_reference(layers), camera, t, Order::Depth);
+        let (whole, subject) =
+            reference::render_with_subject(&take.to_reference(layers), camera, t, Order::Depth);
+        photographs.tell(&mut photo, &subject);
+        let pictures: Vec<Image> = (1..layers).map(draw).chain([whole]).collect();
         for (measures, picture) in measures.iter_mut().zip(&pictures) {
             measures.push(ImageMetrics::measure(picture, &photo, None));
         }

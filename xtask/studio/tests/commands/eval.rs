@@ -12,7 +12,7 @@ use formats::write_field_file;
 use image::{GenericImageView, RgbImage};
 use refine::capture::Holdout;
 use refine::image::Image;
-use refine::reference::{Order, RenderScene, render};
+use refine::reference::{Order, RenderScene, render, render_with_subject};
 use serde_json::{Value, json};
 use studio::capture::CaptureFiles;
 use studio::fields::fitted_field_file;
@@ -56,6 +56,28 @@ fn lively_studio() -> (TempDir, Field) {
 /// Metadata of a clip of `FRAMES` frames.
 fn clip_info() -> ClipInfo {
     ClipInfo { duration_s: 0.2, fps: 10.0, ..info() }
+}
+
+/// A field that moves before a plate, photographs of both, and the plates that the capture states.
+fn studio_with_a_plate() -> (TempDir, Field, Field) {
+    let (folder, field) = lively_studio();
+    let mut plate = Field { temporal: None, ..field.clone() };
+    plate.centers.iter_mut().for_each(|center| center[0] += 0.8);
+    fs::write(folder.path().join("field.plate.ply"), write_field_file(&plate, &clip_info())).unwrap();
+    for (c, camera) in cameras().iter().enumerate() {
+        let background = render(&RenderScene::from(&plate), camera, 0.0, Order::Depth);
+        save(&folder.path().join(format!("plates/c{c}.png")), &background);
+        for frame in 0..FRAMES {
+            let scene = RenderScene::from(&field).with_plate(&plate);
+            let image = render(&scene, camera, frame as f64 / (FRAMES - 1) as f64, Order::Depth);
+            save(&folder.path().join(format!("images/c{c}/{frame:02}.png")), &image);
+        }
+    }
+    write_manifest(folder.path(), |manifest| {
+        manifest["fps"] = 10.into();
+        manifest["plates"] = "plates/{camera}.png".into();
+    });
+    (folder, field, plate)
 }
 
 fn photograph(folder: &Path, field: &Field) {
@@ -601,6 +623,59 @@ fn a_package_is_judged_layer_by_layer() {
     let table = fs::read_to_string(folder.join("out/eval.md")).unwrap();
     assert!(table.contains("| 5000 | ") && table.contains("| 6000 | "), "{table}");
     assert_eq!(picture(&folder.join("out/ladder.png")).width() % 3, 0);
+}
+
+/// PSNR where an alpha is of the subject.
+fn psnr_where(alpha: &[f64], a: &Image, b: &RgbImage) -> f64 {
+    let pixels = alpha.iter().zip(&a.pixels).zip(b.pixels()).filter(|((alpha, _), _)| **alpha > 0.5);
+    let squares =
+        pixels.flat_map(|((_, a), b)| [0, 1, 2].map(|c| (a[c] - f64::from(b.0[c]) / 255.0).powi(2)));
+    let squares: Vec<f64> = squares.collect();
+    -10.0 * (squares.iter().sum::<f64>() / squares.len() as f64).log10()
+}
+
+/// Without masks, the subject is what the field draws before its plate: in each row of the tables and each instant of a take.
+#[test]
+fn all_rows_are_over_the_same_subject() {
+    let (folder, field, plate) = studio_with_a_plate();
+    let folder = folder.path();
+    let run = |line: &str| aarc_studio(folder, &line.split_whitespace().collect::<Vec<_>>());
+    let blended = run("eval field.ply --capture . --holdout odd --json").json()["baselines"]["blended_photographs"]
+        ["interp_b"]["psnr_fg"]
+        .as_f64()
+        .unwrap();
+    let expected = [0, 1].map(|c| {
+        let [first, held, last] =
+            [0, 1, 2].map(|frame| picture(&folder.join(format!("images/c{c}/{frame:02}.png"))));
+        let mut blend = Image::new(SIZE.0, SIZE.1);
+        for (pixel, (a, b)) in blend.pixels.iter_mut().zip(first.pixels().zip(last.pixels())) {
+            let level = |c: usize| f64::from(a.0[c].midpoint(b.0[c])) / 255.0;
+            *pixel = [level(0), level(1), level(2), 1.0];
+        }
+        let scene = RenderScene::from(&field).with_plate(&plate);
+        psnr_where(&render_with_subject(&scene, &cameras()[c], 0.5, Order::Depth).1, &blend, &held)
+    });
+    let expected = 0.5 * (expected[0] + expected[1]);
+    assert!((blended - expected).abs() < 0.05, "{blended} {expected}");
+
+    run("package field.ply -o clip.aarc --budget 6000 --coder fixed --rank mass --no-floor").success();
+    let json = run("eval clip.aarc --capture . --holdout odd --json -o out").json();
+    let steps = json["ladder"]["rungs"].as_array().unwrap();
+    assert!(steps.len() > 1 && steps[0]["psnr_fg"] != steps[1]["psnr_fg"], "{json}");
+    assert_eq!(steps.last().unwrap()["psnr_fg"], json["splits"]["interp_a"]["psnr_fg"]);
+
+    run("package field.ply --split 0.1 -o take.aarc --coder fixed --rank mass").success();
+    run("eval take.aarc --capture . -o out").success();
+    let csv = fs::read_to_string(folder.join("out/eval.csv")).unwrap();
+    let rows: Vec<Vec<&str>> = csv.lines().skip(1).map(|line| line.split(',').collect()).collect();
+    let report = run("report take.aarc --capture . --size 48x36 -o report --json").json();
+    for frame in 0..FRAMES {
+        let of_frame = rows.iter().filter(|row| row[2] == frame.to_string());
+        let psnr: Vec<f64> = of_frame.map(|row| row[4].parse().unwrap()).collect();
+        let mean = psnr.iter().sum::<f64>() / psnr.len() as f64;
+        let over_time = report["photographs"]["frames"][frame]["psnr_db"].as_f64().unwrap();
+        assert!((over_time - mean).abs() < 1e-3, "{frame}: {over_time} {mean}");
+    }
 }
 
 /// Depth maps that were rendered with the photographs tell the conventions of the cameras: what

@@ -7,6 +7,7 @@ use crate::small_rig::{NOISE, eval, run, studio, studio_of};
 use crate::small_stage::kill_when;
 use crate::tool::{ffmpeg, has_ffmpeg};
 use refine::capture::Holdout;
+use refine::reference::{Order, RenderScene, render};
 use serde_json::Value;
 use studio::capture::{BackgroundSource, CaptureFiles};
 use studio::synth::rig::Perturbations;
@@ -424,6 +425,31 @@ fn an_ablation_has_fits_without_the_plate_and_with_cameras_as_stated() {
     assert!(exists("full/field.plate.ply") && !exists("no-plate/field.plate.ply"));
     assert!(exists("full/field.cameras.json") && !exists("nothing-learned-of-cameras/field.cameras.json"));
     assert_eq!(run(folder, line).json()["ablation"].take(), ablation, "nothing is made again");
+    // Pictures of a fit have the same subject as the fit: what differs from the plates, not what it draws before its own.
+    let mut capture_files = CaptureFiles::open(&folder.join("studio")).unwrap();
+    capture_files.keep_cameras(&["00", "02", "04"].map(String::from)).unwrap();
+    capture_files.keep_frames(0..4).unwrap();
+    let fitted = |name: &str| {
+        formats::import(&folder.join("out/nothing-learned-of-cameras").join(name)).unwrap().field
+    };
+    let (field, plate) = (fitted("field.ply"), fitted("field.plate.ply"));
+    for photo_id in capture_files.capture.photos.iter().copied() {
+        let camera = &capture_files.capture.cameras[photo_id.camera].camera;
+        let t = capture_files.capture.clip_time(photo_id);
+        let picture = render(&RenderScene::from(&field).with_plate(&plate), camera, t, Order::Depth);
+        let path = folder.join("renders").join(capture_files.name(photo_id)).with_extension("png");
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        let pixels = image::RgbImage::from_raw(picture.width, picture.height, picture.to_rgb8()).unwrap();
+        pixels.save(path).unwrap();
+    }
+    let compared = run(folder, &format!("{line} --compare pictures=renders")).json()["ablation"].take();
+    let methods = compared["methods"].as_array().unwrap();
+    let [fit, pictures] = ["nothing learned of cameras", "pictures"].map(|name| {
+        let method = methods.iter().find(|method| method["name"] == name).unwrap();
+        method["splits"]["interp_b"]["psnr_fg"].as_f64().unwrap()
+    });
+    assert!((fit - pictures).abs() < 1e-3, "{fit} {pictures}");
+
     fs::remove_file(folder.join("out/full/field.plate.ply")).unwrap();
     let again = run(folder, line).json()["ablation"].take();
     assert!(exists("full/field.plate.ply"), "a fit without its plate is not whole");

@@ -9,12 +9,11 @@ use measure::parameter::{ParameterValue, Quartiles};
 use program::Fault;
 use refine::fit::Cpu;
 use refine::image::{Image, psnr};
-use refine::reference::{Order, Radius, RenderScene, coverage, render};
+use refine::reference::{Order, Radius, RenderScene, coverage, render, render_with_subject};
 
-use crate::capture::CaptureFiles;
 use crate::commands::capture::PartSelection;
 use crate::commands::fit_source::FitSource;
-use crate::eval::over_time;
+use crate::eval::{Photographs, over_time};
 use crate::input::{Input, check_one_field};
 use crate::left_out::{LeftOut, TakeLeftOut};
 use crate::machine::machine;
@@ -127,7 +126,7 @@ fn measure_file(
     let file = open_whole(path)?;
     let take = file.take();
     let mut compared = reference.map(|path| Reference::load(path, take)).transpose()?;
-    let capture_files = request.capture.map(|folder| capture_of(folder, request, take)).transpose()?;
+    let compared_with = request.capture.map(|folder| photographs_of(folder, request, take)).transpose()?;
     let surroundings = surroundings(&file)?;
     let cameras = measured_cameras(&take.info, &surroundings, CAMERAS, size);
     let layers = file.layers().len();
@@ -142,8 +141,8 @@ fn measure_file(
         progress.step();
     }
     let of_layers = LayerErrors::measure(layers, &mut walk, &cameras, &progress)?;
-    let photographs = match &capture_files {
-        Some(capture_files) => Some(photographs(capture_files, &mut walk, &cuts, &progress)?),
+    let photographs = match &compared_with {
+        Some(compared_with) => Some(photographs(compared_with, &mut walk, &cuts, &progress)?),
         None => None,
     };
     progress.stage("segments", take.segments.len());
@@ -201,7 +200,7 @@ fn open_whole(path: &Path) -> anyhow::Result<TakeFile> {
 ///
 /// # Errors
 /// [`Fault::Usage`] if it lasts longer or shorter than the take.
-fn capture_of(folder: &Path, request: &TakeRequest, take: &Take) -> anyhow::Result<CaptureFiles> {
+fn photographs_of(folder: &Path, request: &TakeRequest, take: &Take) -> anyhow::Result<Photographs> {
     let mut capture_files = request.part.open(folder, None)?;
     let duration_s = capture_files.capture.duration_s();
     check_duration(folder, duration_s, take, "name its capture, and its frames with --frames")?;
@@ -211,26 +210,26 @@ fn capture_of(folder: &Path, request: &TakeRequest, take: &Take) -> anyhow::Resu
     if source.has_plate {
         capture_files.keep_background();
     }
-    Ok(capture_files)
+    Ok(Photographs::new(&capture_files, source.has_plate))
 }
 
 /// Compares a take with the photographs of a few cameras, spread evenly.
 fn photographs(
-    capture_files: &CaptureFiles,
+    compared_with: &Photographs,
     walk: &mut TakeWalk,
     cuts_s: &[f64],
     progress: &StagedProgress,
 ) -> anyhow::Result<TakePhotographs> {
-    let capture = &capture_files.capture;
+    let capture = compared_with.capture();
     let all = capture.cameras.len();
     let count = all.min(CAMERAS);
     let cameras: Vec<usize> = (0..count).map(|i| (2 * i + 1) * all / (2 * count)).collect();
     progress.stage("photographs", capture.frames());
     let draw = |camera: &Camera, t_s: f64| {
         walk.go_to(t_s)?;
-        Ok(render(&walk.to_reference(None), camera, t_s / walk.duration_s(), Order::Depth))
+        Ok(render_with_subject(&walk.to_reference(None), camera, t_s / walk.duration_s(), Order::Depth))
     };
-    let frames = over_time(capture_files, &cameras, draw, || progress.step())?;
+    let frames = over_time(compared_with, &cameras, draw, || progress.step())?;
     let cameras = cameras.into_iter().map(|camera| capture.cameras[camera].name.clone()).collect();
     Ok(TakePhotographs::new(cameras, frames, cuts_s))
 }

@@ -16,7 +16,9 @@ use crate::commands::capture::load_training_views;
 use crate::commands::eval::write_picture;
 use crate::commands::fit::{FitOptions, FitResult, fit_and_write};
 use crate::commands::fit_plate::fit_plate;
-use crate::eval::{self, Crop, SplitMeasures, Subject, fragments_per_lit_pixel, judge, parse_csv};
+use crate::eval::{
+    self, Crop, Photographs, SplitMeasures, Subject, fragments_per_lit_pixel, judge, parse_csv,
+};
 use crate::fit::{self, FitPlan, PlatePlan, TrainingViews, log};
 use crate::messages::unreadable;
 use crate::package::{PackageSettings, package_with};
@@ -30,9 +32,9 @@ use crate::takes::{OutputState, Record, key};
 /// Name of the field in the folder of a fit.
 const FIELD: &str = "field.ply";
 
-/// Commands in the records; the command of `eval` counts the changes of its columns.
+/// Commands in the records; the command of `eval` counts the changes of its columns and measures.
 const FIT: &str = "report: fit";
-pub(super) const EVAL: &str = "report: eval 2";
+pub(super) const EVAL: &str = "report: eval 3";
 const PACKAGE: &str = "report: package";
 
 /// Held frames: every table of the paper holds every other one.
@@ -384,7 +386,9 @@ impl Bench<'_> {
     ) -> anyhow::Result<Value> {
         let progress = counting(self.images() as u64, "photographs");
         progress.set_message(name.to_owned());
-        let judged = judge(subject, judged_files, HOLDOUT, self.lpips.as_ref(), |comparison| {
+        // Difference mattes tell the subject in all rows: what each fit draws before its plate differs from row to row.
+        let photographs = Photographs::new(judged_files, false);
+        let judged = judge(subject, &photographs, HOLDOUT, self.lpips.as_ref(), |comparison| {
             progress.inc(1);
             let Some(comparison) = comparison.filter(|_| is_shown) else { return Ok(()) };
             match self.pictured.iter().find(|photo| photo.photo_id == comparison.photo_id) {

@@ -1,0 +1,47 @@
+//! [`Photographs`]: the photographs that pictures are compared with, and where in them the subject is.
+
+use program::Fault;
+use refine::capture::{Capture, Photo, PhotoId};
+
+use crate::capture::CaptureFiles;
+
+/// Photographs whose alpha is the subject. All rows of a table share it, so that their errors are over the same pixels.
+#[derive(Clone, Debug)]
+pub struct Photographs {
+    /// Without mattes where what is drawn tells the subject.
+    pub(super) files: CaptureFiles,
+    is_drawn: bool,
+}
+
+impl Photographs {
+    /// The subject of photographs without masks is what is drawn before a plate, where the table is of something that
+    /// `has_plate`; else difference mattes, where the photographs have any.
+    pub fn new(capture_files: &CaptureFiles, has_plate: bool) -> Photographs {
+        let mut files = capture_files.clone();
+        let is_drawn = has_plate && files.has_mattes();
+        if is_drawn {
+            files.forget_mattes();
+        }
+        Photographs { files, is_drawn }
+    }
+
+    /// Their cameras and times.
+    pub fn capture(&self) -> &Capture {
+        &self.files.capture
+    }
+
+    /// Reads a photograph. What is drawn does not tell its subject yet, see [`Photographs::tell`].
+    ///
+    /// # Errors
+    /// [`Fault::Data`] that names the file.
+    pub(super) fn read(&self, photo_id: PhotoId) -> Result<Photo, Fault> {
+        self.files.photo(photo_id)
+    }
+
+    /// Makes `drawn`, the alpha of what is drawn before the plate, the subject of a photograph, if it tells that.
+    pub(super) fn tell(&self, photo: &mut Photo, drawn: &[f64]) {
+        if self.is_drawn {
+            photo.image.pixels.iter_mut().zip(drawn).for_each(|(pixel, alpha)| pixel[3] = *alpha);
+        }
+    }
+}
