@@ -3,7 +3,9 @@
 //! The picture is over black and rounded to 8 bits, as in a file; the photograph is multiplied by its
 //! mask. Colours are aligned by one transform for all photographs of a camera: [`AlignedPsnr::of_camera`].
 
-use crate::capture::Photo;
+use std::ops::AddAssign;
+
+use crate::capture::{Photo, SUBJECT};
 use crate::fit::{Lpips, ssim_and_gradient};
 use crate::image::Image;
 
@@ -35,6 +37,15 @@ pub struct ImageSums {
     pub seen: ColorSums,
     /// Pixels that move.
     pub moving: ColorSums,
+}
+
+/// How many pixels a drawn subject shares with a mask; sums are over photographs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Overlap {
+    /// Pixels of both.
+    pub intersection: usize,
+    /// Pixels of either.
+    pub union: usize,
 }
 
 /// PSNR of a picture after the affine transform of colours that brings all pictures of its camera nearest to their
@@ -88,6 +99,36 @@ impl ImageMetrics {
             }),
         };
         (metrics, sums)
+    }
+}
+
+impl Overlap {
+    /// Compares the alpha of what is drawn with the mask of `photo`, over its valid pixels: each belongs to the subject where
+    /// it is above a half.
+    ///
+    /// # Panics
+    /// If the sizes differ.
+    pub fn measure(drawn: &[f64], photo: &Photo) -> Overlap {
+        assert_eq!(drawn.len(), photo.seen.len(), "images of one size");
+        let mut overlap = Overlap::default();
+        for (i, alpha) in drawn.iter().enumerate().filter(|(i, _)| photo.seen[*i]) {
+            let (is_drawn, is_masked) = (*alpha > SUBJECT, photo.is_subject(i));
+            overlap.intersection += usize::from(is_drawn && is_masked);
+            overlap.union += usize::from(is_drawn || is_masked);
+        }
+        overlap
+    }
+
+    /// Intersection over union, from 0 to 1; `None` if both are empty.
+    pub fn iou(self) -> Option<f64> {
+        (self.union > 0).then(|| self.intersection as f64 / self.union as f64)
+    }
+}
+
+impl AddAssign for Overlap {
+    fn add_assign(&mut self, other: Overlap) {
+        self.intersection += other.intersection;
+        self.union += other.union;
     }
 }
 
@@ -205,6 +246,28 @@ mod tests {
         let metrics = ImageMetrics::measure(&drawn, &taken, None);
         assert_eq!(metrics.psnr_full, f64::INFINITY);
         assert!((metrics.ssim - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_mask_overlaps_what_is_drawn_in_valid_pixels() {
+        let mut taken = photo(image(|_, _| [0.5; 3]));
+        // Six of 24 columns are masked, and columns 3 to 11 drawn.
+        taken
+            .image
+            .pixels
+            .iter_mut()
+            .enumerate()
+            .for_each(|(i, pixel)| pixel[3] = if i % 24 < 6 { 0.6 } else { 0.4 });
+        let drawn: Vec<f64> =
+            (0..24 * 18).map(|i| if (3..12).contains(&(i % 24)) { 0.51 } else { 0.5 }).collect();
+        let mut overlap = Overlap::measure(&drawn, &taken);
+        assert_eq!((overlap.intersection, overlap.union), (3 * 18, 12 * 18));
+        taken.seen.iter_mut().enumerate().for_each(|(i, seen)| *seen = i % 24 >= 5);
+        let of_valid = Overlap::measure(&drawn, &taken);
+        assert_eq!((of_valid.intersection, of_valid.union), (18, 7 * 18));
+        overlap += of_valid;
+        assert_eq!(overlap.iou(), Some(4.0 / 19.0), "of the sums, not the mean of two");
+        assert_eq!(Overlap::default().iou(), None);
     }
 
     #[test]

@@ -18,8 +18,8 @@ pub use lens::Lens;
 pub use response::Response;
 pub use split::{Holdout, Split, SplitError};
 
-/// Mask value above which a pixel belongs to the subject.
-const SUBJECT: f64 = 127.5 / 255.0;
+/// Alpha, of a mask or of what is drawn, above which a pixel belongs to the subject.
+pub(crate) const SUBJECT: f64 = 127.5 / 255.0;
 
 /// Cameras, frames and photographs of a scene.
 #[derive(Clone, Debug, Default, PartialEq)]

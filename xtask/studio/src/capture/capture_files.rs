@@ -290,6 +290,16 @@ impl CaptureFiles {
         Ok(self.seen(photo_id.camera, image))
     }
 
+    /// Whether a photograph, which is read, has a mask of its own, in a file or as transparency, and no matte.
+    ///
+    /// # Panics
+    /// If the capture has no such photograph.
+    pub(crate) fn has_mask(&self, photo_id: PhotoId, photo: &Photo) -> bool {
+        let is_transparent = |(pixel, seen): (&[f64; 4], &bool)| *seen && pixel[3] < 0.5;
+        self.mask_path(self.index(photo_id)).is_some()
+            || (!self.background.is_matted && photo.image.pixels.iter().zip(&photo.seen).any(is_transparent))
+    }
+
     /// Makes what is outside of `mask` transparent, and takes the background out where there is a plate and it is not kept.
     fn mask_out(&self, image: &mut Image, mask: &Mask, plate: Option<&Plate>, photo_id: PhotoId) {
         match (self.background.is_kept, plate) {

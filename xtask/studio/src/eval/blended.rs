@@ -105,7 +105,7 @@ impl<'a> BlendedPhotographs<'a> {
                 pixels.for_each(|(pixel, color)| (0..4).for_each(|c| pixel[c] += weight * color[c]));
             }
             let (measures, sums) = ImageMetrics::with_sums(&blend, &photo, median.as_ref(), self.lpips);
-            self.measured.push(Measured { photo_id, split: Split::InterpB, measures, sums });
+            self.measured.push(Measured { photo_id, split: Split::InterpB, measures, sums, overlap: None });
         }
         Ok(())
     }

@@ -4,7 +4,7 @@
 
 use program::Fault;
 use refine::capture::{PhotoId, Split};
-use refine::metrics::{AlignedPsnr, ImageMetrics, ImageSums, TemporalMedian};
+use refine::metrics::{AlignedPsnr, ImageMetrics, ImageSums, Overlap, TemporalMedian};
 
 use crate::capture::CaptureFiles;
 
@@ -19,6 +19,8 @@ pub struct Judged {
     pub measures: ImageMetrics,
     /// PSNR after the transform of the camera's colours.
     pub aligned: AlignedPsnr,
+    /// What is drawn before the plate against the mask; `None` if nothing is drawn or the photograph has no mask.
+    pub overlap: Option<Overlap>,
 }
 
 /// A compared picture whose colours are not aligned yet.
@@ -27,6 +29,7 @@ pub(super) struct Measured {
     pub split: Split,
     pub measures: ImageMetrics,
     pub sums: ImageSums,
+    pub overlap: Option<Overlap>,
 }
 
 /// Photographs in order, first by camera, then by frame.
@@ -63,10 +66,10 @@ pub(super) fn align(measured: &[Measured]) -> Vec<Judged> {
     let mut judged: Vec<Judged> = Vec::with_capacity(measured.len());
     for of_camera in measured.chunk_by(|a, b| a.photo_id.camera == b.photo_id.camera) {
         let sums: Vec<ImageSums> = of_camera.iter().map(|one| one.sums).collect();
-        for (Measured { photo_id, split, measures, .. }, aligned) in
+        for (&Measured { photo_id, split, measures, overlap, .. }, aligned) in
             of_camera.iter().zip(AlignedPsnr::of_camera(&sums))
         {
-            judged.push(Judged { photo_id: *photo_id, split: *split, measures: *measures, aligned });
+            judged.push(Judged { photo_id, split, measures, aligned, overlap });
         }
     }
     judged.sort_by_key(|one| one.photo_id);

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 
 use refine::capture::{Capture, PhotoId, Split};
-use refine::metrics::{AlignedPsnr, ImageMetrics};
+use refine::metrics::{AlignedPsnr, ImageMetrics, Overlap};
 use serde::Serialize;
 
 use super::Judged;
@@ -35,6 +35,9 @@ pub struct SplitMeasures {
     pub ssim: f64,
     /// LPIPS of whole images, mean; absent without the weights of a network.
     pub lpips: Option<f64>,
+    /// Intersection over union, from 0 to 1, of the masks and what is drawn before the plate, of all images together; `None`
+    /// if none has both.
+    pub subject_iou: Option<f64>,
     /// Number of images.
     pub images: usize,
     /// Number of images that show no subject; `psnr_fg` excludes them.
@@ -46,8 +49,11 @@ pub struct SplitMeasures {
 /// Means of each split that has images.
 pub fn means(judged: &[Judged]) -> Vec<SplitMeasures> {
     let measures = |split: Split| {
+        let of_split = || judged.iter().filter(|one| one.split == split);
         let (measures, aligned): (Vec<ImageMetrics>, Vec<AlignedPsnr>) =
-            judged.iter().filter(|one| one.split == split).map(|one| (one.measures, one.aligned)).unzip();
+            of_split().map(|one| (one.measures, one.aligned)).unzip();
+        let mut overlap = Overlap::default();
+        of_split().filter_map(|one| one.overlap).for_each(|one| overlap += one);
         let subject: Vec<f64> = measures.iter().filter_map(|m| m.psnr_fg).collect();
         let lpips: Vec<f64> = measures.iter().filter_map(|m| m.lpips).collect();
         let known = !subject.is_empty();
@@ -65,6 +71,7 @@ pub fn means(judged: &[Judged]) -> Vec<SplitMeasures> {
             psnr_moving_aligned: known_psnr(aligned.iter().map(|aligned| aligned.moving)),
             ssim: mean(&measures.iter().map(|m| m.ssim).collect::<Vec<_>>()),
             lpips: (!lpips.is_empty()).then(|| mean(&lpips)),
+            subject_iou: overlap.iou(),
             images: measures.len(),
             without_subject: measures.len() - subject.len(),
             exact: full.len() - differing(&full).count(),
@@ -95,18 +102,27 @@ pub(super) fn mean(numbers: &[f64]) -> f64 {
     numbers.iter().sum::<f64>() / numbers.len() as f64
 }
 
-/// The means as a table in Markdown, then those of [`BlendedPhotographs`](super::BlendedPhotographs).
+/// The means as a table in Markdown, then those of [`BlendedPhotographs`](super::BlendedPhotographs); with a column for the
+/// subject's IoU if any has one.
 pub fn table(means: &[SplitMeasures], blended: &[SplitMeasures]) -> String {
-    let mut text = String::from(
-        "| split | images | subject, dB | aligned | whole, dB | aligned | moving, dB | aligned | SSIM | LPIPS |\n\
-         |---|---|---|---|---|---|---|---|---|---|\n",
+    let has_iou = means.iter().any(|row| row.subject_iou.is_some());
+    let [iou, rule] = if has_iou { [" subject IoU |", "---|"] } else { [""; 2] };
+    let mut text = format!(
+        "| split | images | subject, dB | aligned | whole, dB | aligned | moving, dB | aligned | SSIM | LPIPS |{iou}\n\
+         |---|---|---|---|---|---|---|---|---|---|{rule}\n",
     );
-    means.iter().for_each(|row| write_row(&mut text, row.split, row));
-    blended.iter().for_each(|row| write_row(&mut text, &format!("{}, photographs blended", row.split), row));
+    let mut write = |name: &str, row: &SplitMeasures| {
+        let iou = row.subject_iou.map_or("–".into(), |iou| format!("{iou:.4}"));
+        let iou = if has_iou { format!(" {iou} |") } else { String::new() };
+        writeln!(text, "{}{iou}", cells(name, row)).expect("text grows");
+    };
+    means.iter().for_each(|row| write(row.split, row));
+    blended.iter().for_each(|row| write(&format!("{}, photographs blended", row.split), row));
     text
 }
 
-fn write_row(text: &mut String, name: &str, row: &SplitMeasures) {
+/// The cells of a row that every table has.
+fn cells(name: &str, row: &SplitMeasures) -> String {
     let subject = match (row.psnr_fg, row.psnr_fg_deviation) {
         (Some(psnr), Some(deviation)) => format!("{psnr:.2} ± {deviation:.2}"),
         (Some(psnr), None) => format!("{psnr:.2}"),
@@ -116,12 +132,10 @@ fn write_row(text: &mut String, name: &str, row: &SplitMeasures) {
     let [fg_aligned, moving, moving_aligned] =
         [row.psnr_fg_aligned, row.psnr_moving, row.psnr_moving_aligned].map(show_db);
     let lpips = row.lpips.map_or("–".into(), |lpips| format!("{lpips:.4}"));
-    writeln!(
-        text,
+    format!(
         "| {name} | {images} | {subject} | {fg_aligned} | {psnr_full:.2} | {psnr_full_aligned:.2} | {moving} | \
          {moving_aligned} | {ssim:.4} | {lpips} |"
     )
-    .expect("text grows");
 }
 
 /// A cell of a table.
@@ -133,9 +147,9 @@ pub(super) fn show_db(psnr: Option<f64>) -> String {
 pub fn csv(judged: &[Judged], capture_files: &CaptureFiles) -> String {
     let mut text = String::from(
         "image,camera,frame,split,psnr_fg,psnr_fg_aligned,psnr_full,psnr_full_aligned,psnr_moving,psnr_moving_aligned,ssim,\
-         lpips\n",
+         lpips,subject_intersection,subject_union\n",
     );
-    for Judged { photo_id, split, measures, aligned } in judged {
+    for Judged { photo_id, split, measures, aligned, overlap } in judged {
         let camera = &capture_files.capture.cameras[photo_id.camera].name;
         let [fg, fg_aligned, moving, moving_aligned] =
             [measures.psnr_fg, aligned.fg, measures.psnr_moving, aligned.moving]
@@ -143,10 +157,13 @@ pub fn csv(judged: &[Judged], capture_files: &CaptureFiles) -> String {
         let (name, frame, split) = (capture_files.name(*photo_id), photo_id.frame, split.name());
         let (ImageMetrics { psnr_full, ssim, .. }, full_aligned) = (measures, aligned.full);
         let lpips = measures.lpips.map_or(String::new(), |lpips| format!("{lpips:.6}"));
+        let pixels =
+            |of: fn(&Overlap) -> usize| overlap.as_ref().map_or(String::new(), |one| of(one).to_string());
+        let (both, either) = (pixels(|one| one.intersection), pixels(|one| one.union));
         writeln!(
             text,
             "{name},{camera},{frame},{split},{fg},{fg_aligned},{psnr_full:.4},{full_aligned:.4},{moving},{moving_aligned},\
-             {ssim:.6},{lpips}"
+             {ssim:.6},{lpips},{both},{either}"
         )
         .expect("text grows");
     }
@@ -166,9 +183,14 @@ pub fn parse_csv(text: &str, capture_files: &CaptureFiles) -> Result<Vec<Judged>
         photos.iter().map(|photo_id| (name(photo_id), *photo_id)).collect();
     let parse_line = |line: &str| {
         // From the end, as names may hold commas.
-        let mut cells = line.rsplitn(10, ',');
+        let mut cells = line.rsplitn(12, ',');
         let mut cell = || cells.next();
         let optional = |text: &str| if text.is_empty() { Some(None) } else { text.parse().ok().map(Some) };
+        let (union, intersection) = (cell()?, cell()?);
+        let overlap = match union.is_empty() {
+            true => None,
+            false => Some(Overlap { intersection: intersection.parse().ok()?, union: union.parse().ok()? }),
+        };
         let lpips = optional(cell()?)?;
         let ssim = cell()?.parse().ok()?;
         let moving = optional(cell()?)?;
@@ -185,6 +207,7 @@ pub fn parse_csv(text: &str, capture_files: &CaptureFiles) -> Result<Vec<Judged>
             split,
             measures: ImageMetrics { psnr_fg, psnr_full, psnr_moving, ssim, lpips },
             aligned: AlignedPsnr { fg, full, moving },
+            overlap,
         })
     };
     let lines = (1..).zip(text.lines()).skip(1);
@@ -213,6 +236,7 @@ mod tests {
                 full: 32.0,
                 moving: (frame == 1).then_some(15.0),
             },
+            overlap: None,
         };
         psnr_fg.iter().enumerate().map(one).collect()
     }
@@ -236,6 +260,20 @@ mod tests {
         let text = |psnr: &[Option<f64>]| table(&means(&judged(psnr)), &[]);
         assert!(text(&[Some(f64::INFINITY); 2]).contains("| 2 | inf | inf | 30.00 |"));
         assert!(text(&[None]).contains("| 1 | – | – | 30.00 | 32.00 | – | – |"));
+    }
+
+    #[test]
+    fn the_table_has_a_column_for_the_overlap_if_any_is_known() {
+        let mut judged = judged(&[Some(20.0); 3]);
+        assert!(!table(&means(&judged), &[]).contains("IoU"));
+        judged[0].overlap = Some(Overlap { intersection: 1, union: 1 });
+        judged[1].overlap = Some(Overlap { intersection: 0, union: 7 });
+        let (rows, blended) = (means(&judged), means(&judged[2..]));
+        assert_eq!(rows[0].subject_iou, Some(0.125), "of all pixels, not the mean of images");
+        let table = table(&rows, &blended);
+        let columns: Vec<usize> = table.lines().map(|line| line.matches('|').count()).collect();
+        assert_eq!(columns, [12; 4], "{table}");
+        assert!(table.contains(" | – | 0.1250 |\n") && table.ends_with(" | – | – |\n"), "{table}");
     }
 
     #[test]

@@ -1,9 +1,10 @@
 //! Compares a field, a package or a folder of pictures with the photographs of a capture.
 //!
-//! Measures: the photographs and their subject (`photographs`), what needs all photographs of a camera (`by_camera`), means of each split (`means`), what predicts held frames
-//! without a fit (`blended`), held cameras after a fit (`held_cameras`), means over scenes (`scenes`), prefixes of a package (`prefixes`),
-//! frames of a take (`over_time`), cost for a player (`fragments`). Pictures, as in the paper's appendices: beside the
-//! photographs (`strips`), between captured frames (`quarter`), from new viewpoints (`free`).
+//! Measures: the photographs and their subject (`photographs`), what needs all photographs of a camera (`by_camera`), means
+//! of each split (`means`), what predicts held frames without a fit (`blended`), held cameras after a fit (`held_cameras`),
+//! means over scenes (`scenes`), prefixes of a package (`prefixes`), frames of a take (`over_time`), cost for a player
+//! (`fragments`). Pictures, as in the paper's appendices: beside the photographs (`strips`), between captured frames
+//! (`quarter`), from new viewpoints (`free`).
 
 mod blended;
 mod by_camera;
@@ -161,9 +162,8 @@ fn photo_for(
     Ok(photo)
 }
 
-/// Compares pictures of `subject` with all `photographs`; skips photographs whose picture a
-/// folder lacks. Measures LPIPS if its network is given. Calls `on_photo` for each photograph, camera by camera, with `None`
-/// if it is skipped.
+/// Compares pictures of `subject` with all `photographs`; skips those whose picture a folder lacks. Measures LPIPS if its
+/// network is given. Calls `on_photo` for each photograph, camera by camera, with `None` if it is skipped.
 ///
 /// # Errors
 /// [`Fault::Data`] where a file cannot be read or no picture is left to compare; those of `on_photo`.
@@ -196,7 +196,7 @@ fn judge_photos(
         // The photograph first: reading it checks its size against the camera's.
         let mut photo = photo_for(photographs, photo_id, lpips)?;
         if let Some(Picture { image: picture, subject }) = subject.picture(capture_files, photo_id)? {
-            subject.iter().for_each(|drawn| photographs.tell(&mut photo, drawn));
+            let overlap = subject.and_then(|drawn| photographs.tell(photo_id, &mut photo, &drawn));
             let median = medians.median(photo_id.camera)?;
             let (measures, sums) = ImageMetrics::with_sums(&picture, &photo, median, lpips);
             on_photo(Some(Comparison {
@@ -207,7 +207,7 @@ fn judge_photos(
                 photo: &photo,
                 median,
             }))?;
-            measured.push(Measured { photo_id, split, measures, sums });
+            measured.push(Measured { photo_id, split, measures, sums, overlap });
         }
     }
     if measured.is_empty() {

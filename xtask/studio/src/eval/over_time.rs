@@ -53,7 +53,7 @@ pub fn over_time(
                 let mut photo = photographs.read(photo_id)?;
                 let at_s = capture.time_s(photo_id).clamp(0.0, capture.duration_s());
                 let (picture, subject) = draw(&capture.cameras[camera].camera, at_s)?;
-                photographs.tell(&mut photo, &subject);
+                photographs.tell(photo_id, &mut photo, &subject);
                 now.insert(camera, Compared { photo, picture });
             }
         }

@@ -2,6 +2,7 @@
 
 use program::Fault;
 use refine::capture::{Capture, Photo, PhotoId};
+use refine::metrics::Overlap;
 
 use crate::capture::CaptureFiles;
 
@@ -14,8 +15,8 @@ pub struct Photographs {
 }
 
 impl Photographs {
-    /// The subject of photographs without masks is what is drawn before a plate, where the table is of something that
-    /// `has_plate`; else difference mattes, where the photographs have any.
+    /// The subject is in the masks. Without any it is what is drawn before a plate, where the table is of something that
+    /// `has_plate`; else in difference mattes, where the photographs have them.
     pub fn new(capture_files: &CaptureFiles, has_plate: bool) -> Photographs {
         let mut files = capture_files.clone();
         let is_drawn = has_plate && files.has_mattes();
@@ -38,10 +39,15 @@ impl Photographs {
         self.files.photo(photo_id)
     }
 
-    /// Makes `drawn`, the alpha of what is drawn before the plate, the subject of a photograph, if it tells that.
-    pub(super) fn tell(&self, photo: &mut Photo, drawn: &[f64]) {
+    /// Compares `drawn`, the alpha of what is drawn before the plate, with the mask of a photograph that was read; without a
+    /// mask makes it the subject, if it tells that, and returns `None`.
+    pub(super) fn tell(&self, photo_id: PhotoId, photo: &mut Photo, drawn: &[f64]) -> Option<Overlap> {
+        if self.files.has_mask(photo_id, photo) {
+            return Some(Overlap::measure(drawn, photo));
+        }
         if self.is_drawn {
             photo.image.pixels.iter_mut().zip(drawn).for_each(|(pixel, alpha)| pixel[3] = *alpha);
         }
+        None
     }
 }

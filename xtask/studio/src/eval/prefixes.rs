@@ -87,7 +87,7 @@ pub fn eval_prefixes(
         let draw = |layers: usize| reference::render(&take.to_reference(layers), camera, t, Order::Depth);
         let (whole, subject) =
             reference::render_with_subject(&take.to_reference(layers), camera, t, Order::Depth);
-        photographs.tell(&mut photo, &subject);
+        photographs.tell(*photo_id, &mut photo, &subject);
         let pictures: Vec<Image> = (1..layers).map(draw).chain([whole]).collect();
         for (measures, picture) in measures.iter_mut().zip(&pictures) {
             measures.push(ImageMetrics::measure(picture, &photo, None));

@@ -37,6 +37,8 @@ pub struct SceneMeasures {
     pub ssim: Spread,
     /// LPIPS of whole images; absent without the weights of a network.
     pub lpips: Option<Spread>,
+    /// IoU of the masks and what is drawn before the plate, of the scenes that have both.
+    pub subject_iou: Option<Spread>,
     /// Number of scenes with this split.
     pub scenes: usize,
     /// Number of images in all of them.
@@ -61,6 +63,7 @@ pub fn over_scenes(scenes: &[Vec<SplitMeasures>]) -> Vec<SceneMeasures> {
             psnr_moving_aligned: known(|row| row.psnr_moving_aligned),
             ssim: known(|row| Some(row.ssim))?,
             lpips: known(|row| row.lpips),
+            subject_iou: known(|row| row.subject_iou),
             scenes: rows.len(),
             images: rows.iter().map(|row| row.images).sum(),
         })
@@ -77,9 +80,11 @@ fn spread(numbers: &[f64]) -> Option<Spread> {
 
 /// The rows as a table in Markdown.
 pub fn scenes_table(rows: &[SceneMeasures]) -> String {
-    let mut text = String::from(
-        "| split | scenes | images | subject, dB | aligned | whole, dB | aligned | moving, dB | aligned | SSIM | LPIPS |\n\
-         |---|---|---|---|---|---|---|---|---|---|---|\n",
+    let has_iou = rows.iter().any(|row| row.subject_iou.is_some());
+    let [iou, rule] = if has_iou { [" subject IoU |", "---|"] } else { [""; 2] };
+    let mut text = format!(
+        "| split | scenes | images | subject, dB | aligned | whole, dB | aligned | moving, dB | aligned | SSIM | LPIPS |{iou}\n\
+         |---|---|---|---|---|---|---|---|---|---|---|{rule}\n",
     );
     for row in rows {
         let cell =
@@ -94,8 +99,10 @@ pub fn scenes_table(rows: &[SceneMeasures]) -> String {
         ];
         let psnr = psnr.map(|spread| cell(&spread, 2)).join(" | ");
         let (ssim, lpips) = (show(&row.ssim, 4), cell(&row.lpips, 4));
+        let iou = if has_iou { format!(" {} |", cell(&row.subject_iou, 4)) } else { String::new() };
         let SceneMeasures { split, scenes, images, .. } = row;
-        writeln!(text, "| {split} | {scenes} | {images} | {psnr} | {ssim} | {lpips} |").expect("text grows");
+        writeln!(text, "| {split} | {scenes} | {images} | {psnr} | {ssim} | {lpips} |{iou}")
+            .expect("text grows");
     }
     text
 }
@@ -124,6 +131,7 @@ mod tests {
             psnr_moving_aligned: None,
             ssim: 0.5,
             lpips: None,
+            subject_iou: None,
             images: 10,
             without_subject: 0,
             exact: 0,
@@ -144,5 +152,8 @@ mod tests {
         let held = "| interp_b | 1 | 10 | – | – | 28.00 ± 0.00 | 28.00 ± 0.00 | – | – |";
         assert!(table.contains(held), "{table}");
         assert!(over_scenes(&[]).is_empty());
+        let masked = SplitMeasures { subject_iou: Some(0.75), ..scene("train", None, 30.0) };
+        let table = scenes_table(&over_scenes(&[vec![masked], vec![scene("train", None, 30.0)]]));
+        assert!(table.ends_with(" | – | 0.7500 ± 0.0000 |\n"), "{table}");
     }
 }

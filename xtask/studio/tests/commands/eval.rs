@@ -15,7 +15,8 @@ use refine::image::Image;
 use refine::reference::{Order, RenderScene, render, render_with_subject};
 use serde_json::{Value, json};
 use studio::capture::CaptureFiles;
-use studio::fields::fitted_field_file;
+use studio::eval::{means, parse_csv};
+use studio::fields::{FitRecord, fitted_field_file};
 use tempfile::{TempDir, tempdir};
 
 const SIZE: (u32, u32) = (48, 36);
@@ -457,15 +458,15 @@ fn colours_are_aligned_by_camera_and_what_moves_is_measured() {
     assert!(moving < full - 3.0, "{moving} {full}");
     let written = |name: &str| fs::read_to_string(folder.join("out").join(name)).unwrap();
     let header = "image,camera,frame,split,psnr_fg,psnr_fg_aligned,psnr_full,psnr_full_aligned,psnr_moving,\
-                  psnr_moving_aligned,ssim,lpips";
+                  psnr_moving_aligned,ssim,lpips,subject_intersection,subject_union";
     let csv = written("eval.csv");
     assert_eq!(csv.lines().next(), Some(header));
-    assert!(csv.lines().all(|line| line.split(',').count() == 12), "{csv}");
+    assert!(csv.lines().all(|line| line.split(',').count() == 14), "{csv}");
     let row = format!(" | {full:.2} | {:.2} | {moving:.2} | ", values(&first, "psnr_full_aligned")[1]);
     assert!(written("eval.md").contains(&row), "{row} {}", written("eval.md"));
     // The measures are parsed from this file in reports.
     let capture_files = CaptureFiles::open(folder).unwrap();
-    let parsed = studio::eval::means(&studio::eval::parse_csv(&csv, &capture_files).unwrap());
+    let parsed = means(&parse_csv(&csv, &capture_files).unwrap());
     for (row, split) in parsed.iter().zip(all) {
         let measure = |key: &str| first["splits"][split][key].as_f64().unwrap();
         let pairs = [
@@ -623,6 +624,61 @@ fn a_package_is_judged_layer_by_layer() {
     let table = fs::read_to_string(folder.join("out/eval.md")).unwrap();
     assert!(table.contains("| 5000 | ") && table.contains("| 6000 | "), "{table}");
     assert_eq!(picture(&folder.join("out/ladder.png")).width() % 3, 0);
+}
+
+/// Masks of what moves, all black in frame 0, for a field that was fitted without them.
+#[test]
+fn masks_measure_what_is_drawn_before_the_plate() {
+    let (folder, field, _) = studio_with_a_plate();
+    let folder = folder.path();
+    // Pixels of the subject in each frame, over the fitted cameras.
+    let mut pixels = [0; FRAMES];
+    for (c, camera) in cameras().iter().enumerate() {
+        for (frame, pixels) in pixels.iter_mut().enumerate() {
+            let t = frame as f64 / (FRAMES - 1) as f64;
+            let alpha = render(&RenderScene::from(&field), camera, t, Order::Depth).pixels;
+            let is_drawn: Vec<bool> = alpha.iter().map(|pixel| pixel[3] > 0.5).collect();
+            if c < 2 {
+                *pixels += is_drawn.iter().filter(|is_drawn| **is_drawn).count();
+            }
+            let level = |is_drawn: &bool| if *is_drawn && frame > 0 { 255 } else { 0 };
+            let mask =
+                image::GrayImage::from_raw(SIZE.0, SIZE.1, is_drawn.iter().map(level).collect()).unwrap();
+            let path = folder.join(format!("masks/c{c}/{frame}.png"));
+            fs::create_dir_all(path.parent().unwrap()).unwrap();
+            mask.save(path).unwrap();
+        }
+    }
+    let eval = |subject: &str, more: &str| {
+        let line = format!("eval {subject} --capture . --holdout odd --json {more}");
+        aarc_studio(folder, &line.split_whitespace().collect::<Vec<_>>()).json()
+    };
+    let without = eval("field.ply", "");
+    assert!(without["splits"]["train"]["subject_iou"].is_null(), "{without}");
+    let manifest = fs::read_to_string(folder.join("capture.json")).unwrap();
+    let mut manifest: Value = serde_json::from_str(&manifest).unwrap();
+    manifest["masks"] = "masks/{camera}/{frame}.png".into();
+    fs::write(folder.join("capture.json"), manifest.to_string()).unwrap();
+    // Its photographs had no masks.
+    let record = FitRecord { has_mattes: true, ..FitRecord::default() };
+    fs::write(folder.join("field.ply"), fitted_field_file(&field, &clip_info(), &record)).unwrap();
+    fs::write(folder.join("alone.ply"), write_field_file(&field, &clip_info())).unwrap();
+    let of_train = pixels[2] as f64 / (pixels[0] + pixels[2]) as f64;
+    for subject in ["field.ply", "alone.ply"] {
+        let json = eval(subject, "-o out");
+        let splits = &json["splits"];
+        let iou = |split: &str| splits[split]["subject_iou"].as_f64().unwrap();
+        assert!(iou("interp_b") == 1.0 && (iou("train") - of_train).abs() < 1e-12, "{of_train} {splits}");
+        assert_eq!(splits["train"]["without_subject"], 2, "masks tell the subject: {splits}");
+        assert!(
+            json["baselines"]["blended_photographs"]["interp_b"]["subject_iou"].is_null(),
+            "it draws nothing"
+        );
+        let written = |name: &str| fs::read_to_string(folder.join("out").join(name)).unwrap();
+        assert!(written("eval.md").contains(" | 1.0000 |"), "{}", written("eval.md"));
+        let parsed = parse_csv(&written("eval.csv"), &CaptureFiles::open(folder).unwrap()).unwrap();
+        assert_eq!(means(&parsed)[0].subject_iou, Some(iou("train")));
+    }
 }
 
 /// PSNR where an alpha is of the subject.

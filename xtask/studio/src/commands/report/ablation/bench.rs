@@ -34,7 +34,7 @@ const FIELD: &str = "field.ply";
 
 /// Commands in the records; the command of `eval` counts the changes of its columns and measures.
 const FIT: &str = "report: fit";
-pub(super) const EVAL: &str = "report: eval 3";
+pub(super) const EVAL: &str = "report: eval 4";
 const PACKAGE: &str = "report: package";
 
 /// Held frames: every table of the paper holds every other one.
