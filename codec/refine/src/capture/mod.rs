@@ -50,6 +50,9 @@ pub struct CalibratedCamera {
     pub response: Response,
     /// Whether the capture marks the camera as held out.
     pub held: bool,
+    /// Number of the device that the layout states, where one that is carried around has a camera here for each of its
+    /// photographs; `None` of a camera that is a device of its own, or where the layout does not tell.
+    pub device: Option<u32>,
 }
 
 /// Identifies a photograph of a capture.
@@ -214,6 +217,7 @@ pub(crate) mod fixtures {
             time_offset_s: 0.0,
             response: Response::NEUTRAL,
             held: false,
+            device: None,
         }
     }
 }

@@ -493,6 +493,11 @@ impl CaptureBuilder {
         self.plates[camera] = plate;
     }
 
+    /// Sets the [device](CalibratedCamera::device) of a camera.
+    pub(super) fn device(&mut self, camera: usize, device: u32) {
+        self.cameras[camera].device = Some(device);
+    }
+
     /// Sets the [time offset](CalibratedCamera::time_offset_s) of a camera.
     pub(super) fn offset_s(&mut self, camera: usize, time_offset_s: f64) {
         self.cameras[camera].time_offset_s = time_offset_s;
@@ -574,7 +579,15 @@ fn opaque(picture: &image::RgbImage) -> Image {
 
 /// A camera in time with its frames that shows colours as they are.
 pub(super) fn calibrated(name: String, camera: Camera, lens: Lens) -> CalibratedCamera {
-    CalibratedCamera { name, camera, lens, time_offset_s: 0.0, response: Response::NEUTRAL, held: false }
+    CalibratedCamera {
+        name,
+        camera,
+        lens,
+        time_offset_s: 0.0,
+        response: Response::NEUTRAL,
+        held: false,
+        device: None,
+    }
 }
 
 /// Skew in pixels up to which it counts as rounding.

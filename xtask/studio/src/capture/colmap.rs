@@ -157,6 +157,7 @@ pub(super) fn open(folder: &Path, Model { folder: model, note }: Model) -> anyho
             false => None,
         };
         let index = builder.camera(&name, camera, *lens, false);
+        builder.device(index, pose.camera);
         builder.photo(index, 0, PhotoPath { image: &image, name: &name, mask: mask.as_deref() })?;
     }
     listed.note().into_iter().for_each(|note| builder.note(note));

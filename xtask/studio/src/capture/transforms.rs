@@ -69,7 +69,7 @@ pub(super) const IGNORED_KEYS: [&str; 20] = [
 type OtherKeys = BTreeMap<String, Value>;
 
 /// Intrinsics of all frames or of one.
-#[derive(Clone, Default, Deserialize)]
+#[derive(Clone, Default, PartialEq, Deserialize)]
 #[cfg_attr(test, derive(serde::Serialize))]
 struct Intrinsics {
     camera_model: Option<String>,
@@ -192,6 +192,14 @@ impl Transforms {
         stated.filter(|key| !IGNORED_KEYS.contains(key)).collect()
     }
 
+    /// Whether all frames share their intrinsics, and none its time with another: a device is at one place at a time.
+    fn is_of_one_device(&self) -> bool {
+        let mut times: Vec<f64> = self.frames.iter().filter_map(|frame| frame.time).collect();
+        times.sort_by(f64::total_cmp);
+        times.windows(2).all(|pair| pair[0] < pair[1])
+            && self.frames.windows(2).all(|pair| pair[0].intrinsics == pair[1].intrinsics)
+    }
+
     /// Whether the file holds a frame out from fitting.
     fn is_held(&self, frame: &Frame) -> bool {
         let Transforms { train_filenames, val_filenames, test_filenames, .. } = self;
@@ -242,10 +250,11 @@ pub(super) fn open(folder: &Path, files: &[TransformsFile]) -> anyhow::Result<Ca
     let mut stated_up = None;
     // Of the photographs, in the order of the files.
     let mut photo_times = Vec::new();
-    for (path, held) in files {
+    for (number, (path, held)) in (0..).zip(files) {
         let transforms = Transforms::read(path)?;
         transforms.note(path).into_iter().for_each(|note| builder.note(note));
         stated_up = stated_up.or(transforms.up.map(unit));
+        let is_of_one_device = transforms.is_of_one_device();
         for frame in &transforms.frames {
             let name = frame.file_path.trim_start_matches("./");
             let Some(image) = listed.find(name, |name| find_image_in(folder, name))? else {
@@ -279,6 +288,9 @@ pub(super) fn open(folder: &Path, files: &[TransformsFile]) -> anyhow::Result<Ca
             let name = Path::new(&image).with_extension("");
             let name = name.to_string_lossy();
             let index = builder.camera(&name, camera, lens, *held || transforms.is_held(frame));
+            if is_of_one_device {
+                builder.device(index, number);
+            }
             let paths = PhotoPath { image: &image, name: &name, mask: mask.as_deref() };
             builder.photo(index, photo_times.len(), paths)?;
             photo_times.push(time);

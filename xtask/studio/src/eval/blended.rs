@@ -90,7 +90,7 @@ impl<'a> BlendedPhotographs<'a> {
     /// Those of [`BlendedPhotographs::add`].
     pub fn judged(mut self) -> Result<Vec<Judged>, Fault> {
         self.measure_until((usize::MAX, usize::MAX))?;
-        Ok(align(&self.measured))
+        Ok(align(&self.measured, &self.capture_files.capture))
     }
 
     /// Measures the blends of photographs up to this place.

@@ -215,7 +215,7 @@ fn judge_photos(
             "there is no picture of any photograph; name the pictures as the photographs".into()
         ));
     }
-    Ok(align(&measured))
+    Ok(align(&measured, &capture_files.capture))
 }
 
 #[cfg(test)]
@@ -232,6 +232,7 @@ mod fixtures {
             time_offset_s: 0.0,
             response: Response::NEUTRAL,
             held,
+            device: None,
         }
     }
 }

@@ -484,6 +484,57 @@ fn colours_are_aligned_by_camera_and_what_moves_is_measured() {
     assert!(train["psnr_full_aligned"].as_f64().is_some(), "{still}");
 }
 
+/// Each photograph has a camera of its own, which is of another device only if the layout says so.
+#[test]
+fn colours_are_aligned_by_device_where_each_photograph_has_a_camera() {
+    let (folder, _) = stage();
+    let folder = folder.path();
+    for c in 0..3 {
+        let mut image = picture(&folder.join(format!("images/c{c}/00.png")));
+        image.pixels_mut().for_each(|pixel| pixel.0 = pixel.0.map(|level| 40 * (c + 1) + level / 5));
+        let path = folder.join(format!("tinted/images/c{c}/00.png"));
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        image.save(path).unwrap();
+    }
+    let aligned = |devices: [Option<u32>; 3]| {
+        let capture_files = CaptureFiles::open(folder).unwrap();
+        let found: Vec<Option<u32>> =
+            capture_files.capture.cameras.iter().map(|camera| camera.device).collect();
+        assert_eq!(found, devices);
+        let json = aarc_studio(folder, &["eval", "tinted", "--capture", ".", "--json"]).json();
+        json["splits"]["train"]["psnr_full_aligned"].as_f64().unwrap()
+    };
+    write_transforms(folder);
+    let transforms = fs::read_to_string(folder.join("transforms.json")).unwrap();
+    let mut transforms: Value = serde_json::from_str(&transforms).unwrap();
+    // The first photograph of each camera: a rig takes them at one time, and someone who walks around one after another.
+    let frames = transforms["frames"].as_array_mut().unwrap();
+    frames.retain(|frame| frame["time"] == 0.0);
+    let mut write = |change: &dyn Fn(usize, &mut Value)| {
+        transforms["frames"]
+            .as_array_mut()
+            .unwrap()
+            .iter_mut()
+            .enumerate()
+            .for_each(|(i, frame)| change(i, frame));
+        fs::write(folder.join("transforms.json"), transforms.to_string()).unwrap();
+    };
+    write(&|_, _| {});
+    let of_rig = aligned([None; 3]);
+    write(&|_, frame| frame["time"] = Value::Null);
+    let of_walk = aligned([Some(0); 3]);
+    assert!(of_rig > 35.0 && of_walk < 25.0, "{of_rig} {of_walk}");
+    write(&|i, frame| frame["k1"] = (1e-9 * i as f64).into());
+    assert!(aligned([None; 3]) > 35.0, "intrinsics of their own");
+    fs::remove_file(folder.join("transforms.json")).unwrap();
+    write_colmap(folder, false);
+    assert!(aligned([Some(0), Some(1), Some(2)]) > 35.0);
+    let images = fs::read_to_string(folder.join("sparse/0/images.txt")).unwrap();
+    let images = images.replace(" 1 c1/", " 0 c1/").replace(" 2 c2/", " 0 c2/");
+    fs::write(folder.join("sparse/0/images.txt"), images).unwrap();
+    assert!(aligned([Some(0); 3]) < 25.0);
+}
+
 #[test]
 fn several_scenes_have_a_mean_and_a_deviation() {
     let scenes = [lively_studio(), lively_studio()];
