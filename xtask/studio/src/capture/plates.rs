@@ -115,7 +115,7 @@ impl CaptureFiles {
         if !cameras.is_empty() {
             self.find_medians(&cameras, holdout)?;
         }
-        self.background.is_matted = (0..self.capture.photos.len()).any(|i| self.mask_path(i).is_none());
+        self.background.is_matted = true;
         Ok(())
     }
 
@@ -134,9 +134,14 @@ impl CaptureFiles {
         Ok(())
     }
 
-    /// Whether photographs without masks get mattes.
-    pub fn has_mattes(&self) -> bool {
+    /// Whether the plates are found.
+    pub fn has_plates(&self) -> bool {
         self.background.is_matted
+    }
+
+    /// Whether there are photographs without masks, and they get mattes.
+    pub fn has_mattes(&self) -> bool {
+        self.has_plates() && (0..self.capture.photos.len()).any(|i| self.mask_path(i).is_none())
     }
 
     /// Pictures without the subject that the capture states.

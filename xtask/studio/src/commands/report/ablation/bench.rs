@@ -84,7 +84,7 @@ pub(super) fn pictured(capture_files: &CaptureFiles) -> Result<Vec<PicturedPhoto
 /// The photographs that a fit's pictures are compared with. Where there are plates, fits show the whole picture.
 fn judged_files(capture_files: &CaptureFiles) -> CaptureFiles {
     let mut judged_files = capture_files.clone();
-    if judged_files.has_mattes() {
+    if judged_files.has_plates() {
         judged_files.keep_background();
     }
     judged_files
