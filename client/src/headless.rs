@@ -558,7 +558,7 @@ fn views(args: &Args, clip: &OpenTake, poster: Option<Poster>) -> Result<Vec<Vie
     Ok(match args.lens {
         Some(lens) => {
             let size = args.size.map_or(lens.size(), |size| size.to_array());
-            let (subject, up) = (clip.subject(), clip.info().up);
+            let (subject, up) = (clip.subject()?, clip.info().up);
             let head = match args.standpoint() {
                 Some(standpoint) => standpoint.camera(&subject, up),
                 None => viewpoint.camera(up, 1, 1),

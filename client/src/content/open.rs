@@ -102,7 +102,7 @@ pub fn open(name: Option<&str>, options: &SourceOptions) -> Result<Arrival, Faul
             #[cfg(feature = "formats")]
             if field::is_field(path) {
                 let (clip, note) = field::load_field(path, options)?;
-                return Ok(opened(note, OpenTake::from_clip(name.into(), clip, limits)));
+                return Ok(opened(note, OpenTake::from_clip(name.into(), clip, limits)?));
             }
             OpenTake::open(path, limits).map(|take| opened(take.truncation(), take))
         }

@@ -2,7 +2,11 @@
 //! is a take of one segment, and so is a field of another program.
 
 use std::num::NonZero;
+#[cfg(feature = "xr")]
+use std::ops::ControlFlow;
 use std::path::Path;
+#[cfg(feature = "xr")]
+use std::sync::Arc;
 use std::sync::{Mutex, OnceLock, PoisonError};
 use std::thread;
 
@@ -19,6 +23,8 @@ use super::progress::Traffic;
 use super::source::TakeSource;
 use crate::audio::SoundTrack;
 use crate::gpu::{PackedLayers, PackedSegment, PlateLayout, TakeLayout};
+#[cfg(feature = "xr")]
+use crate::worker::apart;
 
 /// Bytes that are read first: they say how long the head is.
 const HEAD_BYTES: usize = 16;
@@ -142,20 +148,23 @@ impl OpenTake {
             opened.set_only(&clip);
             opened.decoded = Mutex::new(Some(clip));
         }
-        opened.find_opening();
+        opened.find_opening()?;
         opened.source.on_opened(length >= package_bytes);
         Ok(opened)
     }
 
     /// A decoded clip without a package, named `name` in messages.
+    ///
+    /// # Errors
+    /// None: nothing is read.
     #[cfg(feature = "formats")]
-    pub(crate) fn from_clip(name: String, clip: Clip, limits: &Limits) -> OpenTake {
+    pub(crate) fn from_clip(name: String, clip: Clip, limits: &Limits) -> Result<OpenTake, Fault> {
         let source = TakeSource::Memory(name, (&[][..]).into());
         let mut opened = OpenTake::new(Take::from(&clip), source, vec![clip.layers.len()], limits);
         opened.set_only(&clip);
         opened.field = Some(clip);
-        opened.find_opening();
-        opened
+        opened.find_opening()?;
+        Ok(opened)
     }
 
     /// Nothing is decoded yet. `layers` is the number of layers of each segment that `source` holds.
@@ -179,10 +188,11 @@ impl OpenTake {
     }
 
     /// Adds the opening view to a take without viewpoints.
-    fn find_opening(&mut self) {
+    fn find_opening(&mut self) -> Result<(), Fault> {
         if self.take.info.viewpoints.is_empty() {
-            self.subject = Subject::with_opening(&self.surroundings(), &mut self.take.info).into();
+            self.subject = Subject::with_opening(&self.surroundings()?, &mut self.take.info).into();
         }
+        Ok(())
     }
 
     /// Axes, frames per second, viewpoints. There is at least one viewpoint.
@@ -260,22 +270,53 @@ impl OpenTake {
 
     /// The upright frame of the take at its start. Found by the first call, which may read: it belongs on a thread that
     /// loads, before a player does.
-    pub(crate) fn subject(&self) -> Subject {
-        *self.subject.get_or_init(|| Subject::new(&self.take.info, &self.surroundings()))
+    ///
+    /// # Errors
+    /// As [`TakeSource::read`]; the next call reads again.
+    pub(crate) fn subject(&self) -> Result<Subject, Fault> {
+        if let Some(subject) = self.subject.get() {
+            return Ok(*subject);
+        }
+        let subject = Subject::new(&self.take.info, &self.surroundings()?);
+        Ok(*self.subject.get_or_init(|| subject))
+    }
+
+    /// As [`OpenTake::subject`], until it `is_overtaken`, which is looked at every 50 ms. The take is closed then.
+    ///
+    /// # Errors
+    /// As there; [`Fault::Network`] if it is overtaken.
+    #[cfg(feature = "xr")]
+    pub(crate) fn subject_unless(
+        self: &Arc<OpenTake>,
+        is_overtaken: &dyn Fn() -> bool,
+    ) -> Result<Subject, Fault> {
+        let ours = self.clone();
+        let found = apart(move |_| ours.subject(), &mut |()| ControlFlow::Continue(()), is_overtaken)
+            .map_err(|error| Fault::Device(format!("cannot start a thread: {error}")))?;
+        found.unwrap_or_else(|| {
+            self.source.close();
+            Err(Fault::Network("cancelled".into()))
+        })
     }
 
     /// Those at the start, by the first layers there that can be decoded.
-    fn surroundings(&self) -> Surroundings {
+    fn surroundings(&self) -> Result<Surroundings, Fault> {
         if let Some(clip) = &self.field {
-            return clip.surroundings();
+            return Ok(clip.surroundings());
         }
         if let Some(clip) = &*self.decoded.lock().unwrap_or_else(PoisonError::into_inner) {
-            return clip.surroundings();
+            return Ok(clip.surroundings());
         }
-        let segments = self.take.at(0.0).filter(|&segment| self.layers[segment] > 0);
-        let clips: Vec<(usize, Clip)> =
-            segments.filter_map(|segment| Some((segment, self.segment(segment, 1).ok()?))).collect();
-        self.take.surroundings(&clips)
+        let mut clips = Vec::new();
+        for segment in self.take.at(0.0).filter(|&segment| self.layers[segment] > 0) {
+            match self.read_segment(Want { segment, from: 0, layers: 1 }) {
+                Ok((clip, _)) => clips.push((segment, clip)),
+                Err(LoadError::Unread(fault)) => return Err(fault),
+                // The rest plays.
+                Err(LoadError::Damaged(_)) => {}
+            }
+        }
+        Ok(self.take.surroundings(&clips))
     }
 
     /// Reads and decodes the first `layers` layers of a segment.

@@ -25,6 +25,10 @@ fn clip(x: f32, count: usize, layers: &[usize]) -> Vec<u8> {
 
 /// A take of clips of a second each, one after the other.
 fn take(clips: &[Vec<u8>]) -> Vec<u8> {
+    take_with(&ClipInfo::default(), clips)
+}
+
+fn take_with(info: &ClipInfo, clips: &[Vec<u8>]) -> Vec<u8> {
     let limits = Limits::default();
     let heads: Vec<_> = clips.iter().map(|clip| contents(clip, &limits).unwrap()).collect();
     let starts = (0..).map(f64::from);
@@ -33,8 +37,7 @@ fn take(clips: &[Vec<u8>]) -> Vec<u8> {
         .zip(starts)
         .map(|(contents, start_s)| SegmentPackage { start_s, duration_s: 1.0, level: 0, contents })
         .collect();
-    let info = ClipInfo::default();
-    [encode_take_head(&info, clips.len() as f64, &segments).unwrap(), clips.concat()].concat()
+    [encode_take_head(info, clips.len() as f64, &segments).unwrap(), clips.concat()].concat()
 }
 
 fn three() -> Vec<u8> {
@@ -91,7 +94,7 @@ fn segments_are_loaded_in_any_order_and_in_layers() {
     assert_eq!(opened.layer_ends(), [100, 160, 180]);
     // What holds an instant, the two after it, and a gap of the size of the largest.
     assert_eq!(opened.layout().room.total(), 180 + 70);
-    let subject = opened.subject();
+    let subject = opened.subject().unwrap();
     assert!((subject.ground.x - 9.5).abs() < 0.1, "by the first layer at the start: {subject:?}");
 }
 
@@ -113,17 +116,67 @@ fn a_take_without_viewpoints_opens_where_its_content_is_at_the_start() {
     let opened = open(&written(&bytes));
     let [opening] = &opened.take.info.viewpoints[..] else { panic!("{:?}", opened.take.info) };
     assert!((opening.target[0] + 0.75).abs() < 0.2 && (opening.target[1] - 0.9).abs() < 0.1, "{opening:?}");
-    let subject = opened.subject();
+    let subject = opened.subject().unwrap();
     assert!((subject.ground - dvec3(-0.75, 0.0, 0.0)).length() < 0.2, "{subject:?}");
     assert!((subject.height_m - 1.8).abs() < 0.1 && subject.radius_m < 1.2, "{subject:?}");
     // What can be decoded counts, and the bounds where nothing can.
     bytes[head.len() + 200] ^= 1;
-    let radius_m = open(&written(&bytes)).subject().radius_m;
+    let radius_m = open(&written(&bytes)).subject().unwrap().radius_m;
     // Between half of its sides and half of its diagonal, by the direction of the opening.
     assert!((3.0..5.7).contains(&radius_m), "of the room: {radius_m} m");
     bytes[head.len() + walk.len() + 200] ^= 1;
     let framed = codec::Viewpoint::framing(opened.take.bounds, y_up().up);
     assert_eq!(open(&written(&bytes)).take.info.viewpoints, [framed]);
+}
+
+/// A server that sends `head` of a file of `length` bytes, and then is silent.
+#[cfg(all(feature = "net", feature = "xr"))]
+fn silent_server(head: Vec<u8>, length: usize) -> String {
+    use std::io::{Read as _, Write as _};
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap();
+    std::thread::spawn(move || {
+        // Held open.
+        let mut streams = Vec::new();
+        for stream in listener.incoming() {
+            let mut stream = stream.unwrap();
+            let _ = stream.read(&mut [0; 4096]);
+            if streams.is_empty() {
+                let fields = format!("Content-Length: {length}\r\nETag: \"a\"");
+                write!(stream, "HTTP/1.1 200 OK\r\n{fields}\r\n\r\n").unwrap();
+                stream.write_all(&head).unwrap();
+            }
+            streams.push(stream);
+        }
+    });
+    format!("http://{address}/a.aarc")
+}
+
+#[test]
+#[cfg(all(feature = "net", feature = "xr"))]
+fn nobody_waits_for_the_subject_of_a_take_whose_server_is_silent() {
+    use std::time::{Duration, Instant};
+
+    use crate::content::Download;
+    let clips = [clip(0.0, 60, &[20]), clip(100.0, 50, &[])];
+    let info = ClipInfo {
+        viewpoints: vec![codec::Viewpoint::framing([[0.0; 3], [1.0; 3]], [0.0, 1.0, 0.0])],
+        ..ClipInfo::default()
+    };
+    let bytes = take_with(&info, &clips);
+    let head = bytes[..bytes.len() - clips.concat().len()].to_vec();
+    let url = silent_server(head, bytes.len());
+    let opened = Download::new(&url, Default::default()).find_map(|event| match event.unwrap() {
+        super::super::OpenEvent::Take(take) => Some(take),
+        _ => None,
+    });
+    let (opened, start) = (opened.expect("its head is there"), Instant::now());
+    let is_overtaken = || start.elapsed() > Duration::from_millis(200);
+    let cancelled = opened.subject_unless(&is_overtaken).unwrap_err();
+    assert!(start.elapsed() < Duration::from_secs(5), "{cancelled}: {:?}", start.elapsed());
+    // What was not read is not known, and is no longer read.
+    assert!(opened.subject().is_err());
+    assert!(start.elapsed() < Duration::from_secs(5), "{:?}", start.elapsed());
 }
 
 #[test]

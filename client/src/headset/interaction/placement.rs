@@ -354,7 +354,7 @@ mod tests {
     fn the_demo_clip_stands_before_the_viewer() {
         let clip =
             content::open(None, &Default::default()).unwrap().wait(content::Wait::Complete, |_| ()).unwrap();
-        let subject = clip.subject();
+        let subject = clip.subject().unwrap();
         let head = head(0.3);
         let stage_from_clip = Placement::start(&subject, &head).stage_from_clip(&subject);
         let target = DVec3::from(clip.info().viewpoints[0].target.map(f64::from));

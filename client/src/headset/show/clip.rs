@@ -37,7 +37,7 @@ impl ClipTarget for HeadsetTarget {
             .upgrade()
             .ok_or_else(|| Fault::Device("the graphics device is gone: open the clip again".into()))?;
         // Before its loader waits for the server with what is left to read.
-        let subject = opened.subject();
+        let subject = opened.subject_unless(beginning.is_overtaken)?;
         let layout = FrameLayout { format: self.format.drawn(), eyes: 2, foveated: true };
         // A frame of the headset follows in any case: it needs nothing to wake it.
         let (renderer, take) = TakePlayer::begin(&gpu, opened.clone(), layout, beginning, || ())?;
