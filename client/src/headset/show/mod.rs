@@ -310,14 +310,15 @@ impl Show {
         played_s
     }
 
-    /// Brings the segments of a take up to the position, and lets the clock wait for those that are missing there.
+    /// Brings the segments of a take up to the position, and lets the clock wait for those that are missing there, or for
+    /// the take itself.
     fn update_take(&mut self, elapsed_s: f64) {
         let device = self.device.as_ref();
         let playing = self.playing.as_mut().map(|playing| &mut playing.clip);
         let Some((device, ReadyClip { take: Some(take), renderer: Some(renderer), .. })) =
             device.zip(playing)
         else {
-            self.clock.set_waiting(false);
+            self.clock.set_waiting(self.clips.is_loading());
             return;
         };
         take.update(&device.gpu, renderer, &self.clock);
@@ -522,6 +523,18 @@ impl Show {
 mod tests {
     use super::*;
     use glam::{DQuat, Quat, Vec3};
+
+    #[test]
+    fn the_clip_waits_for_another_device() {
+        let options = LoadOptions { source: Default::default(), min_layers: 1, is_complete: false };
+        let quality = Quality::new(Default::default(), Level::Exact, true);
+        let mut show =
+            Show::new(Vec::new(), options, quality, Place::new(None, None), Speaker::silent(), true).unwrap();
+        show.clock = Clock::new(1.0, 30.0);
+        // There is no device: the clip is loaded once there is one.
+        show.update_take(0.1);
+        assert!(show.clips.is_loading() && !show.clock.is_advancing());
+    }
 
     #[test]
     fn a_source_stays_where_the_clip_stands_while_the_head_turns() {
