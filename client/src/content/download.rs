@@ -7,6 +7,7 @@ use program::Fault;
 
 use super::event::OpenEvent;
 use super::opened::OpenTake;
+use super::progress::Progress;
 use super::source::TakeSource;
 use super::transfer::{Options, REPORT_INTERVAL, RemoteFile, Task, cached_version_note};
 use super::url::redacted;
@@ -35,12 +36,17 @@ pub struct Download {
     openings: u32,
 }
 
+/// Opens a take on a thread of its own; `None` if there is none.
+type Opening = Task<Option<Arc<OpenTake>>>;
+
 /// The stage of a download.
 #[derive(Debug)]
 enum Stage {
     Begin,
+    /// The cache is read.
+    Cached(Opening, Arc<RemoteFile>),
     /// The server is asked; `None` if the cached version is current.
-    Opening(Task<Option<Arc<OpenTake>>>),
+    Opening(Opening),
     /// A remark on the take was reported; the take is next.
     Opened(Arc<OpenTake>),
     End,
@@ -53,22 +59,45 @@ impl Download {
         Download { url, options, stage: Stage::Begin, has_cached: false, known: None, openings: 0 }
     }
 
-    /// Asks the server, and reports the cached version if there is one.
+    /// Begins to open the cached version, if there is a cache.
     fn begin(&mut self) -> Flow {
-        let (take, etag) = self.cached().unzip();
-        (self.has_cached, self.known) = (take.is_some(), etag.flatten());
-        self.ask()?;
-        take.map_or(ControlFlow::Continue(()), report)
+        let Options { cache: cache @ Some(_), retry, limits } = self.options.clone() else {
+            return self.ask();
+        };
+        let begun = RemoteFile::new(&self.url, retry, cache).and_then(|file| {
+            let file = Arc::new(file);
+            let ours = file.clone();
+            let opening = Task::begin(file.exchange().clone(), move || {
+                if !ours.find_cached() {
+                    return Ok(None);
+                }
+                let take = OpenTake::from_source(TakeSource::Remote(ours), &limits);
+                Ok(take
+                    .inspect_err(|fault| log::info!("the cached file does not play: {fault}"))
+                    .ok()
+                    .map(Arc::new))
+            })?;
+            Ok(Stage::Cached(opening, file))
+        });
+        self.enter(begun)
     }
 
-    /// The cached version, and its name on the server.
-    fn cached(&self) -> Option<(Arc<OpenTake>, Option<String>)> {
-        let Options { cache, retry, limits } = &self.options;
-        let file = Arc::new(RemoteFile::from_cache(&self.url, *retry, cache.as_ref()?)?);
-        let take = OpenTake::from_source(TakeSource::Remote(file.clone()), limits);
-        let take = take.inspect_err(|fault| log::info!("the cached file does not play: {fault}")).ok()?;
-        file.go_online();
-        Some((Arc::new(take), file.etag()))
+    /// Waits for the cached version, then asks the server, and reports the cached version if there is one.
+    fn wait_for_cached(&mut self, mut opening: Opening, file: Arc<RemoteFile>) -> Flow {
+        let take = match opening.wait(REPORT_INTERVAL) {
+            None => {
+                self.stage = Stage::Cached(opening, file);
+                return ControlFlow::Break(Ok(OpenEvent::Progress(Progress::default())));
+            }
+            Some(Err(fault)) => return ControlFlow::Break(Err(fault)),
+            Some(Ok(take)) => take,
+        };
+        if take.is_some() {
+            file.go_online();
+            (self.has_cached, self.known) = (true, file.etag());
+        }
+        self.ask()?;
+        take.map_or(ControlFlow::Continue(()), report)
     }
 
     /// Begins to open the version of the server.
@@ -77,7 +106,7 @@ impl Download {
         let Options { cache, retry, limits } = self.options.clone();
         let retry = if self.has_cached { retry.for_revalidation() } else { retry };
         let known = self.known.clone();
-        let task = RemoteFile::new(&self.url, retry, cache).and_then(|file| {
+        let begun = RemoteFile::new(&self.url, retry, cache).and_then(|file| {
             let file = Arc::new(file);
             Task::begin(file.exchange().clone(), move || {
                 if !file.connect(known.as_deref()).map_err(|fault| fault.about(&file.name()))? {
@@ -86,15 +115,20 @@ impl Download {
                 OpenTake::from_source(TakeSource::Remote(file), &limits).map(|take| Some(Arc::new(take)))
             })
         });
-        match task {
-            Ok(task) => self.stage = Stage::Opening(task),
+        self.enter(begun.map(Stage::Opening))
+    }
+
+    /// Goes on with a stage, if it could begin.
+    fn enter(&mut self, begun: Result<Stage, Fault>) -> Flow {
+        match begun {
+            Ok(stage) => self.stage = stage,
             Err(fault) => return ControlFlow::Break(Err(fault.about(&redacted(&self.url)))),
         }
         ControlFlow::Continue(())
     }
 
     /// Waits for the version of the server.
-    fn wait(&mut self, mut task: Task<Option<Arc<OpenTake>>>) -> Flow {
+    fn wait(&mut self, mut task: Opening) -> Flow {
         match task.wait(REPORT_INTERVAL) {
             None => {
                 let progress = task.exchange().progress();
@@ -125,6 +159,7 @@ impl Iterator for Download {
         loop {
             let flow = match std::mem::replace(&mut self.stage, Stage::End) {
                 Stage::Begin => self.begin(),
+                Stage::Cached(opening, file) => self.wait_for_cached(opening, file),
                 Stage::Opening(task) => self.wait(task),
                 Stage::Opened(take) => report(take),
                 Stage::End => return None,
@@ -133,5 +168,33 @@ impl Iterator for Download {
                 return Some(event);
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    #[cfg(unix)]
+    fn nobody_waits_for_a_cache_that_does_not_answer() {
+        use std::sync::mpsc::channel;
+        use std::time::Duration;
+
+        use crate::content::transfer::Cache;
+        use crate::content::{digest, request_url};
+
+        const URL: &str = "http://host/a";
+        let folder = tempfile::tempdir().unwrap();
+        // Opening it waits for a writer.
+        let entry = folder.path().join(digest(request_url(URL))).with_extension("clip");
+        assert!(std::process::Command::new("mkfifo").arg(entry).status().unwrap().success());
+        let options = Options { cache: Some(Cache::new(folder.path(), 1000)), ..Options::default() };
+        let (send, sent) = channel();
+        std::thread::spawn(move || {
+            let first = Download::new(URL, options).next();
+            send.send(matches!(first, Some(Ok(OpenEvent::Progress(_))))).unwrap();
+        });
+        assert_eq!(sent.recv_timeout(Duration::from_secs(60)), Ok(true), "and it was dropped at once");
     }
 }

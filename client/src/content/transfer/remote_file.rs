@@ -17,7 +17,7 @@ use super::exchange::{Answer, Exchange, Stream, Trouble};
 use super::retry::RetryPolicy;
 use super::state::Transfer;
 use super::whole_file::WholeFile;
-use crate::content::{Traffic, digest, request_url};
+use crate::content::{Traffic, digest};
 
 /// Most parts whose bytes stay in memory for a longer part with the same start, the first layers of what is drawn, and most
 /// bytes of them together: little of the 512 MiB that a headset of 4 GiB has for what arrives. The latest part stays even if
@@ -120,16 +120,16 @@ impl RemoteFile {
         Ok(RemoteFile { exchange, retry, cache, is_offline, is_whole, state: Mutex::default() })
     }
 
-    /// The file at `url` whose head is in `cache`. Only the cache is read, until [`RemoteFile::go_online`].
-    pub(crate) fn from_cache(url: &str, retry: RetryPolicy, cache: &Cache) -> Option<RemoteFile> {
-        let CachedFile { etag, bytes, .. } = cache.get(&request_url(url))?;
-        let file = RemoteFile::new(url, retry, Some(cache.clone())).ok()?;
-        file.is_offline.store(true, Ordering::Relaxed);
-        let mut state = file.lock();
+    /// Looks for the head in the cache; returns whether it is there. Only the cache is read then, until
+    /// [`RemoteFile::go_online`].
+    pub(crate) fn find_cached(&self) -> bool {
+        let cached = self.cache.as_ref().and_then(|cache| cache.get(&self.exchange.key()));
+        let Some(CachedFile { etag, bytes, .. }) = cached else { return false };
+        self.is_offline.store(true, Ordering::Relaxed);
+        let mut state = self.lock();
         state.set_head(bytes);
         state.etag = Some(etag).filter(|etag| !etag.is_empty());
-        drop(state);
-        Some(file)
+        true
     }
 
     /// Requests the file, unless the version `known` is current; returns whether it is another one.
@@ -442,10 +442,10 @@ mod tests {
         let of_ann = file("http://ann:pass@host/a");
         of_ann.set_head(b"head", false);
         of_ann.keep_head();
-        let from_cache = |url| RemoteFile::from_cache(url, RetryPolicy::default(), &cache);
-        let found = from_cache("http://host/a").expect("it is the same file");
+        let found = file("http://host/a");
+        assert!(found.find_cached(), "it is the same file");
         assert_eq!(found.cache_key(&found.lock(), 4, 9), of_ann.cache_key(&of_ann.lock(), 4, 9));
-        assert!(from_cache("http://host/a?1").is_none());
+        assert!(!file("http://host/a?1").find_cached());
     }
 
     #[test]
