@@ -4,12 +4,14 @@
 //! version (`ETag`) and the base URL, each after its length as a 16-bit number, and the downloaded bytes. It is
 //! written under another name and renamed, so several players can share a folder. Reading an entry renews its
 //! date; the entries with the oldest dates are removed when the folder exceeds its limit. A date in the
-//! future, of a clock that was wrong, is set to the present.
+//! future, of a clock that was wrong, is set to the present. The folder is listed when what was written since the last
+//! listing may exceed the limit, and after a minute, since other players write, too.
 
 use std::fs::{self, File};
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
-use std::time::{Duration, SystemTime};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant, SystemTime};
 
 use sha2::{Digest, Sha256};
 use tempfile::Builder;
@@ -32,6 +34,12 @@ const LAYOUT: &[u8] = b"aarc cache 2";
 /// Age at which a file being written counts as left behind by a player that ended.
 const STALE_AFTER: Duration = Duration::from_secs(3600);
 
+/// How long a listing of the folder counts, for what other players write.
+const LISTED_FOR: Duration = Duration::from_secs(60);
+
+/// Part of the limit that a listing makes free where it removes entries: a full folder of pieces is not listed for each.
+const FREED_PART: u64 = 16;
+
 /// A cached file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct CachedFile {
@@ -47,12 +55,14 @@ pub(super) struct CachedFile {
 pub struct Cache {
     folder: PathBuf,
     max_bytes: u64,
+    /// The latest listing of the folder, and the bytes that had room then and were not written since.
+    listed: Arc<Mutex<Option<(Instant, u64)>>>,
 }
 
 impl Cache {
     /// A cache of at most `max_bytes` bytes in `folder`, which the first entry creates.
     pub fn new(folder: &Path, max_bytes: u64) -> Cache {
-        Cache { folder: folder.into(), max_bytes }
+        Cache { folder: folder.into(), max_bytes, listed: Arc::default() }
     }
 
     /// The cached file of `key`. Removes a damaged entry.
@@ -124,8 +134,20 @@ impl Cache {
         self.folder.join(digest(key)).with_extension(ENTRY)
     }
 
-    /// Removes the entries read longest ago until `bytes` fit. Does not count the entry `replaced`.
+    /// Makes room for an entry of `bytes`. Does not count the entry `replaced` where it lists the folder.
     fn make_room(&self, bytes: u64, replaced: &Path) -> io::Result<()> {
+        let mut listed = self.listed.lock().unwrap_or_else(PoisonError::into_inner);
+        let (at, room) = match *listed {
+            Some((at, room)) if at.elapsed() < LISTED_FOR && room >= bytes => (at, room),
+            _ => (Instant::now(), self.free(bytes, replaced)?),
+        };
+        *listed = Some((at, room.saturating_sub(bytes)));
+        Ok(())
+    }
+
+    /// Removes the entries read longest ago if `bytes` do not fit, until there is more room than that. Returns the bytes
+    /// that fit. Does not count the entry `replaced`.
+    fn free(&self, bytes: u64, replaced: &Path) -> io::Result<u64> {
         let now = SystemTime::now();
         let mut entries = Vec::new();
         for file in self.folder.read_dir()? {
@@ -148,18 +170,21 @@ impl Cache {
                 let _ = fs::remove_file(path);
             }
         }
-        entries.sort();
         let mut total: u64 = entries.iter().map(|(_, bytes, _)| bytes).sum();
-        for (_, size, path) in entries {
-            if total + bytes <= self.max_bytes {
-                break;
-            }
-            match fs::remove_file(path) {
-                Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
-                _ => total -= size,
+        if total + bytes > self.max_bytes {
+            let most = self.max_bytes - self.max_bytes / FREED_PART;
+            entries.sort();
+            for (_, size, path) in entries {
+                if total + bytes <= most {
+                    break;
+                }
+                match fs::remove_file(path) {
+                    Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
+                    _ => total -= size,
+                }
             }
         }
-        Ok(())
+        Ok(self.max_bytes.saturating_sub(total))
     }
 }
 
@@ -335,6 +360,24 @@ mod tests {
         assert_eq!(exists, [false, true, true, true]);
         let date = path("wrong.part").metadata().unwrap().modified().unwrap();
         assert!(date <= SystemTime::now(), "another player may be writing it, but not for ever");
+    }
+
+    #[test]
+    fn the_folder_is_listed_when_it_may_be_full_and_once_in_a_while() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = Cache::new(folder.path(), 10_000);
+        let left_behind = folder.path().join("old.part");
+        // A listing removes what was left behind.
+        let lists = |bytes: usize| {
+            File::create(&left_behind).unwrap().set_modified(SystemTime::UNIX_EPOCH).unwrap();
+            cache.put(&bytes.to_string(), &file("", &vec![0; bytes])).unwrap();
+            !left_behind.exists()
+        };
+        // Each takes 46 bytes more.
+        assert_eq!([3000, 3001, 3002].map(lists), [true, false, false]);
+        assert_eq!([800, 801, 500, 501].map(lists), [true, false, false, false], "two of 3000 bytes went");
+        *cache.listed.lock().unwrap() = Instant::now().checked_sub(LISTED_FOR).map(|at| (at, 10_000));
+        assert_eq!([1, 2].map(lists), [true, false], "another player may have written");
     }
 
     #[test]
