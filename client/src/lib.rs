@@ -24,6 +24,7 @@ pub mod headset;
 mod notes;
 pub mod pipeline_folder;
 pub mod player;
+mod regular_file;
 #[cfg(any(feature = "window", feature = "xr"))]
 mod state_file;
 pub mod stats;

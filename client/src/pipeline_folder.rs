@@ -3,14 +3,14 @@
 //! A file is a checksum and what the driver saved. It is replaced whole or not at all. A missing, damaged or unwritable
 //! file costs only the time to compile, so that failures go to the debug log.
 
-use std::fs::{self, File};
+use std::fs;
 use std::hash::{DefaultHasher, Hasher as _};
-use std::io::{self, Read as _};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use program::output;
 
 use crate::gpu::PipelineStore;
+use crate::regular_file::read_regular;
 
 /// Most bytes of a file that are read: more than drivers make of the pipelines of this program.
 const BYTES_MAX: u64 = 32 << 20;
@@ -28,7 +28,7 @@ impl PipelineFolder {
 impl PipelineStore for PipelineFolder {
     fn load(&self, name: &str) -> Option<Vec<u8>> {
         let path = self.0.join(name);
-        let bytes = read(&path)
+        let bytes = read_regular(&path, BYTES_MAX)
             .inspect_err(|error| log::debug!("{}: {error}: pipelines are compiled", path.display()))
             .ok()?;
         match bytes.split_first_chunk() {
@@ -50,19 +50,6 @@ impl PipelineStore for PipelineFolder {
             log::debug!("pipelines are not kept: {why}");
         }
     }
-}
-
-/// Reads a regular file: a pipe would block.
-fn read(path: &Path) -> io::Result<Vec<u8>> {
-    if !path.metadata()?.is_file() {
-        return Err(io::Error::other("not a file"));
-    }
-    let mut bytes = Vec::new();
-    File::open(path)?.take(BYTES_MAX + 1).read_to_end(&mut bytes)?;
-    if bytes.len() as u64 > BYTES_MAX {
-        return Err(io::Error::other("too large"));
-    }
-    Ok(bytes)
 }
 
 /// Another version of the standard library may have another hash: then pipelines are compiled once more.

@@ -4,7 +4,7 @@
 //! writes one while the player runs.
 
 use std::fs::{File, TryLockError};
-use std::io::{self, Read, Write};
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Sender, channel};
 use std::thread::{JoinHandle, sleep};
@@ -14,6 +14,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use tempfile::NamedTempFile;
 
+use crate::regular_file::read_regular;
 use crate::worker::join_in_time;
 
 /// A file, by its name in the folder of the player's state.
@@ -49,19 +50,15 @@ impl StateFile {
     /// Reads the file in `folder`.
     ///
     /// # Errors
-    /// If it is missing, too large, of another version, or does not hold a `T`.
+    /// If it is missing, no regular file, too large, of another version, or does not hold a `T`.
     pub(crate) fn read<T: DeserializeOwned>(&self, folder: &Path) -> io::Result<T> {
-        let mut text = String::new();
-        File::open(self.path(folder))?.take(self.max_bytes + 1).read_to_string(&mut text)?;
-        if text.len() as u64 > self.max_bytes {
-            return Err(io::Error::other(format!("larger than {} bytes", self.max_bytes)));
-        }
+        let text = read_regular(&self.path(folder), self.max_bytes)?;
         // First the version: another one may hold something else.
-        let Version { version } = serde_json::from_str(&text)?;
+        let Version { version } = serde_json::from_slice(&text)?;
         if version != self.version {
             return Err(io::Error::other(format!("version {version} instead of {}", self.version)));
         }
-        Ok(serde_json::from_str(&text)?)
+        Ok(serde_json::from_slice(&text)?)
     }
 
     /// The bytes of the file with these contents, a structure with named fields.
@@ -219,6 +216,17 @@ mod tests {
             let error = FILE.read::<Contents>(&inner).unwrap_err().to_string();
             assert!(error.contains(expected), "{text}: {error}");
         }
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn a_pipe_is_no_state_and_is_not_waited_for() {
+        let folder = tempfile::tempdir().unwrap();
+        let pipe = FILE.path(folder.path());
+        assert!(std::process::Command::new("mkfifo").arg(pipe).status().unwrap().success());
+        let (send, sent) = channel();
+        std::thread::spawn(move || send.send(FILE.read::<Contents>(folder.path()).is_err()));
+        assert_eq!(sent.recv_timeout(Duration::from_secs(60)), Ok(true));
     }
 
     #[test]
