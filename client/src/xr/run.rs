@@ -175,6 +175,7 @@ impl Device {
                     Some(Action::Leave) => return Ok(()),
                     Some(Action::Renew) => return Err(Halt::SessionLost),
                     Some(Action::ChangeSpace { at_ns, change }) => show.change_space_at(at_ns, change),
+                    Some(Action::ChangeHeat(heat)) => show.change_heat(heat),
                     Some(Action::Fail) => return Err(Halt::Fault(error::instance_lost())),
                 }
             }

@@ -27,7 +27,7 @@ use clip::{HeadsetTarget, ReadyClip};
 use notices::Notices;
 use place::Place;
 use program::Fault;
-use quality::{Punctuality, Quality};
+use quality::{Heat, Punctuality, Quality};
 use statistics::{FrameCost, Statistics};
 
 /// Seconds from a frame's beginning to its display that are assumed: about two periods. The runtime's clock is not the
@@ -255,6 +255,11 @@ impl Show {
     /// The spaces change at a display time.
     pub(crate) fn change_space_at(&mut self, at_ns: i64, change: SpaceChange) {
         self.space_changes.push((at_ns, change));
+    }
+
+    /// Takes in how hot the headset is.
+    pub(crate) fn change_heat(&mut self, heat: Heat) {
+        self.quality.change_heat(heat);
     }
 
     /// Moves on to the frame seen at `display_ns`: hands, then their commands and the panel's, then the timer.

@@ -6,6 +6,8 @@
 //! GPU has no timestamps, a longer time without a late frame counts as room. A rise that does not last doubles the time
 //! until the next one, so that the picture does not flicker between levels.
 //!
+//! A headset that warns of its heat steps down, too, and not up again until it is cooler.
+//!
 //! Before the last level, which shows Gaussians without their edges, the display slows down, if it can. `Least` is the
 //! floor: below it the player drops frames instead of quality.
 
@@ -38,6 +40,17 @@ pub(crate) struct Punctuality {
     pub(crate) missed: bool,
 }
 
+/// How hot the headset is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum Heat {
+    #[default]
+    Normal,
+    /// It will slow down unless the program does less.
+    Warning,
+    /// It has slowed down.
+    Impaired,
+}
+
 /// The rates that the display can have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Pace {
@@ -67,6 +80,7 @@ pub(crate) struct Quality {
     late: u32,
     room: u32,
     room_frames: u32,
+    heat: Heat,
     /// Whether the latest step went up.
     climbed: bool,
 }
@@ -87,13 +101,16 @@ impl Quality {
             late: 0,
             room: 0,
             room_frames: ROOM_FRAMES.0,
+            heat: Heat::Normal,
             climbed: false,
         }
     }
 
-    /// Starts on another display, at its best rate, which has a slower one or not, and with memory for an inset or not.
+    /// Starts on another display, at its best rate, which has a slower one or not, and with memory for an inset or not; how
+    /// hot it is, it says anew.
     pub(crate) fn change_display(&mut self, can_slow: bool, can_foveate: bool) {
         (self.pace, self.can_slow, self.can_foveate) = (Pace::Full, can_slow, can_foveate);
+        self.heat = Heat::Normal;
     }
 
     /// The rate that the display should have.
@@ -166,8 +183,17 @@ impl Quality {
         if self.late >= BUCKET {
             self.late = 0;
             self.lower();
-        } else if self.room >= room_frames && self.is_lowered() {
+        } else if self.room >= room_frames && self.is_lowered() && self.heat == Heat::Normal {
             self.raise();
+        }
+    }
+
+    /// Takes in how hot the headset is: a step down for each degree that it rises.
+    pub(crate) fn change_heat(&mut self, heat: Heat) {
+        let steps = (heat as usize).saturating_sub(self.heat as usize);
+        self.heat = heat;
+        if self.adapts {
+            (0..steps).for_each(|_| self.lower());
         }
     }
 
@@ -298,6 +324,30 @@ mod tests {
             (Level::Light, Pace::Full),
             "back in the opposite order"
         );
+    }
+
+    #[test]
+    fn a_hot_headset_steps_down_until_it_is_cooler() {
+        let [fast, _] = headsets([1.0; 6]);
+        let mut hot = quality(Level::Exact);
+        hot.change_heat(Heat::Warning);
+        hot.change_heat(Heat::Warning);
+        assert!(hot.level() == Level::Fine && hot.is_lowered());
+        hot.change_heat(Heat::Impaired);
+        assert_eq!(
+            (hot.level(), fast.show(&mut hot, 1000, constant)),
+            (Level::Good, 0),
+            "although there is room"
+        );
+        hot.change_heat(Heat::Normal);
+        assert_eq!((fast.show(&mut hot, 1000, constant), hot.level()), (2, Level::Exact));
+        hot.change_heat(Heat::Impaired);
+        assert_eq!(hot.level(), Level::Good, "at once");
+        hot.change_display(false, true);
+        assert_eq!(fast.show(&mut hot, 1000, constant), 2, "another session says how hot it is");
+        let mut measured = Quality::new(RenderSettings::default(), Level::Exact, false);
+        measured.change_heat(Heat::Impaired);
+        assert_eq!(measured.level(), Level::Exact);
     }
 
     #[test]

@@ -13,14 +13,13 @@ pub(in crate::xr) enum PassthroughMode {
     /// By an environment blend mode.
     Blend,
     /// By a layer of the runtime.
-    Layer(OnDemand),
+    Layer(OnDemand<Passthrough>, xr::Session<xr::Vulkan>),
 }
 
 /// The layer, while the room is visible: cameras take power and time of the GPU.
-pub(in crate::xr) struct OnDemand {
-    room: Option<Passthrough>,
-    session: xr::Session<xr::Vulkan>,
-    /// Whether the cameras failed to start, which is not tried again in every frame.
+pub(in crate::xr) struct OnDemand<R> {
+    room: Option<R>,
+    /// Whether the cameras failed, which are not started again in every frame.
     failed: bool,
 }
 
@@ -49,7 +48,7 @@ impl PassthroughMode {
             Offer::Blend => PassthroughMode::Blend,
             // Headsets without cameras offer the extension, too.
             Offer::Layer => Passthrough::open(session).map_or(PassthroughMode::Never, |_| {
-                PassthroughMode::Layer(OnDemand { room: None, session: session.clone(), failed: false })
+                PassthroughMode::Layer(OnDemand { room: None, failed: false }, session.clone())
             }),
         }
     }
@@ -63,27 +62,74 @@ impl PassthroughMode {
     pub(in crate::xr) fn layer(&mut self, visible: bool) -> Option<PassthroughLayer<'_>> {
         match self {
             PassthroughMode::Never | PassthroughMode::Blend => None,
-            PassthroughMode::Layer(on_demand) => on_demand.layer(visible),
+            PassthroughMode::Layer(on_demand, session) => {
+                on_demand.update(visible, || Passthrough::open(session)).map(Passthrough::layer)
+            }
+        }
+    }
+
+    /// Takes in that the state of the cameras has changed.
+    pub(in crate::xr) fn on_change(&mut self, flags: xr::PassthroughStateChangedFlagsFB) {
+        if let PassthroughMode::Layer(on_demand, _) = self {
+            on_demand.on_change(flags);
         }
     }
 }
 
-impl OnDemand {
-    /// The layer of this frame; starts and stops the cameras.
-    fn layer(&mut self, visible: bool) -> Option<PassthroughLayer<'_>> {
+impl<R> OnDemand<R> {
+    /// The room in this frame; starts the cameras by `open`, and stops them.
+    fn update(&mut self, visible: bool, open: impl FnOnce() -> Option<R>) -> Option<&R> {
         if !visible {
             (self.room, self.failed) = (None, false);
         } else if self.room.is_none() && !self.failed {
-            self.room = Passthrough::open(&self.session);
+            self.room = open();
             self.failed = self.room.is_none();
         }
-        self.room.as_ref().map(Passthrough::layer)
+        self.room.as_ref()
+    }
+
+    /// Takes in that the state of the cameras has changed. From what the runtime recovers by itself, the layer recovers.
+    fn on_change(&mut self, flags: xr::PassthroughStateChangedFlagsFB) {
+        use xr::PassthroughStateChangedFlagsFB as Flags;
+        let is_over = flags.contains(Flags::NON_RECOVERABLE_ERROR);
+        if is_over || flags.contains(Flags::REINIT_REQUIRED) {
+            (self.room, self.failed) = (None, is_over);
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn cameras_start_again_when_they_have_to_and_can() {
+        use xr::PassthroughStateChangedFlagsFB as Flags;
+        let mut opened = 0;
+        let mut room = OnDemand { room: None, failed: false };
+        let mut update = |room: &mut OnDemand<u32>, visible| {
+            let open = || {
+                opened += 1;
+                Some(opened)
+            };
+            room.update(visible, open).copied()
+        };
+        assert_eq!([false, true, true].map(|visible| update(&mut room, visible)), [None, Some(1), Some(1)]);
+        for (flags, expected) in [
+            (Flags::RECOVERABLE_ERROR, Some(1)),
+            (Flags::RESTORED_ERROR, Some(1)),
+            (Flags::REINIT_REQUIRED, Some(2)),
+            (Flags::REINIT_REQUIRED | Flags::NON_RECOVERABLE_ERROR, None),
+        ] {
+            room.on_change(flags);
+            assert_eq!([(); 2].map(|()| update(&mut room, true)), [expected; 2], "{flags:?}");
+        }
+        assert_eq!(
+            [false, true].map(|visible| update(&mut room, visible)),
+            [None, Some(3)],
+            "asked for again"
+        );
+    }
 
     #[test]
     fn blending_comes_before_a_layer() {

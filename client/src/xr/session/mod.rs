@@ -23,6 +23,7 @@ use crate::xr::layers::swapchain::{ImageLayout, TargetSwapchain, choose_format};
 use crate::xr::report::{Drawn, EyeImages, Report, Work};
 use crate::xr::runtime::calls::{DisplayClock, DisplayRate, SessionFrames, Stopwatch};
 use crate::xr::runtime::error::{During, Halt, sessions_dropped};
+use crate::xr::runtime::extensions::performance::Heats;
 use crate::xr::runtime::extensions::refresh_rate::Rates;
 use crate::xr::runtime::extensions::{performance, refresh_rate};
 use crate::xr::runtime::frame::Frames;
@@ -46,6 +47,7 @@ pub(in crate::xr) struct Session {
     /// What the display offers, and what was asked of it.
     rates: Option<Rates>,
     pace: Pace,
+    heats: Heats,
 }
 
 /// What a frame asks of the program.
@@ -130,6 +132,7 @@ impl Session {
             rate,
             rates,
             pace: Pace::Full,
+            heats: Heats::default(),
         })
     }
 
@@ -171,6 +174,18 @@ impl Session {
                 xr::Event::DisplayRefreshRateChangedFB(change) => {
                     log::info!("{} Hz", change.to_display_refresh_rate());
                     self.rate.set(change.to_display_refresh_rate());
+                }
+                xr::Event::PerfSettingsEXT(change) => {
+                    let (domain, sub_domain, level) =
+                        (change.domain(), change.sub_domain(), change.to_level());
+                    log::info!("performance of {domain:?}, {sub_domain:?}: {level:?}");
+                    if let Some(heat) = self.heats.on(domain, sub_domain, level) {
+                        return Ok(Some(Event::Heat(heat)));
+                    }
+                }
+                xr::Event::PassthroughStateChangedFB(change) => {
+                    log::info!("passthrough {:?}", change.flags());
+                    self.canvas.passthrough.on_change(change.flags());
                 }
                 xr::Event::EventsLost(lost) => log::warn!("{} events lost", lost.lost_event_count()),
                 _ => {}

@@ -1,6 +1,7 @@
 //! [`SessionLifecycle`]: the states of a session, as a function from the runtime's events to actions.
 
 use crate::headset::interaction::SpaceChange;
+use crate::headset::show::quality::Heat;
 
 /// The state of a session, as the runtime reports it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -31,6 +32,8 @@ pub(in crate::xr) enum Event {
     State(State),
     /// At this display time, in nanoseconds, the spaces change: the viewer recentred the view or drew another boundary.
     SpaceChanges { at_ns: i64, change: SpaceChange },
+    /// The headset is so hot.
+    Heat(Heat),
     /// The runtime is about to end.
     InstanceLossPending,
 }
@@ -48,6 +51,8 @@ pub(in crate::xr) enum Action {
     Renew,
     /// Keep the clip where it is, or in front of the viewer, in the spaces of this display time.
     ChangeSpace { at_ns: i64, change: SpaceChange },
+    /// Draw with a quality for a headset that is so hot.
+    ChangeHeat(Heat),
     /// Leave the program with an error.
     Fail,
 }
@@ -70,6 +75,7 @@ impl SessionLifecycle {
             Event::SpaceChanges { at_ns, change } => {
                 return (self, Some(Action::ChangeSpace { at_ns, change }));
             }
+            Event::Heat(heat) => return (self, Some(Action::ChangeHeat(heat))),
             Event::InstanceLossPending => return (self, Some(Action::Fail)),
         };
         let mut next = SessionLifecycle { state, ..self };
