@@ -1,16 +1,16 @@
 //! The command line.
 
 use std::ops::Range;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
 use clap::Parser;
 use glam::UVec2;
 #[cfg(not(target_os = "android"))]
 use program::generate::GenerateOption;
-use program::{Lens, Standpoint};
+use program::{Fault, Lens, Standpoint};
 
-use crate::content::SourceOptions;
+use crate::content::{SourceOptions, is_url};
 use crate::gpu::{ChannelDepth, Cutoff, Level, RenderSettings, SortOrder};
 
 /// The text of `--version`: versions of the program and of the packages that it plays.
@@ -214,6 +214,24 @@ pub struct Args {
 }
 
 impl Args {
+    /// Refuses options that have no effect on what is named.
+    ///
+    /// # Errors
+    /// [`Fault::Usage`] for `--up` where every name is that of a package.
+    pub fn check(&self) -> Result<(), Fault> {
+        let is_package = |name: &String| {
+            let extension = Path::new(name).extension();
+            is_url(name) || extension.is_some_and(|extension| extension.eq_ignore_ascii_case("aarc"))
+        };
+        match self.up {
+            Some(_) if self.clips.iter().all(is_package) => Err(Fault::Usage(
+                "--up is the axis of a field of another program, and a package states its own: leave it out"
+                    .into(),
+            )),
+            _ => Ok(()),
+        }
+    }
+
     /// Options of sources; downloads are cached in `cache_dir`.
     pub(crate) fn source(&self, cache_dir: Option<PathBuf>) -> SourceOptions {
         SourceOptions { cache_dir, up: self.up, ..SourceOptions::default() }
@@ -370,6 +388,17 @@ mod tests {
             ["a.aarc", "b.json", "https://h/c.aarc"]
         );
         assert!(parse("aarc").unwrap().clips.is_empty() && parse("aarc a b --xr").unwrap().clips.len() == 2);
+    }
+
+    #[test]
+    fn the_axis_of_a_field_is_of_no_package() {
+        let is_refused = |names: &str| parse(&format!("aarc{names} --up y")).unwrap().check().is_err();
+        assert!(
+            ["", " a.aarc", " a.AARC b.aarc", " https://h/a"].map(is_refused).iter().all(|refused| *refused)
+        );
+        // A folder or a playlist may have one.
+        assert!(![" a.ply", " a.aarc a.ply", " a", " a.json"].map(is_refused).iter().any(|refused| *refused));
+        assert!(parse("aarc a.aarc").unwrap().check().is_ok());
     }
 
     #[test]

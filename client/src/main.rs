@@ -23,6 +23,7 @@ fn main() -> ExitCode {
 }
 
 fn run(args: &Args) -> Result<(), Fault> {
+    args.check()?;
     if let Some(document) = args.generate.generate {
         generate::print(document, Args::command())
     } else if args.headless {
