@@ -15,7 +15,7 @@ use program::{Fault, output, read_camera};
 
 use crate::args::Args;
 use crate::clips::{Change, ClipController, ClipTarget, Entry, LoadOptions, playlist, too_few_layers};
-use crate::content::{OpenEvent, OpenTake, Wait, cache_dir, open, redacted};
+use crate::content::{OpenEvent, OpenTake, cache_dir, open, redacted};
 use crate::gpu::{
     ChannelDepth, DEVICE_REPLACED, FrameCounts, FrameLayout, Gpu, Offscreen, Pixels, RenderSettings,
     Renderer, choose_f16,
@@ -494,15 +494,12 @@ fn load(args: &Args) -> Result<Loaded, Fault> {
     let start = Instant::now();
     let elapsed_ms = || start.elapsed().as_secs_f64() * 1e3;
     let (mut reporter, mut playable_ms) = (Reporter::new(), None);
-    let clip = open(args.clips.first().map(String::as_str), &args.source(cache_dir()))?.wait(
-        Wait::Complete,
-        |event| {
-            if let OpenEvent::Take(_) = event {
-                playable_ms.get_or_insert_with(elapsed_ms);
-            }
-            reporter.print(event);
-        },
-    )?;
+    let clip = open(args.clips.first().map(String::as_str), &args.source(cache_dir()))?.wait(|event| {
+        if let OpenEvent::Take(_) = event {
+            playable_ms.get_or_insert_with(elapsed_ms);
+        }
+        reporter.print(event);
+    })?;
     let poster = args.poster.then(|| clip.poster()).flatten();
     let whole_ms = elapsed_ms();
     let stats = LoadingStats { playable_ms: playable_ms.unwrap_or(whole_ms), whole_ms };
@@ -587,10 +584,12 @@ fn eyes(args: &Args, clip: &OpenTake, camera: Camera) -> Vec<View> {
 ///
 /// # Errors
 /// [`Fault::Usage`] if the clip has fewer layers than `--layer`.
-pub(crate) fn settings(args: &Args, clip: &OpenTake) -> Result<RenderSettings, Fault> {
+fn settings(args: &Args, clip: &OpenTake) -> Result<RenderSettings, Fault> {
     let settings = args.settings();
     match settings.layers {
-        Some(layers) if layers > clip.layer_count() => Err(too_few_layers(layers, "the clip", clip)),
+        Some(layers) if layers > clip.layer_count() => {
+            Err(too_few_layers(layers, "the clip", clip.layer_count()))
+        }
         _ => Ok(settings),
     }
 }

@@ -92,23 +92,6 @@ impl<T: ClipTarget> ClipController<T> {
         self.send_request();
     }
 
-    /// Takes over a take that is open, and shows it as a [`Refine`](super::state::Transition::Refine): its playlist,
-    /// and what more its source has to tell. `named` is what was opened.
-    #[cfg(feature = "window")]
-    pub(crate) fn adopt(
-        &mut self,
-        target: T,
-        named: Vec<String>,
-        entry: super::queue::Entry,
-        queue: Option<Queue>,
-        take: std::sync::Arc<crate::content::OpenTake>,
-        rest: crate::content::Arrival,
-    ) {
-        self.target = Some(target);
-        self.state.adopt(named, entry, queue, take, rest);
-        self.send_request();
-    }
-
     /// The next change that follows from the loader's events, if there is one. Does not block.
     pub(crate) fn poll(&mut self) -> Option<Change<T::Ready>> {
         while self.state.is_loading() {
@@ -295,27 +278,6 @@ mod tests {
             }
             Ok(())
         }
-    }
-
-    #[test]
-    #[cfg(feature = "window")]
-    fn a_take_that_is_open_is_made_ready_by_the_loader() {
-        let (begin, begun) = channel();
-        let mut clips = ClipController::new(options(), true, || ()).unwrap();
-        let mut adopt = |name: Option<&str>| {
-            let mut arrival = crate::content::open(None, &SourceOptions::default()).unwrap();
-            let take = arrival.wait(crate::content::Wait::Playable, |_| ()).unwrap();
-            let entry = Entry::single(name.map(String::from));
-            clips.adopt(Patient(begin.clone()), Vec::new(), entry, None, take, arrival);
-            begun.recv_timeout(Duration::from_secs(60)).unwrap();
-        };
-        adopt(Some("a.aarc"));
-        adopt(None);
-        let shown = std::iter::from_fn(|| clips.wait()).find_map(|change| match change {
-            Change::Show { entry, transition, .. } => Some((entry.name, transition)),
-            _ => None,
-        });
-        assert_eq!(shown, Some((None, Transition::Refine)), "nobody waits for the first");
     }
 
     #[test]

@@ -1,7 +1,5 @@
 //! [`load`]: carries out a [`LoadRequest`] on the loader's thread, up to clips that can be drawn.
 
-#[cfg(feature = "window")]
-use std::iter;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -10,8 +8,6 @@ use super::event::{LoadEvent, Version};
 use super::folder::Neighbours;
 use super::playlist;
 use super::queue::{Entry, Queue};
-#[cfg(feature = "window")]
-use crate::content::Arrival;
 use crate::content::{OpenEvent, OpenTake, SourceOptions, open, title};
 use crate::player::Beginning;
 use crate::worker::{OnEvent, Report, apart};
@@ -52,9 +48,6 @@ pub(super) enum Selection {
     Named(Vec<String>),
     /// The first of these that can be loaded.
     FirstOf(Vec<Entry>),
-    /// A take that is open, what more its source has to tell, and without a playlist its neighbours.
-    #[cfg(feature = "window")]
-    Opened { entry: Entry, take: Arc<OpenTake>, rest: Arrival, in_playlist: bool },
 }
 
 /// A request to the loader.
@@ -126,18 +119,6 @@ impl<T: ClipTarget> Loading<'_, T> {
     fn load(&mut self, selection: Selection) -> Flow {
         match selection {
             Selection::FirstOf(entries) => self.first_of(&entries),
-            #[cfg(feature = "window")]
-            Selection::Opened { entry, take, rest, in_playlist } => {
-                let name = entry.name.clone();
-                let neighbours = move |_: OnEvent<'_, OpenEvent>| Neighbours::find(name.as_deref());
-                let found = if in_playlist { None } else { self.apart(neighbours)? };
-                let report = |found| (self.report.send)(LoadEvent::Neighbours(found));
-                if found.is_some_and(|found| report(found).is_break()) {
-                    return Ok(ControlFlow::Break(()));
-                }
-                let events = iter::once(Ok(OpenEvent::Take(take))).chain(rest);
-                self.versions(&entry, events, &mut true)
-            }
             Selection::Named(names) => {
                 let source = self.options.source.clone();
                 let named = self.apart(move |on_event| Named::find(names, &source, on_event))?;
@@ -223,7 +204,7 @@ impl<T: ClipTarget> Loading<'_, T> {
     fn version(&mut self, entry: &Entry, take: Arc<OpenTake>, is_first: &mut bool) -> Flow {
         let min_layers = self.options.min_layers;
         if take.layer_count() < min_layers {
-            return Err(too_few_layers(min_layers, &title(entry.name.as_deref()), &take));
+            return Err(too_few_layers(min_layers, &title(entry.name.as_deref()), take.layer_count()));
         }
         let is_blocking = self.is_blocking.load(Ordering::Relaxed) && !self.options.is_complete;
         let is_overtaken = self.report.is_overtaken;
@@ -244,9 +225,9 @@ impl<T: ClipTarget> Loading<'_, T> {
     }
 }
 
-/// The fault of a clip with fewer than the `asked` layers; `subject` is its name.
-pub(crate) fn too_few_layers(asked: usize, subject: &str, take: &OpenTake) -> Fault {
-    let has = counted(take.layer_count(), "layer");
+/// The fault of a clip with fewer than the `asked` layers; `subject` is its name, and `has` its number of layers.
+pub(crate) fn too_few_layers(asked: usize, subject: &str, has: usize) -> Fault {
+    let has = counted(has, "layer");
     Fault::Usage(format!("--layer {asked}: {subject} has {has}: give no larger number"))
 }
 

@@ -124,23 +124,6 @@ fn open_file(
     Ok(Some(Playlist { clips }))
 }
 
-/// Lists clips as [`open`] does, without a way to stop.
-///
-/// # Errors
-/// As for [`open`].
-#[cfg(feature = "window")]
-pub(crate) fn wait(
-    names: &[String],
-    options: &SourceOptions,
-    mut on_event: impl FnMut(&OpenEvent),
-) -> Result<Playlist, Fault> {
-    let opened = open(names, options, &mut |event| {
-        on_event(&event);
-        ControlFlow::Continue(())
-    });
-    opened.map(|playlist| playlist.expect("it is never stopped"))
-}
-
 #[cfg(feature = "net")]
 fn fetch(
     url: &str,

@@ -138,25 +138,6 @@ impl<C> QueueState<C> {
         self.load(Loading::Opening { has_neighbours }, Selection::Named(names));
     }
 
-    /// Takes over a take that is open as the clip on display, its playlist, and its newer versions. `named` is what was
-    /// opened.
-    #[cfg(feature = "window")]
-    pub(super) fn adopt(
-        &mut self,
-        named: Vec<String>,
-        entry: Entry,
-        queue: Option<Queue>,
-        take: Arc<crate::content::OpenTake>,
-        rest: crate::content::Arrival,
-    ) {
-        self.named.clone_from(&named);
-        self.opened_as = named;
-        self.current = Some(entry.clone());
-        let in_playlist = queue.is_some();
-        self.queue = queue;
-        self.load(Loading::Current, Selection::Opened { entry, take, rest, in_playlist });
-    }
-
     /// Loads the clip on display again, for another device, or opens again what was being opened. Clips
     /// that are ready are lost.
     pub(super) fn reload(&mut self) {

@@ -41,7 +41,7 @@ pub use open::cache_dir;
 pub(crate) use open::net_options;
 #[cfg(not(feature = "net"))]
 pub(crate) use open::no_net;
-pub use open::{Arrival, Wait, open};
+pub use open::{Arrival, open};
 pub use opened::OpenTake;
 pub(crate) use opened::{LoadError, Loaded, PackedWant};
 pub(crate) use plan::{Direction, Needs, Plan, Playhead, Want, needs, span};

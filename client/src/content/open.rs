@@ -49,29 +49,17 @@ impl Iterator for Arrival {
     }
 }
 
-/// How much of a take to wait for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Wait {
-    /// What plays.
-    Playable,
-    /// The complete file, unless it is read in parts.
-    Complete,
-}
-
 impl Arrival {
-    /// Waits for a take. Passes every event up to then to `on_event`.
+    /// Waits for the complete file, unless it is read in parts. Passes every event up to then to `on_event`.
     ///
     /// # Errors
     /// Why it does not arrive.
-    pub fn wait(&mut self, wait: Wait, mut on_event: impl FnMut(&OpenEvent)) -> Result<Arc<OpenTake>, Fault> {
+    pub fn wait(&mut self, mut on_event: impl FnMut(&OpenEvent)) -> Result<Arc<OpenTake>, Fault> {
         let mut latest = None;
         for event in self {
             let event = event?;
             on_event(&event);
             if let OpenEvent::Take(take) = event {
-                if wait == Wait::Playable {
-                    return Ok(take);
-                }
                 latest = Some(take);
             }
         }
@@ -149,7 +137,7 @@ mod tests {
 
     #[test]
     fn the_demo_clip_plays_and_offers_viewpoints() {
-        let clip = open(None, &SourceOptions::default()).unwrap().wait(Wait::Complete, |_| ()).unwrap();
+        let clip = open(None, &SourceOptions::default()).unwrap().wait(|_| ()).unwrap();
         assert!(!clip.is_static() && clip.duration_s() > 0.0 && !clip.info().viewpoints.is_empty());
     }
 
@@ -159,8 +147,7 @@ mod tests {
         let path = folder.path().join("a.aarc");
         let rows = [ball(), sky(30.0)].concat();
         std::fs::write(&path, package(&y_up(), &field(&rows))).unwrap();
-        let clip =
-            open(path.to_str(), &SourceOptions::default()).unwrap().wait(Wait::Complete, |_| ()).unwrap();
+        let clip = open(path.to_str(), &SourceOptions::default()).unwrap().wait(|_| ()).unwrap();
         let [opening] = &clip.info().viewpoints[..] else { panic!("{:?}", clip.info().viewpoints) };
         let camera = opening.camera(clip.info().up, 100, 100);
         let [x, y, depth] = camera.camera_from_world[..3] else { unreachable!("it has three rows") };

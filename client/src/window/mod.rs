@@ -20,7 +20,6 @@ mod style;
 mod viewed_clip;
 mod viewer;
 
-use std::sync::Arc;
 use std::time::Instant;
 
 use program::Fault;
@@ -30,103 +29,35 @@ use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoopProxy};
 use winit::window::WindowId;
 
 use crate::args::Args;
-use crate::clips::{Entry, Queue, playlist};
-use crate::content::{Arrival, OpenEvent, OpenTake, SourceOptions, Wait, cache_dir};
+use crate::content::OpenEvent;
 use crate::gpu::DEVICE_REPLACED;
 use crate::terminal::Reporter;
-use crate::{content, headless, viewpoint};
-use session::{Event, Next, Session, Start};
+use session::{Event, Next, Session};
 
-/// Plays the clip of `args` in a window until it is closed.
+/// Plays the clip of `args` in a window until it is closed. The window opens at once, and says that it opens the clip.
 ///
 /// # Errors
-/// As [`content::open`] and [`viewpoint::find`]; as [`content::Arrival`] until the first clip plays;
-/// [`Fault::Device`] without a display or a graphics device for it.
+/// Until the first clip plays: as [`crate::content::open`] and [`crate::viewpoint::find`], and as
+/// [`crate::content::Arrival`]. [`Fault::Device`] without a display or a graphics device for it.
 pub fn run(args: &Args) -> Result<(), Fault> {
-    let mut reporter = Reporter::new();
-    let First { entry, clip, rest, queue, notes } = first_clip(args, &mut reporter)?;
-    reporter.end_progress();
-    let viewpoints = &clip.info().viewpoints;
-    let viewpoint = args.view.as_deref().map_or(Ok(0), |name| viewpoint::find(viewpoints, name))?;
-    let settings = headless::settings(args, &clip)?;
-    let source = args.source(cache_dir());
-    let size = args.size;
-    let named = args.clips.clone();
-    let start = Start { named, entry, clip, rest, queue, notes, reporter, source, viewpoint, settings, size };
     let event_loop = display::connect()?;
-    let mut app = App { start: Some(start), proxy: event_loop.create_proxy(), session: None, result: Ok(()) };
+    let mut app = App { args, proxy: event_loop.create_proxy(), session: None, result: Ok(()) };
     event_loop.run_app(&mut app).map_err(|error| {
         Fault::Device(format!("the connection to the display failed: {error}: start again"))
     })?;
     app.result
 }
 
-/// The clip that plays first.
-struct First {
-    entry: Entry,
-    clip: Arc<OpenTake>,
-    /// What more its source has to tell.
-    rest: Arrival,
-    queue: Option<Queue>,
-    /// Remarks on it, and on the clips before it, which do not load.
-    notes: Vec<String>,
-}
-
-/// Waits for the clip of `args`, or for the first clip of their playlist that loads. Prints the faults of the clips
-/// before it.
-fn first_clip(args: &Args, reporter: &mut Reporter) -> Result<First, Fault> {
-    let source = args.source(cache_dir());
-    let mut notes = Vec::new();
-    let mut tell = |event: &OpenEvent| {
-        reporter.print(event);
-        if let OpenEvent::Note(text) = event {
-            notes.push(text.clone());
-        }
-    };
-    let names = &args.clips;
-    if !playlist::is_list(names) {
-        let entry = Entry::single(names.first().cloned());
-        let (clip, rest) = open_entry(&entry, &source, &mut tell)?;
-        return Ok(First { entry, clip, rest, queue: None, notes });
-    }
-    let mut queue = Queue::new(playlist::wait(names, &source, &mut tell)?.clips);
-    let mut last: Option<Fault> = None;
-    for entry in queue.all() {
-        if let Some(fault) = last.take() {
-            tell(&OpenEvent::Note(format!("{fault}; skipped")));
-        }
-        match open_entry(&entry, &source, &mut tell) {
-            Ok((clip, rest)) => {
-                queue.go_to(entry.number);
-                return Ok(First { entry, clip, rest, queue: Some(queue), notes });
-            }
-            Err(fault) => last = Some(fault),
-        }
-    }
-    Err(last.expect("a playlist has a clip"))
-}
-
-/// Waits until a clip can be played. Returns what more its source has to tell, too.
-fn open_entry(
-    entry: &Entry,
-    source: &SourceOptions,
-    tell: impl FnMut(&OpenEvent),
-) -> Result<(Arc<OpenTake>, Arrival), Fault> {
-    let mut rest = content::open(entry.name.as_deref(), source)?;
-    let clip = rest.wait(Wait::Playable, tell)?;
-    Ok((clip, rest))
-}
-
 /// The state of the event loop.
-struct App {
-    /// Until the window opens.
-    start: Option<Start>,
+struct App<'a> {
+    args: &'a Args,
     proxy: EventLoopProxy<Event>,
+    /// The window, once there is one.
     session: Option<Session>,
     result: Result<(), Fault>,
 }
 
-impl App {
+impl App<'_> {
     /// Ends the program, after a running screenshot is saved.
     fn fail(&mut self, event_loop: &ActiveEventLoop, fault: Fault) {
         self.result = Err(fault);
@@ -135,10 +66,12 @@ impl App {
     }
 }
 
-impl ApplicationHandler<Event> for App {
+impl ApplicationHandler<Event> for App<'_> {
     fn resumed(&mut self, event_loop: &ActiveEventLoop) {
-        let Some(start) = self.start.take() else { return };
-        match Session::open(event_loop, self.proxy.clone(), start) {
+        if self.session.is_some() {
+            return;
+        }
+        match Session::open(event_loop, self.proxy.clone(), self.args) {
             Ok(session) => self.session = Some(session),
             Err(fault) => self.fail(event_loop, fault),
         }

@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 
 use egui::epaint::ClippedPrimitive;
 use egui::{TexturesDelta, ViewportId};
-use glam::{DMat4, DVec3, UVec2};
+use glam::{DMat4, DVec3};
 use winit::dpi::{LogicalSize, PhysicalSize, Size};
 use winit::event::WindowEvent;
 use winit::event_loop::{ActiveEventLoop, EventLoopProxy};
@@ -28,15 +28,19 @@ use super::screen::Screen;
 use super::screenshot::Screenshot;
 use super::viewed_clip::ViewedClip;
 use super::viewer::{FrameSeconds, Requests, Viewer};
+use crate::args::Args;
 use crate::audio::{SoundTrack, Speaker};
-use crate::clips::{Change, ClipController, ClipTarget, Direction, Entry, LoadOptions, Queue, Transition};
-use crate::content::{Arrival, OpenEvent, OpenTake, SourceOptions, is_url, title};
+use crate::clips::{
+    Change, ClipController, ClipTarget, Direction, Entry, LoadOptions, Transition, too_few_layers,
+};
+use crate::content::{OpenEvent, OpenTake, cache_dir, is_url, title};
 use crate::folders;
 use crate::gpu::{Format, FrameCounts, FrameLayout, Gpu, Picture, RenderSettings, Renderer, SurfaceFrame};
 use crate::player::{Beginning, TakePlayer};
 use crate::stats::Latest;
 use crate::terminal::Reporter;
 use crate::view::View;
+use crate::viewpoint;
 use crate::worker::join_in_time;
 use program::Fault;
 use program::output::folder_of;
@@ -68,29 +72,6 @@ const FRAMES_SUMMARISED: usize = 120;
 const NO_DIALOG: &str =
     "the desktop has no file dialog: drop a file on the window, or install a desktop portal or zenity";
 
-/// What to open a window with.
-pub(super) struct Start {
-    /// The clips, playlists and folders that were opened.
-    pub(super) named: Vec<String>,
-    /// The take to show, which is open, and what more its source has to tell.
-    pub(super) entry: Entry,
-    pub(super) clip: Arc<OpenTake>,
-    pub(super) rest: Arrival,
-    /// The playlist of the clip, at its entry.
-    pub(super) queue: Option<Queue>,
-    /// Remarks on the clip.
-    pub(super) notes: Vec<String>,
-    /// The terminal, which has the remarks so far.
-    pub(super) reporter: Reporter,
-    /// Where further clips may come from.
-    pub(super) source: SourceOptions,
-    /// Number of the viewpoint to start from.
-    pub(super) viewpoint: usize,
-    pub(super) settings: RenderSettings,
-    /// Size in pixels.
-    pub(super) size: Option<UVec2>,
-}
-
 /// What other threads report.
 pub(super) enum Event {
     /// The loader has something to tell.
@@ -101,6 +82,28 @@ pub(super) enum Event {
     Picked(Picked),
     /// The poster of a clip was written.
     PosterWritten(Result<(), Fault>),
+}
+
+/// What the command line asks of the clip that the window opens for.
+struct Asked {
+    /// Name or number of a viewpoint.
+    view: Option<String>,
+    /// Number of layers to draw.
+    layers: Option<usize>,
+}
+
+impl Asked {
+    /// Number of the viewpoint of `clip`.
+    ///
+    /// # Errors
+    /// [`Fault::Usage`] if it has no such viewpoint, or fewer layers.
+    fn viewpoint_of(&self, clip: &ViewedClip) -> Result<usize, Fault> {
+        let viewpoint = self.view.as_deref().map_or(Ok(0), |name| viewpoint::find(&clip.viewpoints, name))?;
+        match self.layers {
+            Some(layers) if layers > clip.layers => Err(too_few_layers(layers, "the clip", clip.layers)),
+            _ => Ok(viewpoint),
+        }
+    }
 }
 
 /// When to draw the next frame.
@@ -144,8 +147,16 @@ impl ClipTarget for WindowTarget {
         let layout = FrameLayout::plain(self.format, 1);
         let (renderer, take) =
             TakePlayer::begin(&gpu, opened.clone(), layout, beginning, waker(&self.proxy))?;
-        let playing = Playing { renderer: Some(renderer), take: Some(take), ..Playing::new(entry, &opened) };
-        Ok(Box::new(playing))
+        Ok(Box::new(Playing {
+            title: title(entry.name.as_deref()),
+            viewed: ViewedClip::new(&opened),
+            renderer: Some(renderer),
+            take: Some(take),
+            sound: opened.sound.clone(),
+            metres_per_unit: opened.info().metres_per_unit.into(),
+            gaussians: opened.gaussians(),
+            layers_announced: opened.layer_ends().len(),
+        }))
     }
 }
 
@@ -153,7 +164,7 @@ impl ClipTarget for WindowTarget {
 struct Playing {
     title: String,
     viewed: ViewedClip,
-    /// `None` until it can be drawn, and once its device was lost.
+    /// `None` before the first clip is there, and once its device was lost.
     renderer: Option<Renderer>,
     /// Its segments, as long as there is a renderer.
     take: Option<TakePlayer>,
@@ -166,17 +177,17 @@ struct Playing {
 }
 
 impl Playing {
-    /// The properties of `opened`, which cannot be drawn yet.
-    fn new(entry: &Entry, opened: &OpenTake) -> Playing {
+    /// Nothing yet, under this title.
+    fn nothing(title: String) -> Playing {
         Playing {
-            title: title(entry.name.as_deref()),
-            viewed: ViewedClip::new(opened),
+            title,
+            viewed: ViewedClip::none(),
             renderer: None,
             take: None,
-            sound: opened.sound.clone(),
-            metres_per_unit: opened.info().metres_per_unit.into(),
-            gaussians: opened.gaussians(),
-            layers_announced: opened.layer_ends().len(),
+            sound: SoundTrack::default(),
+            metres_per_unit: 1.0,
+            gaussians: 0,
+            layers_announced: 0,
         }
     }
 }
@@ -201,8 +212,9 @@ struct PictureState {
 /// An open window.
 pub(super) struct Session {
     playing: Playing,
-    /// Whether a clip that fails ends the run: none was drawn, and the viewer has not opened another one.
-    ends_with_fault: bool,
+    /// Until the clip that the window opened for is there, or the viewer opens another one; a fault ends the run until
+    /// then.
+    asked: Option<Asked>,
     viewer: Viewer,
     /// Inputs of the present picture; `None` if it must be drawn again.
     drawn: Option<PictureState>,
@@ -234,20 +246,22 @@ pub(super) struct Session {
 }
 
 impl Session {
-    /// Opens a window and draws its first frame when the event loop asks for it. The loader makes the clip ready.
+    /// Opens a window for the clip of `args`, which the loader opens, and draws its first frame when the event loop asks
+    /// for it.
     ///
     /// # Errors
     /// [`Fault::Device`] if there is no window, no device that draws in it, or no thread for the loader.
     pub(super) fn open(
         event_loop: &ActiveEventLoop,
         proxy: EventLoopProxy<Event>,
-        start: Start,
+        args: &Args,
     ) -> Result<Session, Fault> {
-        let size = start.size.map_or(Size::Logical(first_size(screen_size(event_loop)).cast()), |size| {
+        let size = args.size.map_or(Size::Logical(first_size(screen_size(event_loop)).cast()), |size| {
             Size::Physical(PhysicalSize::new(size.x, size.y))
         });
+        let playing = Playing::nothing(title(args.clips.first().map(String::as_str)));
         let attributes = Window::default_attributes()
-            .with_title(title(start.entry.name.as_deref()))
+            .with_title(&*playing.title)
             .with_window_icon(icon::icon())
             .with_theme(Some(Theme::Dark))
             .with_min_inner_size(LEAST_SIZE)
@@ -257,24 +271,18 @@ impl Session {
             .map_err(|error| Fault::Device(format!("cannot open a window: {error}: try --headless")))?;
         let window = Arc::new(window);
         let screen = Screen::open(&window)?;
-        let playing = Playing::new(&start.entry, &start.clip);
-        let mut viewer = Viewer::new(playing.viewed.clone(), start.viewpoint, start.settings);
-        start.notes.into_iter().for_each(|note| viewer.note(note));
-        let options = LoadOptions { source: start.source, min_layers: 1, is_complete: false };
+        let settings = args.settings();
+        let mut viewer = Viewer::new(playing.viewed.clone(), RenderSettings { layers: None, ..settings });
+        viewer.progress(opening(&args.clips));
+        let options = LoadOptions { source: args.source(cache_dir()), min_layers: 1, is_complete: false };
         let mut clips = ClipController::new(options, true, waker(&proxy))?;
-        let mut library = Library::open(waker(&proxy));
-        if let [name] = &start.named[..] {
-            library.remember(name);
-        }
-        let target = WindowTarget::new(&screen, &proxy);
-        clips.adopt(target, start.named, start.entry, start.queue, start.clip, start.rest);
-        let mut speaker = Speaker::new(folders::state());
-        speaker.change_track(playing.sound.clone(), false);
+        clips.set_target(WindowTarget::new(&screen, &proxy), 0.0);
+        clips.open(args.clips.clone());
         window.request_redraw();
         Ok(Session {
-            ends_with_fault: true,
+            asked: Some(Asked { view: args.view.clone(), layers: settings.layers }),
             viewer,
-            speaker,
+            speaker: Speaker::new(folders::state()),
             drawn: None,
             counts: FrameCounts::default(),
             frame_ms: Latest::default(),
@@ -284,9 +292,9 @@ impl Session {
             is_covered: false,
             dropped: Vec::new(),
             clips,
-            library,
+            library: Library::open(waker(&proxy)),
             is_picking: false,
-            reporter: start.reporter,
+            reporter: Reporter::new(),
             loading_since: None,
             saving: None,
             proxy,
@@ -351,14 +359,10 @@ impl Session {
     }
 
     fn load(&mut self, names: Vec<String>) {
-        let what = match &names[..] {
-            [name] => title(Some(name)),
-            _ => format!("{} files", names.len()),
-        };
         // A choice of the viewer takes the place of what was said before.
         self.viewer.message = None;
-        self.ends_with_fault = false;
-        self.progress(format!("Opening {what}"));
+        self.asked = None;
+        self.progress(opening(&names));
         self.clips.open(names);
     }
 
@@ -369,6 +373,7 @@ impl Session {
             Opening::Beside(direction) => match self.clips.skip(direction) {
                 Some(change) => {
                     self.viewer.message = None;
+                    self.asked = None;
                     self.apply(change);
                 }
                 None if !self.clips.has_neighbour(direction) => self.note("There is no other clip".into()),
@@ -417,14 +422,24 @@ impl Session {
     /// Takes in an event of another thread.
     ///
     /// # Errors
-    /// Why the clip that the window was opened for cannot be drawn, if none was and the viewer has opened no other.
+    /// Why the clip that the window opened for cannot be shown as the command line asks, unless the viewer has opened
+    /// another one.
     pub(super) fn receive(&mut self, event: Event) -> Result<(), Fault> {
         match event {
             Event::Loading => {
                 while let Some(change) = self.clips.poll() {
-                    match change {
-                        Change::Failed(fault) if self.ends_with_fault => return Err(fault),
-                        change => self.apply(change),
+                    match (change, self.asked.take()) {
+                        (Change::Failed(fault), Some(_)) => return Err(fault),
+                        (Change::Show { clip, transition, .. }, Some(asked)) => {
+                            let viewpoint = asked.viewpoint_of(&clip.viewed)?;
+                            self.show(*clip, transition);
+                            self.viewer.go_to_viewpoint(viewpoint);
+                            self.viewer.settings.layers = asked.layers;
+                        }
+                        (change, asked) => {
+                            self.asked = asked;
+                            self.apply(change);
+                        }
                     }
                 }
                 // The end of a static clip may now lead to another one.
@@ -487,7 +502,6 @@ impl Session {
         self.window.set_title(&playing.title);
         self.viewer.buffered.clear();
         self.playing = playing;
-        self.ends_with_fault = false;
         self.drawn = None;
         self.window.request_redraw();
     }
@@ -656,9 +670,10 @@ impl Session {
                 }
                 notes = take.take_notes();
                 notes.extend(self.clips.reopen(clock, || take.is_replaced()));
-                (take.is_missing(clock.position_s()), "Loading this part of the take")
+                (take.is_missing(clock.position_s()), Some("Loading this part of the take"))
             }
-            _ => (self.clips.is_loading(), "Loading the clip"),
+            // What is opened was said.
+            _ => (self.clips.is_loading(), None),
         };
         clock.set_waiting(is_missing);
         for note in notes {
@@ -668,7 +683,9 @@ impl Session {
             (true, None) => self.loading_since = Some((now, false)),
             (true, Some((since, said))) if !*said && now - *since > LOADING_PATIENCE => {
                 *said = true;
-                self.progress(what.into());
+                if let Some(what) = what {
+                    self.progress(what.into());
+                }
             }
             (true, Some(_)) | (false, None) => {}
             (false, Some((_, said))) => {
@@ -822,6 +839,15 @@ impl Session {
 impl Drop for Session {
     fn drop(&mut self) {
         self.finish_saving();
+    }
+}
+
+/// What to say while clips are opened.
+fn opening(names: &[String]) -> String {
+    match names {
+        [] => format!("Opening {}", title(None)),
+        [name] => format!("Opening {}", title(Some(name))),
+        _ => format!("Opening {} files", names.len()),
     }
 }
 

@@ -19,6 +19,19 @@ pub(crate) struct ViewedClip {
 }
 
 impl ViewedClip {
+    /// No clip, as before the first one is there.
+    pub(crate) fn none() -> ViewedClip {
+        let up = [0.0, 1.0, 0.0];
+        ViewedClip {
+            duration_s: 0.0,
+            fps: 0.0,
+            is_static: true,
+            up,
+            viewpoints: vec![Viewpoint::framing([[-1.0; 3], [1.0; 3]], up)],
+            layers: 1,
+        }
+    }
+
     /// The properties of `clip`.
     pub(crate) fn new(clip: &OpenTake) -> ViewedClip {
         let info = clip.info();

@@ -71,11 +71,8 @@ pub(crate) struct Viewer {
 }
 
 impl Viewer {
-    /// Plays `clip` from its viewpoint number `viewpoint`.
-    ///
-    /// # Panics
-    /// If there is no such viewpoint.
-    pub(crate) fn new(clip: ViewedClip, viewpoint: usize, settings: RenderSettings) -> Viewer {
+    /// Plays `clip` from its first viewpoint.
+    pub(crate) fn new(clip: ViewedClip, settings: RenderSettings) -> Viewer {
         Viewer {
             clock: Clock::new(clip.duration_s, clip.fps),
             settings,
@@ -84,9 +81,9 @@ impl Viewer {
             buffered: Vec::new(),
             silence: None,
             is_scrubbing: false,
-            camera: CameraControl::new(&clip.viewpoints[viewpoint], clip.up),
+            camera: CameraControl::new(&clip.viewpoints[0], clip.up),
             clip,
-            viewpoint,
+            viewpoint: 0,
             fly_keys: FlyKeys::default(),
             moved_s: 0.0,
             is_full_screen: false,
@@ -369,7 +366,8 @@ impl Viewer {
         }
     }
 
-    fn go_to_viewpoint(&mut self, number: usize) {
+    /// Goes to a viewpoint, if there is one with this number.
+    pub(crate) fn go_to_viewpoint(&mut self, number: usize) {
         if let Some(viewpoint) = self.clip.viewpoints.get(number) {
             self.camera.go_to(viewpoint);
             self.viewpoint = number;

@@ -12,7 +12,7 @@ use aarc_tests::server::Server;
 use aarc_tests::take_files::{SegmentFile, take_package};
 use client::clock::Clock;
 use client::content;
-use client::content::{OpenEvent, OpenTake, SourceOptions, Wait};
+use client::content::{OpenEvent, OpenTake, SourceOptions};
 use client::gpu::{ChannelDepth, FrameLayout, Gpu, Offscreen, Pixels, RenderSettings, Renderer};
 use client::player::{Extent, TakeCounts, TakePlayer, UPLOAD_BYTES_MAX};
 use client::view::View;
@@ -348,7 +348,7 @@ fn sound() -> Result<(), String> {
 fn fetched(server: &Server) -> Result<Arc<OpenTake>, String> {
     let mut arrival =
         content::open(Some(&server.url("take.aarc")), &SourceOptions::default()).map_err(text)?;
-    arrival.wait(Wait::Complete, |_| ()).map_err(text)
+    arrival.wait(|_| ()).map_err(text)
 }
 
 /// The rate of the WiFi of a headset, 58 Mbit/s, and the delay of a request.
@@ -532,7 +532,7 @@ fn full_disk() -> Result<(), String> {
     });
     let options = SourceOptions { cache_dir: Some(cache.clone()), ..SourceOptions::default() };
     let mut arrival = content::open(Some(&server.url("take.aarc")), &options).map_err(text)?;
-    let opened = arrival.wait(Wait::Complete, |_| ()).map_err(text)?;
+    let opened = arrival.wait(|_| ()).map_err(text)?;
     // The folder of the cache takes no file while it is a file itself.
     if cache.exists() {
         std::fs::remove_dir_all(&cache).map_err(|error| error.to_string())?;

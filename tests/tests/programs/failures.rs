@@ -1,11 +1,12 @@
 //! What the player answers where it cannot do as asked: one sentence on standard error that says what, where and what
 //! to do next, the documented exit code, and no new file.
 //!
-//! No graphics driver, display or headset is found. Exit code 1 is not among them: it takes a defect.
+//! No graphics driver, display or headset is found, unless a window opens. Exit code 1 is not among them: it takes a defect.
 
 use std::fs::OpenOptions;
 use std::process::{Command, Stdio};
 
+use aarc_tests::display::{self, Display};
 use aarc_tests::gpu::{self, Passes};
 use aarc_tests::outcome::{DATA, DEVICE, Failure, NETWORK, Outcome, USAGE, check_failures};
 use aarc_tests::programs::{client, run};
@@ -20,6 +21,7 @@ pub(crate) fn trials() -> Vec<Trial> {
     let every = || every_failure().map_err(Failed::from);
     vec![
         Trial::test("every failure says what, where and what to do", every),
+        display::trial("and so does every failure of a window's first clip", every_window_failure),
         gpu::trial("an image beyond the device's limits is one sentence", Passes::Shared, large_image),
     ]
 }
@@ -54,12 +56,12 @@ const FAILURES: &[Failure] = &[
         "--frames 0..4000000000: a run renders 10000000 images at most",
         "give fewer",
     ),
+    ("clip.aarc IMAGE --up y", USAGE, "--up is the axis of a field", "leave it out"),
     // What the clip does not have.
     ("clip.aarc IMAGE --time -1", USAGE, "time -1 s is outside the clip", "give 0 to 2 s"),
     ("clip.aarc IMAGE --time 99", USAGE, "time 99 s is outside the clip", "give 0 to 2 s"),
     ("clip.aarc IMAGE --layer 9", USAGE, "--layer 9: the clip has 3 layers", "give no larger number"),
     ("clip.aarc IMAGE --view nowhere", USAGE, "no viewpoint \"nowhere\"", "give one of \"front\" (0)"),
-    ("clip.aarc --view nowhere", USAGE, "no viewpoint \"nowhere\"", "give one of \"front\" (0)"),
     ("list.json IMAGE --stats a.json", USAGE, "--stats are of one clip", "name a clip of it"),
     ("list.json IMAGE --time -1", USAGE, "time -1 s is before the start", "give 0 or later"),
     // Outputs.
@@ -80,11 +82,9 @@ const FAILURES: &[Failure] = &[
     ("clip.aarc --xr --stats no/a.json", USAGE, "cannot write no/a.json", "make it first"),
     // Clips.
     ("missing.aarc IMAGE", DATA, "missing.aarc: there is no such file", "check the path"),
-    ("missing.aarc", DATA, "missing.aarc: there is no such file", "check the path"),
     ("bare IMAGE", DATA, "bare: is a folder", "name an .aarc file in it"),
     ("empty IMAGE", DATA, "empty: not an .aarc package", "name a file that aarc-studio package made"),
     ("noise IMAGE", DATA, "noise: not an .aarc package", "name a file that aarc-studio package made"),
-    ("noise", DATA, "noise: not an .aarc package", "name a file that aarc-studio package made"),
     ("points.ply IMAGE", DATA, "points.ply: PLY element vertex lacks the properties", "export Gaussians"),
     ("nothing.ply IMAGE", DATA, "nothing.ply: no Gaussians", "export it again"),
     ("short.aarc IMAGE", DATA, "short.aarc: package cut short", "copy it again"),
@@ -100,13 +100,11 @@ const FAILURES: &[Failure] = &[
     // Playlists.
     ("missing.json IMAGE", DATA, "missing.json: there is no such file", "check the path"),
     ("camera.json IMAGE", DATA, "camera.json: no playlist", "write {\"version\": 1, \"clips\": [..]}"),
-    ("camera.json", DATA, "camera.json: no playlist", "write {\"version\": 1, \"clips\": [..]}"),
     ("next.json IMAGE", DATA, "next.json: a playlist of version 2", "update the player"),
     ("none.json IMAGE", DATA, "none.json: the playlist has no clip", "name one in \"clips\""),
     ("nested.json IMAGE", DATA, "nested.json: clips[0] is a playlist itself", "name its clips"),
     ("broken.json IMAGE", DATA, "broken.json: ", "write {\"version\": 1, \"clips\": [..]}"),
     ("gone.json IMAGE", DATA, "gone.aarc: there is no such file", "check the path"),
-    ("gone.json", DATA, "gone.aarc: there is no such file", "check the path"),
     // Cameras.
     ("clip.aarc IMAGE --camera missing.json", DATA, "missing.json: there is no such file", "check the path"),
     ("clip.aarc IMAGE --camera camera.json", DATA, "camera.json: missing field", "--help describes"),
@@ -127,9 +125,7 @@ const FAILURES: &[Failure] = &[
         "127.0.0.1:9/a.aarc: the server takes no",
         "try again later",
     ),
-    ("http://127.0.0.1:9/a.aarc", NETWORK, "127.0.0.1:9/a.aarc: the server takes no", "try again later"),
     ("SERVER/none.aarc IMAGE", NETWORK, "/none.aarc: there is no such file (404", "check the URL"),
-    ("SERVER/none.aarc", NETWORK, "/none.aarc: there is no such file (404", "check the URL"),
     ("SERVER/none.json IMAGE", NETWORK, "/none.json: there is no such file (404", "check the URL"),
     ("SERVER/secret.aarc IMAGE", NETWORK, "the server denies access (403", "ask for a URL with access"),
     ("SERVER/busy.aarc IMAGE", NETWORK, "asks to wait for 600 s", "try again after that"),
@@ -150,6 +146,19 @@ const FAILURES: &[Failure] = &[
     ("list.json", DEVICE, "no display to open a window on", "give --headless --out PATH"),
     // The loader is missing or, where there is one, the runtime.
     ("clip.aarc --xr", DEVICE, "no OpenXR ", "it"),
+];
+
+/// As [`FAILURES`], of the first clip of a window that opens.
+const WINDOW_FAILURES: &[Failure] = &[
+    ("clip.aarc --view nowhere", USAGE, "no viewpoint \"nowhere\"", "give one of \"front\" (0)"),
+    ("clip.aarc --layer 9", USAGE, "--layer 9: the clip has 3 layers", "give no larger number"),
+    ("missing.aarc", DATA, "missing.aarc: there is no such file", "check the path"),
+    ("noise", DATA, "noise: not an .aarc package", "name a file that aarc-studio package made"),
+    ("camera.json", DATA, "camera.json: no playlist", "write {\"version\": 1, \"clips\": [..]}"),
+    ("gone.json", DATA, "gone.aarc: there is no such file", "check the path"),
+    ("ftp://host/a.aarc", USAGE, "ftp://host/a.aarc: clips come from", "so name one of those"),
+    ("http://127.0.0.1:9/a.aarc", NETWORK, "127.0.0.1:9/a.aarc: the server takes no", "try again later"),
+    ("SERVER/none.aarc", NETWORK, "/none.aarc: there is no such file (404", "check the URL"),
 ];
 
 /// The workshop with playlists.
@@ -226,6 +235,16 @@ fn every_failure() -> Result<(), String> {
     let device = OpenOptions::new().write(true).open("/dev/full").map_err(|error| error.to_string())?;
     let output = full.stdout(device).stderr(Stdio::piped()).output().map_err(|error| error.to_string())?;
     Outcome::from(output).refuses(USAGE, "cannot write to standard output", "")
+}
+
+fn every_window_failure(display: &Display) -> Result<(), String> {
+    let workshop = workshop();
+    let server = server(&workshop)?;
+    check_failures(WINDOW_FAILURES, &workshop.path(""), |line| {
+        let mut command = display.command(client());
+        command.args(line.replace("SERVER/", &server.url("")).split(' ')).current_dir(workshop.path(""));
+        run(command.env("XDG_CACHE_HOME", "/proc/no-cache"))
+    })
 }
 
 fn large_image(_: &Gpu) -> Result<(), String> {

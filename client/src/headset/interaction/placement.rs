@@ -352,8 +352,7 @@ mod tests {
 
     #[test]
     fn the_demo_clip_stands_before_the_viewer() {
-        let clip =
-            content::open(None, &Default::default()).unwrap().wait(content::Wait::Complete, |_| ()).unwrap();
+        let clip = content::open(None, &Default::default()).unwrap().wait(|_| ()).unwrap();
         let subject = clip.subject().unwrap();
         let head = head(0.3);
         let stage_from_clip = Placement::start(&subject, &head).stage_from_clip(&subject);

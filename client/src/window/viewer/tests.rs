@@ -52,7 +52,7 @@ impl Bench {
     fn with(clip: ViewedClip) -> Bench {
         let ctx = Context::default();
         crate::window::style::apply(&ctx);
-        let viewer = Viewer::new(clip, 0, RenderSettings::default());
+        let viewer = Viewer::new(clip, RenderSettings::default());
         let mut bench = Bench { ctx, viewer, volume: None, time_s: 0.0, size: SIZE };
         // The first frame lays the controls out.
         bench.frame(0.0, vec![]);
