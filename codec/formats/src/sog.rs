@@ -7,6 +7,7 @@
 //! Higher SH comes from a palette: two bytes per Gaussian name an entry, which is a run of pixels,
 //! 64 entries to a line. The files lie in a folder or, bundled, in a ZIP archive.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::ffi::OsStr;
 use std::io::{Cursor, Read};
@@ -18,6 +19,7 @@ use serde::Deserialize;
 use serde::de::IgnoredAny;
 
 use crate::account::Repairs;
+use crate::columns::with_largest;
 use crate::imported::Imported;
 use crate::limits::ImportBudget;
 use crate::spz::ASSUMED_VARIANCE;
@@ -112,9 +114,10 @@ pub(crate) fn read(bytes: &[u8], folder: &Path, budget: &mut ImportBudget) -> Re
 
 fn read_bundle(bytes: &[u8], budget: &mut ImportBudget) -> Result<Imported, String> {
     let mut archive = zip::ZipArchive::new(Cursor::new(bytes)).map_err(|error| format!("ZIP: {error}"))?;
+    let folder = folder_of_index(archive.file_names().flatten())?;
     let mut load = |name: &str, budget: &mut ImportBudget| {
         let wrong = |error: String| format!("{name} in the ZIP: {error}");
-        let file = archive.by_name(name).map_err(|error| wrong(error.to_string()))?;
+        let file = archive.by_name(&format!("{folder}{name}")).map_err(|error| wrong(error.to_string()))?;
         let size = file.size();
         ImportBudget::check_ratio(file.compressed_size(), size).map_err(wrong)?;
         let mut content = budget.vec(usize::try_from(size).unwrap_or(usize::MAX)).map_err(wrong)?;
@@ -126,6 +129,25 @@ fn read_bundle(bytes: &[u8], budget: &mut ImportBudget) -> Result<Imported, Stri
     };
     let meta = load(INDEX, budget)?;
     read_files(&meta, load, budget)
+}
+
+/// The path before the names of the files of a field in a ZIP: nothing, or the folder that was packed.
+///
+/// # Errors
+/// One sentence if there is no [`INDEX`], or several.
+fn folder_of_index<'n>(names: impl Iterator<Item = Cow<'n, str>>) -> Result<String, String> {
+    let folders = names.filter_map(|name| Some(name.strip_suffix(INDEX)?.to_owned()));
+    let mut folders: Vec<String> =
+        folders.filter(|before| before.is_empty() || before.ends_with('/')).collect();
+    folders.sort_unstable();
+    match &mut folders[..] {
+        [first, rest @ ..] if first.is_empty() || rest.is_empty() => Ok(std::mem::take(first)),
+        [] => Err(format!("a ZIP without {INDEX} is no SOG; unpack it, and name the field in it")),
+        several => {
+            let count = several.len();
+            Err(format!("a ZIP with {count} fields, each with a {INDEX}; unpack it, and name one"))
+        }
+    }
 }
 
 // Long: one image after the other, then one row after the other.
@@ -283,14 +305,9 @@ fn pixel(image: &RgbaImage, i: usize) -> [u8; 4] {
 
 /// A tag of 252 to 255 says that w, x, y or z is left out; other tags give the zero quaternion.
 fn unpack_rotation([a, b, c, tag]: [u8; 4]) -> [f32; 4] {
-    let mut q = [0.0; 4];
-    let Some(largest) = tag.checked_sub(252).map(usize::from) else { return q };
-    let small = [a, b, c].map(|byte| (f32::from(byte) / 255.0 * 2.0 - 1.0) * std::f32::consts::FRAC_1_SQRT_2);
-    for (k, value) in (0..4).filter(|&k| k != largest).zip(small) {
-        q[k] = value;
-    }
-    q[largest] = (1.0 - q.iter().map(|x| x * x).sum::<f32>()).max(0.0).sqrt();
-    q
+    let Some(largest) = tag.checked_sub(252).map(usize::from) else { return [0.0; 4] };
+    let small = [a, b, c].map(|byte| (f64::from(byte) / 255.0 * 2.0 - 1.0) * std::f64::consts::FRAC_1_SQRT_2);
+    with_largest(largest, small).map(|x| x as f32)
 }
 
 /// Higher SH coefficients by palette.

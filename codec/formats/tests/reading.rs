@@ -419,6 +419,32 @@ fn sog_bundle_equals_its_folder() {
 }
 
 #[test]
+fn a_zip_is_a_sog_if_it_has_one() {
+    let zip = |folders: &[&str], files: &[(&str, Vec<u8>)]| {
+        let mut archive = zip::ZipWriter::new(Cursor::new(Vec::new()));
+        for (folder, (name, content)) in
+            folders.iter().flat_map(|folder| files.iter().map(move |file| (folder, file)))
+        {
+            let options = zip::write::SimpleFileOptions::default();
+            archive.start_file(format!("{folder}{name}"), options).expect("memory");
+            archive.write_all(content).expect("memory");
+        }
+        archive.finish().expect("memory").into_inner()
+    };
+    let files = sog_files();
+    let flat = import_bytes("a.sog", &zip(&[""], &files)).expect("a valid bundle").field;
+    // As file managers pack a folder.
+    assert_eq!(import_bytes("a.zip", &zip(&["a take/"], &files)).expect("its folder").field, flat);
+    let error = import_error("a.zip", &zip(&["a/", "b/"], &files));
+    assert!(error.contains("a ZIP with 2 fields"), "{error}");
+    let error = import_error(
+        "a.zip",
+        &zip(&["__MACOSX/._", "x"], &[("meta.json", Vec::new()), ("a.ply", Vec::new())]),
+    );
+    assert!(error.contains("a ZIP without meta.json is no SOG; unpack it"), "{error}");
+}
+
+#[test]
 fn keys_of_sog_may_be_null_or_unknown() {
     let read = |more: &str| {
         let mut files = sog_files();

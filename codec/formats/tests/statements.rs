@@ -86,6 +86,17 @@ fn columns_are_read_or_named() {
     assert_close("scale", &filtered.field.log_scales[0], &[wider.ln() as f32; 3], |_| 1e-6);
     assert_close("opacity", &filtered.field.opacities, &[opacity as f32], |_| 1e-6);
     assert!(notes(&filtered).contains("filter_3D"));
+    for (lines, filter) in [
+        ("", PixelFilter::Mip),
+        ("comment antialiased 0\n", PixelFilter::Blur),
+        ("comment SplatRenderMode: default\n", PixelFilter::Blur),
+        ("comment aarc filter blur\n", PixelFilter::Blur),
+    ] {
+        let imported = read(&ply(lines, "filter_3D", "0.08"));
+        assert_eq!(imported.field.filter, filter, "{lines}");
+        let is_said = notes(&imported).contains("with which Mip-Splatting fits");
+        assert_eq!(is_said, lines.is_empty(), "{}", notes(&imported));
+    }
 
     let lifetime = read(&ply("", "lifetime_mu lifetime_w nx", "0 0.2 0"));
     assert!(notes(&lifetime).contains("not read: lifetime_mu, lifetime_w; "), "{}", notes(&lifetime));
@@ -146,6 +157,26 @@ fn columns_are_read_or_named() {
 }
 
 #[test]
+fn columns_with_a_prefix_are_those_without() {
+    let names = format!(
+        "{STATIC} f_rest_0 f_rest_1 f_rest_2 f_rest_3 f_rest_4 f_rest_5 f_rest_6 f_rest_7 f_rest_8 other"
+    );
+    let row = format!("{ROW} 1 2 3 4 5 6 7 8 9 0");
+    let expected = read(&ascii_ply(&names, &[&row]));
+    for prefix in ["scalar_", "scal_"] {
+        let prefixed = names.replace(' ', &format!(" {prefix}"));
+        let prefixed = prefixed.replace(&format!("{prefix}y {prefix}z"), "y z");
+        let imported = read(&ascii_ply(&prefixed, &[&row]));
+        assert_eq!(imported.field, expected.field, "{prefix}");
+        assert_eq!(notes(&imported), notes(&expected), "{prefix}");
+    }
+    // A value beside Gaussians keeps its name.
+    let beside = read(&ply("", "scalar_opacity", "9"));
+    assert_eq!(beside.field.opacities, read(&ply("", "", "")).field.opacities);
+    assert!(notes(&beside).contains("not read: scalar_opacity"), "{}", notes(&beside));
+}
+
+#[test]
 fn what_is_no_gaussian_refuses_nothing() {
     let with = |bytes: &[u8]| read(bytes).field.centers;
     assert_eq!(with(&ply("comment \u{e9}\n", "", "")), [[0.0; 3]]);
@@ -176,6 +207,29 @@ fn what_is_no_gaussian_refuses_nothing() {
         let cut = [header.as_bytes(), &[1, 255, 0, 0]].concat();
         assert!(import_error("a.ply", &cut).contains("truncated"));
     }
+
+    // Kinds of few programs, before the Gaussians and beside them.
+    let camera =
+        "element camera 1\nproperty int64 id\nproperty half weight\nproperty list uchar uint64 seen\n";
+    let kinds = |encoding: &str, rows: &[u8]| {
+        let text = String::from_utf8(ply(camera, "id", "0")).unwrap().replace("float id", "uint64 id");
+        let header = &text[..text.find("end_header\n").unwrap() + 11];
+        let header = header.replace("ascii", encoding).replace("float opacity", "float16 opacity");
+        read(&[header.as_bytes(), rows].concat())
+    };
+    let values = values.iter().map(|x| x.to_le_bytes());
+    let opacity = half::f16::from_f32(0.3).to_le_bytes();
+    let row: Vec<u8> = values
+        .enumerate()
+        .flat_map(|(i, bytes)| if i == 6 { opacity.to_vec() } else { bytes.to_vec() })
+        .chain(9u64.to_le_bytes())
+        .collect();
+    let seen =
+        [&7i64.to_le_bytes()[..], &[0, 60, 2], &1u64.to_le_bytes(), &2u64.to_le_bytes(), &row].concat();
+    let binary = kinds("binary_little_endian", &seen);
+    let ascii = kinds("ascii", format!("7 1 2 1 2\n{} 9\n", ROW.replace(" 2 -2", " 0.3 -2")).as_bytes());
+    assert_eq!(binary.field, ascii.field);
+    assert_close("opacity", &binary.field.opacities, &[1.0 / (1.0 + f32::exp(-0.3))], |_| 1e-4);
 
     for none in ["nan", "-nan", "-nan(ind)", "nan(snan)", "1.#QNAN", "-1.#IND"] {
         let good = "9 9 9 1 0 0 2 -2 -2 -2 1 0 0 0";
@@ -503,6 +557,8 @@ fn extensions_of_gltf_and_chunks_of_splatv_are_named() {
     let more = format!("{used}\"KHR_other\",\"EXT_thing\",\"KHR_materials_unlit\",");
     let notes_of_extensions = with(used, &more);
     assert!(notes_of_extensions.contains("not read: KHR_other, EXT_thing"), "{notes_of_extensions}");
+    let required = format!("\"extensionsRequired\":[\"KHR_materials_unlit\"],{used}");
+    assert_eq!(with(used, &required), with(used, used), "what Gaussians have not");
     assert!(!notes_of_extensions.contains("unlit"));
     let attribute = "\"KHR_gaussian_splatting:SH_DEGREE_3_COEF_0\":";
     let more = format!("\"KHR_gaussian_splatting:SH_DEGREE_4_COEF_0\":0,{attribute}");

@@ -53,7 +53,8 @@ pub(crate) fn read(bytes: &[u8], folder: &Path, budget: &mut ImportBudget) -> Re
     };
     let document = Document::parse(json, budget)?;
     let is_known = |name: &str| treatment(STATEMENTS, name) == Treatment::Honoured;
-    if let Some(name) = document.extensions_required.iter().find(|name| !is_known(name)) {
+    let is_harmful = |name: &&String| treatment(STATEMENTS, name) == Treatment::Noted;
+    if let Some(name) = document.extensions_required.iter().find(is_harmful) {
         return Err(format!("glTF that requires {name}, which is not read; write it without"));
     }
     let placed = nodes::placed(&document, budget)?;

@@ -8,6 +8,7 @@ use crate::overrides::normalized;
 use crate::spz::ASSUMED_VARIANCE;
 
 use super::container::Ply;
+use super::gaussian_splatting::FILTER_3D;
 
 /// First word of the comments that hold metadata.
 pub const MARK: &str = "aarc";
@@ -124,7 +125,8 @@ pub(super) struct Filter {
     pub(super) assumed: Option<String>,
 }
 
-/// The filter in the comments of any PLY; the filter of most fields if the comments name no filter.
+/// The filter in the comments of any PLY. If they name none, the mip filter of Mip-Splatting, which alone has
+/// [`FILTER_3D`], else the filter of most fields.
 ///
 /// # Errors
 /// One sentence that names the comment, if it names no filter.
@@ -139,6 +141,9 @@ pub(super) fn filter(ply: &Ply) -> Result<Filter, String> {
     Ok(match (mode.as_deref(), flag.as_deref()) {
         (Some("mip"), _) => mip(format!("drawn with the mip filter, as its comment {RENDER_MODE} says")),
         (_, Some("1" | "true")) => mip(ASSUMED_VARIANCE.into()),
+        (None, None) if ply.table("vertex").is_some_and(|vertex| vertex.has(FILTER_3D)) => {
+            mip(format!("drawn with the mip filter, with which Mip-Splatting fits what has {FILTER_3D}"))
+        }
         (Some("default") | None, Some("0" | "false") | None) => Filter::default(),
         (Some(value), _) => {
             let assumed =

@@ -10,6 +10,8 @@ use std::cell::Cell;
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
 
+use half::f16;
+
 use crate::limits::ImportBudget;
 use crate::statements::{Treatment, treatment};
 
@@ -18,6 +20,9 @@ const HEADER_MAX: usize = 1 << 20;
 
 /// The elements that are read: those of Gaussians.
 const ELEMENTS: [&str; 3] = ["vertex", "chunk", "sh"];
+
+/// What CloudCompare and 3dgsconverter put before the names of all properties but the centre.
+const PREFIXES: [&str; 2] = ["scalar_", "scal_"];
 
 /// A parsed header and the elements that follow it.
 pub(super) struct Ply<'a> {
@@ -99,6 +104,9 @@ enum Kind {
     U16,
     I32,
     U32,
+    I64,
+    U64,
+    F16,
     F32,
     F64,
 }
@@ -112,6 +120,10 @@ impl Kind {
             "ushort" | "uint16" => Kind::U16,
             "int" | "int32" => Kind::I32,
             "uint" | "uint32" => Kind::U32,
+            // What few programs write, in elements of their own.
+            "int64" => Kind::I64,
+            "uint64" => Kind::U64,
+            "half" | "float16" => Kind::F16,
             "float" | "float32" => Kind::F32,
             "double" | "float64" => Kind::F64,
             _ => return None,
@@ -121,9 +133,9 @@ impl Kind {
     const fn size(self) -> usize {
         match self {
             Kind::I8 | Kind::U8 => 1,
-            Kind::I16 | Kind::U16 => 2,
+            Kind::I16 | Kind::U16 | Kind::F16 => 2,
             Kind::I32 | Kind::U32 | Kind::F32 => 4,
-            Kind::F64 => 8,
+            Kind::I64 | Kind::U64 | Kind::F64 => 8,
         }
     }
 
@@ -142,6 +154,9 @@ impl Kind {
             Kind::U16 => f64::from(u16::from_le_bytes(first(bytes, order))),
             Kind::I32 => f64::from(i32::from_le_bytes(first(bytes, order))),
             Kind::U32 => f64::from(u32::from_le_bytes(first(bytes, order))),
+            Kind::I64 => i64::from_le_bytes(first(bytes, order)) as f64,
+            Kind::U64 => u64::from_le_bytes(first(bytes, order)) as f64,
+            Kind::F16 => f16::from_le_bytes(first(bytes, order)).to_f64(),
             Kind::F32 => f64::from(f32::from_le_bytes(first(bytes, order))),
             Kind::F64 => f64::from_le_bytes(first(bytes, order)),
         }
@@ -193,6 +208,7 @@ impl<'a> Ply<'a> {
         }
         let encoding = encoding.ok_or("PLY header without a format line")?;
         for table in &mut ply.tables {
+            table.strip_prefixes();
             body = match (encoding, table.is_of_gaussians()) {
                 (Some(order), true) => table.take_binary(body, order),
                 (Some(order), false) => table.skip_binary(body, order),
@@ -275,6 +291,23 @@ impl<'a> Table<'a> {
         self.positions.entry(Name(name)).or_insert(self.columns.len());
         self.columns.push(Column { name: Name(name), kind, offset, is_read: Cell::new(false) });
         Ok(())
+    }
+
+    /// Names properties without [`PREFIXES`] where the colours of Gaussians have one.
+    fn strip_prefixes(&mut self) {
+        const COLOR: &str = "f_dc_0";
+        let stripped = |name: &'a str| PREFIXES.iter().find_map(|prefix| name.strip_prefix(prefix));
+        if self.has(COLOR) || !self.columns.iter().any(|column| stripped(column.name.0) == Some(COLOR)) {
+            return;
+        }
+        for (i, column) in self.columns.iter_mut().enumerate() {
+            // A property that has the name already keeps it.
+            if let Some(name) = stripped(column.name.0)
+                && *self.positions.entry(Name(name)).or_insert(i) == i
+            {
+                column.name = Name(name);
+            }
+        }
     }
 
     /// Bytes of a binary row without its lists.
@@ -415,7 +448,11 @@ impl<'a> Table<'a> {
     /// If either is out of range.
     pub(super) fn get(&self, row: usize, column: usize) -> f64 {
         let exact = self.exact(row, column);
-        if self.columns[column].kind == Kind::F32 { f64::from(exact as f32) } else { exact }
+        match self.columns[column].kind {
+            Kind::F16 => f16::from_f64(exact).to_f64(),
+            Kind::F32 => f64::from(exact as f32),
+            _ => exact,
+        }
     }
 
     /// As [`Table::get`], with all digits that a text has.

@@ -31,7 +31,7 @@ const SCALE_2: &str = "scale_2";
 const RGB: [&str; 3] = ["red", "green", "blue"];
 
 /// Mip-Splatting's standard deviation of the filter in space, in units.
-const FILTER_3D: &str = "filter_3D";
+pub(super) const FILTER_3D: &str = "filter_3D";
 
 /// Beginning of the numbered names of the SH of degree 1 and above, which stand before the opacity.
 const REST: &str = "f_rest_";
