@@ -12,7 +12,7 @@ use refine::capture::{CalibratedCamera, Lens};
 
 use super::capture_files::{CaptureBuilder, CaptureFiles, calibrated, pinhole, rigid};
 use super::image_file::{
-    bad, bad_layout, find_image_in, joined, read_bytes, read_text, scale_of_photograph, size_of,
+    bad, bad_layout, find_image_in, joined, no_mask, read_bytes, read_text, scale_of_photograph, size_of,
 };
 use super::listed_paths::{ListedPaths, advice};
 use super::photo_paths::PhotoPath;
@@ -68,6 +68,34 @@ fn is_model(path: &Path) -> bool {
 /// Size, focal lengths and principal point, lens.
 type Intrinsics = ((u32, u32), [f64; 4], Lens);
 
+/// The cameras of a model by number, each with its intrinsics or why these are not supported, which matters if a photograph
+/// is of it.
+struct Cameras<'m> {
+    model: &'m Path,
+    cameras: BTreeMap<u32, Result<Intrinsics, Fault>>,
+}
+
+impl Cameras<'_> {
+    /// Reads the cameras of a model.
+    fn read(model: &Path) -> Result<Cameras<'_>, Fault> {
+        let binary = model.join("cameras.bin");
+        let cameras =
+            if binary.is_file() { cameras_bin(&binary) } else { cameras_txt(&model.join("cameras.txt")) };
+        Ok(Cameras { model, cameras: cameras? })
+    }
+
+    /// The camera of a photograph.
+    fn of(&self, pose: &Pose) -> Result<&Intrinsics, Fault> {
+        match self.cameras.get(&pose.camera) {
+            Some(Ok(intrinsics)) => Ok(intrinsics),
+            Some(Err(fault)) => Err(Fault::Data(fault.to_string())),
+            None => {
+                Err(bad_layout(self.model, format!("{}: the model has no camera {}", pose.name, pose.camera)))
+            }
+        }
+    }
+}
+
 /// A photograph of a model.
 struct Pose {
     camera: u32,
@@ -83,19 +111,13 @@ struct Pose {
 /// [`Fault::Data`] that names the file.
 pub(super) fn cameras(model: &Model) -> Result<Vec<CalibratedCamera>, Fault> {
     let model = &model.folder;
-    let (cameras, poses) = (read_cameras(model)?, read_poses(model)?);
+    let (cameras, poses) = (Cameras::read(model)?, read_poses(model)?);
     let camera_at = |pose: &Pose| {
-        let (size, k, lens) = cameras.get(&pose.camera).ok_or_else(|| no_camera(model, pose))?;
+        let (size, k, lens) = cameras.of(pose)?;
         let name = Path::new(&pose.name).with_extension("").to_string_lossy().into_owned();
         Ok(calibrated(name, pinhole(*size, *k, pose.transform()), *lens))
     };
     poses.iter().map(camera_at).collect()
-}
-
-/// Reads the cameras of a model.
-fn read_cameras(model: &Path) -> Result<BTreeMap<u32, Intrinsics>, Fault> {
-    let binary = model.join("cameras.bin");
-    if binary.is_file() { cameras_bin(&binary) } else { cameras_txt(&model.join("cameras.txt")) }
 }
 
 /// Reads the photographs of a model, in a file of the same kind.
@@ -104,10 +126,6 @@ fn read_poses(model: &Path) -> Result<Vec<Pose>, Fault> {
         true => images_bin(&model.join("images.bin")),
         false => images_txt(&model.join("images.txt")),
     }
-}
-
-fn no_camera(model: &Path, pose: &Pose) -> Fault {
-    bad_layout(model, format!("{}: the model has no camera {}", pose.name, pose.camera))
 }
 
 impl Pose {
@@ -119,7 +137,7 @@ impl Pose {
 }
 
 pub(super) fn open(folder: &Path, Model { folder: model, note }: Model) -> anyhow::Result<CaptureFiles> {
-    let (cameras, poses) = (read_cameras(&model)?, read_poses(&model)?);
+    let (cameras, poses) = (Cameras::read(&model)?, read_poses(&model)?);
     let has_masks = folder.join("masks").is_dir();
     let mut builder = CaptureBuilder::new(folder);
     note.into_iter().for_each(|note| builder.note(note));
@@ -131,9 +149,7 @@ pub(super) fn open(folder: &Path, Model { folder: model, note }: Model) -> anyho
             return Err(bad(&folder.join(joined("images", &pose.name)), what).into());
         };
         let path = folder.join(&image);
-        let Some((size, k, lens)) = cameras.get(&pose.camera) else {
-            return Err(no_camera(&model, &pose).into());
-        };
+        let (size, k, lens) = cameras.of(&pose)?;
         let actual = size_of(&path)?;
         let stated = [size.0, size.1].map(f64::from);
         let scale = scale_of_photograph(stated, actual).map_err(|problem| bad(&path, problem))?;
@@ -147,12 +163,7 @@ pub(super) fn open(folder: &Path, Model { folder: model, note }: Model) -> anyho
             true => {
                 let [with_extension, without] = [listed_name, &*name].map(|name| joined("masks", name));
                 let mask = find_image_in(folder, &with_extension).or_else(|| find_image_in(folder, &without));
-                Some(mask.ok_or_else(|| {
-                    bad(
-                        &folder.join(without),
-                        "this mask is missing; put it there, or remove the folder of masks",
-                    )
-                })?)
+                Some(mask.ok_or_else(|| no_mask(&folder.join(without)))?)
             }
             false => None,
         };
@@ -177,6 +188,15 @@ pub(super) const CAMERA_MODELS: [(i32, &str, usize); 9] = [
     (9, "RADIAL_FISHEYE", 5),
 ];
 
+/// Models that are supported if all coefficients but those of OpenCV's models are 0: as above.
+pub(super) const OTHER_MODELS: [(i32, &str, usize); 5] = [
+    (7, "FOV", 5),
+    (10, "THIN_PRISM_FISHEYE", 12),
+    (11, "RAD_TAN_THIN_PRISM_FISHEYE", 16),
+    (12, "SIMPLE_DIVISION", 4),
+    (13, "DIVISION", 5),
+];
+
 fn intrinsics(model: &str, size: (u64, u64), p: &[f64]) -> Result<Intrinsics, String> {
     let side = |x: u64| u32::try_from(x).ok().filter(|x| *x > 0).ok_or("an image size is out of range");
     let size = (side(size.0)?, side(size.1)?);
@@ -194,9 +214,23 @@ fn intrinsics(model: &str, size: (u64, u64), p: &[f64]) -> Result<Intrinsics, St
             ([fx, fy, cx, cy], Lens::rational(&p[4..]))
         }
         ("OPENCV_FISHEYE", &[fx, fy, cx, cy, _, _, _, _]) => ([fx, fy, cx, cy], Lens::fisheye(&p[4..])),
+        ("FOV" | "DIVISION", &[fx, fy, cx, cy, 0.0]) => ([fx, fy, cx, cy], Lens::rational(&[])),
+        ("SIMPLE_DIVISION", &[f, cx, cy, 0.0]) => ([f, f, cx, cy], Lens::rational(&[])),
+        ("THIN_PRISM_FISHEYE", &[fx, fy, cx, cy, k1, k2, 0.0, 0.0, k3, k4, 0.0, 0.0]) => {
+            ([fx, fy, cx, cy], Lens::fisheye(&[k1, k2, k3, k4]))
+        }
+        (
+            "RAD_TAN_THIN_PRISM_FISHEYE",
+            &[fx, fy, cx, cy, k1, k2, k3, k4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+        ) => ([fx, fy, cx, cy], Lens::fisheye(&[k1, k2, k3, k4])),
         _ => {
             let known = CAMERA_MODELS.map(|(_, name, _)| name).join(", ");
-            return Err(format!("camera model {model} with {} parameters: supported are {known}", p.len()));
+            let other = OTHER_MODELS.iter().any(|(_, name, count)| *name == model && *count == p.len());
+            let other = if other { ", and this model without its own coefficients" } else { "" };
+            return Err(format!(
+                "camera model {model} with {} parameters: supported are {known}{other}; undistort the photographs",
+                p.len()
+            ));
         }
     };
     Ok((size, k, lens?))
@@ -241,22 +275,21 @@ impl<'a> Reader<'a> {
     }
 }
 
-fn cameras_bin(path: &Path) -> Result<BTreeMap<u32, Intrinsics>, Fault> {
+fn cameras_bin(path: &Path) -> Result<BTreeMap<u32, Result<Intrinsics, Fault>>, Fault> {
     let bytes = read_bytes(path)?;
     let mut reader = Reader { path, rest: &bytes };
     let mut cameras = BTreeMap::new();
     for _ in 0..reader.u64()? {
         let (id, number) = (reader.u32()?, reader.u32()? as i32);
         let size = (reader.u64()?, reader.u64()?);
-        let known = CAMERA_MODELS.iter().find(|(known, _, _)| *known == number);
+        let known = CAMERA_MODELS.iter().chain(&OTHER_MODELS).find(|(known, _, _)| *known == number);
         let (_, model, count) = known.ok_or_else(|| {
             let known = CAMERA_MODELS.map(|(_, name, _)| name).join(", ");
             bad_layout(path, format!("camera {id} has model number {number}: supported are {known}"))
         })?;
         let parameters = (0..*count).map(|_| reader.f64()).collect::<Result<Vec<_>, _>>()?;
         let intrinsics = intrinsics(model, size, &parameters);
-        cameras
-            .insert(id, intrinsics.map_err(|problem| bad_layout(path, format!("camera {id}: {problem}")))?);
+        cameras.insert(id, intrinsics.map_err(|problem| bad_layout(path, format!("camera {id}: {problem}"))));
     }
     Ok(cameras)
 }
@@ -283,7 +316,7 @@ fn lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
     trimmed.filter(|(_, line)| !line.starts_with('#'))
 }
 
-fn cameras_txt(path: &Path) -> Result<BTreeMap<u32, Intrinsics>, Fault> {
+fn cameras_txt(path: &Path) -> Result<BTreeMap<u32, Result<Intrinsics, Fault>>, Fault> {
     let text = read_text(path)?;
     let mut cameras = BTreeMap::new();
     for (number, line) in lines(&text).filter(|(_, line)| !line.is_empty()) {
@@ -298,7 +331,7 @@ fn cameras_txt(path: &Path) -> Result<BTreeMap<u32, Intrinsics>, Fault> {
         else {
             return Err(at("not a camera".into()));
         };
-        cameras.insert(id, intrinsics(model, (width, height), &parameters).map_err(at)?);
+        cameras.insert(id, intrinsics(model, (width, height), &parameters).map_err(at));
     }
     Ok(cameras)
 }
@@ -373,6 +406,17 @@ mod tests {
         let simple = [50.0, 50.0, 32.0, 24.0];
         assert_eq!(with("SIMPLE_RADIAL_FISHEYE", &simple[1..], 1), (simple, fisheye(1)));
         assert_eq!(with("RADIAL_FISHEYE", &simple[1..], 2), (simple, fisheye(2)));
+        // Without their own coefficients they are others.
+        let prism = [&k[..], &[0.1, 0.2, 0.0, 0.0, 0.3, 0.4, 0.0, 0.0]].concat();
+        assert_eq!(parsed("THIN_PRISM_FISHEYE", &prism).unwrap(), (k, fisheye(4)));
+        let prism = [&k[..], &coefficients[..4], &[0.0; 8]].concat();
+        assert_eq!(parsed("RAD_TAN_THIN_PRISM_FISHEYE", &prism).unwrap(), (k, fisheye(4)));
+        assert_eq!(parsed("FOV", &[50.0, 51.0, 32.0, 24.0, 0.0]).unwrap(), (k, rational(0)));
+        assert_eq!(parsed("SIMPLE_DIVISION", &[50.0, 32.0, 24.0, 0.0]).unwrap(), (simple, rational(0)));
+        for (_, model, count) in OTHER_MODELS {
+            let error = parsed(model, &vec![1.0; count]).unwrap_err();
+            assert!(error.contains("without its own coefficients"), "{error}");
+        }
         for (model, count) in [("FOV", 5), ("THIN_PRISM_FISHEYE", 12), ("PINHOLE", 1), ("OPENCV_FISHEYE", 12)]
         {
             assert!(parsed(model, &vec![1.0; count]).unwrap_err().contains(model), "{model}");

@@ -8,7 +8,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use codec::Camera;
-use formats::list_of;
+use formats::list_folder;
 use glam::{DMat3, DVec3};
 use program::Fault;
 use refine::capture::{CalibratedCamera, Lens, even_times_s};
@@ -16,8 +16,11 @@ use refine::capture::{CalibratedCamera, Lens, even_times_s};
 use super::capture_files::{
     CaptureBuilder, CaptureFiles, calibrated, intrinsics as intrinsics_of, pinhole, rigid,
 };
-use super::image_file::{bad, bad_layout, find_image, find_image_in, joined, read_text, size_of};
+use super::image_file::{
+    bad_layout, find_image, find_image_in, joined, no_mask, read_text, size_of, unread_picture,
+};
 use super::photo_paths::PhotoPath;
+use super::unread::unread_note;
 use crate::messages::unreadable;
 use crate::scene::DEFAULT_FPS;
 
@@ -79,8 +82,7 @@ impl CalibrationFiles {
         };
         let unread =
             self.intrinsics.iter().chain(&self.extrinsics).filter(|(key, value)| !is_known(key, value));
-        let keys = list_of(unread.map(|(key, _)| key.as_str()))?;
-        Some(format!("{INTRINSICS} and {EXTRINSICS} state what is not read: {keys}"))
+        unread_note(&format!("{INTRINSICS} and {EXTRINSICS} state"), unread.map(|(key, _)| key.as_str()))
     }
 
     /// Size of a camera's pictures, if it is stated: a side of -1 or 0 is unknown.
@@ -155,6 +157,9 @@ pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
         let images = folder.join("images").join(name);
         let frames = frames(&images)?;
         let Some(first) = frames.first() else {
+            if let Some(fault) = unread_pictures(&images) {
+                return Err(fault.into());
+            }
             builder.note(format!("camera {name} has no photograph in images/{name}"));
             continue;
         };
@@ -171,12 +176,7 @@ pub(super) fn open(folder: &Path) -> anyhow::Result<CaptureFiles> {
             let mask = match masks {
                 Some(masks) => {
                     let mask = joined(masks, &name);
-                    Some(find_image_in(folder, &mask).ok_or_else(|| {
-                        bad(
-                            &folder.join(mask),
-                            "this mask is missing; put it there, or remove the folder of masks",
-                        )
-                    })?)
+                    Some(find_image_in(folder, &mask).ok_or_else(|| no_mask(&folder.join(mask)))?)
                 }
                 None => None,
             };
@@ -218,6 +218,11 @@ fn frames(folder: &Path) -> Result<Vec<String>, Fault> {
     // An image in two formats is one frame.
     frames.dedup();
     Ok(frames)
+}
+
+/// The fault of a folder whose pictures are in formats that are not read.
+fn unread_pictures(folder: &Path) -> Option<Fault> {
+    list_folder(folder).ok()?.iter().find_map(|name| unread_picture(&folder.join(name)))
 }
 
 /// Unparsed values by their names at the top level of a file.

@@ -16,6 +16,9 @@ use crate::messages::unreadable;
 /// File extensions of photographs.
 const EXTENSIONS: [&str; 4] = ["png", "jpg", "jpeg", "webp"];
 
+/// File extensions of pictures in other formats.
+const UNREAD: [&str; 9] = ["tif", "tiff", "bmp", "exr", "heic", "heif", "avif", "jxl", "dng"];
+
 /// Mask of a pixel up to which it is outside of the subject: lossy files have no exact 0.
 const OUTSIDE_MAX: f64 = 0.02;
 
@@ -70,15 +73,32 @@ pub(super) fn joined(folder: &str, path: &str) -> String {
     Path::new(folder).join(path).to_str().expect("of two texts").to_owned()
 }
 
+/// The fault of the picture at `path`, which may lack its extension, if it is in a format that is not read.
+pub(super) fn unread_picture(path: &Path) -> Option<Fault> {
+    let path = with_ending(path, &missing_ending_of(path, &UNREAD)?);
+    Some(bad(&path, "a picture in a format that is not read; convert it to PNG, JPEG or WebP"))
+}
+
+/// The fault of a mask that is not at `path`.
+pub(super) fn no_mask(path: &Path) -> Fault {
+    let missing = || bad(path, "this mask is missing; put it there, or remove the folder of masks");
+    unread_picture(path).unwrap_or_else(missing)
+}
+
 /// What `path` lacks to be the path of a photograph: nothing, or a point and an extension.
 fn missing_ending(path: &Path) -> Option<String> {
-    let mut endings = EXTENSIONS
+    missing_ending_of(path, &EXTENSIONS)
+}
+
+/// What `path` lacks to be the path of a file with one of these extensions, also in capitals: nothing, or a point and one.
+fn missing_ending_of(path: &Path, extensions: &[&str]) -> Option<String> {
+    let mut endings = extensions
         .iter()
         .flat_map(|extension| [extension.to_string(), extension.to_uppercase()])
         .map(|extension| format!(".{extension}"));
     let is_image = |path: &Path| {
         let extension = path.extension().and_then(OsStr::to_str).unwrap_or_default();
-        EXTENSIONS.contains(&extension.to_lowercase().as_str()) && path.is_file()
+        extensions.contains(&extension.to_lowercase().as_str()) && path.is_file()
     };
     match is_image(path) {
         true => Some(String::new()),
@@ -208,8 +228,8 @@ fn not_fetched(path: &Path) -> Fault {
     bad(path, "a pointer of Git LFS in place of the file; fetch it with `git lfs pull`")
 }
 
-/// The fault of a picture or a video that Git LFS has not fetched; `None` of any other file.
-pub(super) fn lfs_pointer(path: &Path) -> Option<Fault> {
+/// The fault of a picture, a video or a calibration that Git LFS has not fetched; `None` of any other file.
+pub(crate) fn lfs_pointer(path: &Path) -> Option<Fault> {
     let mut start = Vec::new();
     File::open(path).and_then(|file| file.take(POINTER_BYTES).read_to_end(&mut start)).ok()?;
     is_lfs_pointer(&start).then(|| not_fetched(path))

@@ -17,6 +17,7 @@ mod photo_paths;
 mod plates;
 mod temporal_median;
 mod transforms;
+mod unread;
 mod video;
 
 use std::path::Path;
@@ -226,6 +227,60 @@ mod tests {
         assert_eq!(CaptureFiles::open(model.path()).unwrap().capture.cameras[0].name, "a/0");
     }
 
+    #[test]
+    fn pictures_in_other_formats_are_to_be_converted() {
+        let listed = folder_of(
+            &[("transforms.json", &transforms(&["images/0.tif"], 3.0, [0.0; 3])), ("images/0.tif", "II*")],
+            &[],
+        );
+        let unnamed = folder_of(
+            &[("transforms.json", &transforms(&["images/0"], 3.0, [0.0; 3])), ("images/0.EXR", "v/1")],
+            &[],
+        );
+        let intrinsics = "names: [a]\nK_a: [110, 0, 50, 0, 110, 40, 0, 0, 1]\n";
+        let calibration = [("intri.yml", intrinsics), ("extri.yml", "R_a: [0, 0, 0]\nT_a: [0, 0, 3]\n")];
+        let photographs = folder_of(&[calibration[0], calibration[1], ("images/a/0.bmp", "BM")], &[]);
+        let masks = folder_of(
+            &[calibration[0], calibration[1], ("masks/a/0.tiff", "II*")],
+            &[("images/a/0.png", [100, 80])],
+        );
+        for (folder, file) in
+            [(listed, "0.tif"), (unnamed, "0.EXR"), (photographs, "0.bmp"), (masks, "0.tiff")]
+        {
+            let error = refusal(&folder);
+            assert!(
+                error.contains(&format!("{file}: a picture in a format that is not read; convert")),
+                "{error}"
+            );
+        }
+    }
+
+    #[test]
+    fn frames_have_times_or_none_has() {
+        let timed = |times: [&str; 3]| {
+            let mut text = transforms(&["a.png", "b.png", "c.png"], 3.0, [0.0; 3]);
+            for (name, time) in ["a", "b", "c"].iter().zip(times) {
+                let path = format!(r#""file_path":"{name}.png""#);
+                text = text.replace(&path, &format!("{path}{time}"));
+            }
+            let photographs = ["a.png", "b.png", "c.png"].map(|name| (name, [100, 80]));
+            folder_of(&[("transforms.json", &text)], &photographs)
+        };
+        let seconds = timed([r#","time":12"#, r#","time":10.5"#, r#","time":11"#]);
+        let frames: Vec<usize> = CaptureFiles::open(seconds.path())
+            .unwrap()
+            .capture
+            .photos
+            .iter()
+            .map(|photo| photo.frame)
+            .collect();
+        assert_eq!(frames, [0, 1, 2]);
+        for mixed in [["", r#","time":0.5"#, r#","time":1"#], [r#","time":0.5"#, r#","time":null"#, ""]] {
+            let error = refusal(&timed(mixed));
+            assert!(error.contains("frame b.png: only some frames have a time"), "{error}");
+        }
+    }
+
     /// EasyVolcap writes -1 for a side that it does not know.
     #[test]
     fn an_unknown_size_is_the_photographs() {
@@ -340,6 +395,17 @@ mod tests {
     }
 
     #[test]
+    fn a_model_of_a_camera_matters_if_a_photograph_is_of_it() {
+        let cameras = format!("{}\n2 FOV 100 80 110 110 50 40 0.9", CAMERAS.1);
+        let photographs = [("images/a/0.png", [100, 80])];
+        let unused = folder_of(&[(CAMERAS.0, &cameras), IMAGES], &photographs);
+        assert_eq!(CaptureFiles::open(unused.path()).unwrap().capture.cameras.len(), 1);
+        let images = IMAGES.1.replace("3 1 a", "3 2 a");
+        let error = refusal(&folder_of(&[(CAMERAS.0, &cameras), (IMAGES.0, &images)], &photographs));
+        assert!(error.contains("cameras.txt: line 2: camera model FOV"), "{error}");
+    }
+
+    #[test]
     fn files_that_git_lfs_has_not_fetched_are_named() {
         let pointer = "version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 12345\n";
         for texts in [
@@ -450,6 +516,7 @@ mod tests {
         let [read, _, ignored] = &row("EasyVolcap")[..] else { panic!("three columns") };
         assert_eq!((read, ignored), (&set(&easyvolcap::CAMERA_KEYS), &set(&easyvolcap::IGNORED_KEYS)));
         let models = colmap::CAMERA_MODELS.map(|(_, name, _)| name);
-        assert_eq!(row("COLMAP")[0], set(&models));
+        let others = colmap::OTHER_MODELS.map(|(_, name, _)| name);
+        assert_eq!(row("COLMAP")[..2], [set(&models), set(&others)]);
     }
 }

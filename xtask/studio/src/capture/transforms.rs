@@ -7,8 +7,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-use formats::list_of;
-use glam::{DMat4, DVec4};
+use glam::{DMat4, DVec3, DVec4};
 use program::Fault;
 use refine::capture::{CalibratedCamera, Lens};
 use serde::Deserialize;
@@ -16,10 +15,13 @@ use serde_json::Value;
 
 use super::capture_files::{CaptureBuilder, CaptureFiles, calibrated, pinhole};
 use super::colmap;
-use super::image_file::{bad, bad_layout, find_image_in, read_text, scale_of_photograph, size_of};
+use super::image_file::{
+    bad, bad_layout, find_image_in, read_text, scale_of_photograph, size_of, unread_picture,
+};
 use super::listed_paths::{ListedPaths, advice};
 use super::manifest::{about_entry, unit};
 use super::photo_paths::PhotoPath;
+use super::unread::{is_stated, unread_note};
 use crate::scene::DEFAULT_FPS;
 
 /// A file of transforms, and whether its cameras are held out.
@@ -93,6 +95,8 @@ struct Intrinsics {
     k6: Option<f64>,
     p1: Option<f64>,
     p2: Option<f64>,
+    /// nerfstudio's list of k1, k2, k3, k4, p1, p2.
+    distortion_params: Option<Vec<f64>>,
     /// Image size in pixels that the other values refer to; by default the photograph's.
     w: Option<f64>,
     h: Option<f64>,
@@ -181,8 +185,8 @@ impl Transforms {
 
     /// The note on the keys of the file at `path` that are not read.
     fn note(&self, path: &Path) -> Option<String> {
-        let keys = list_of(self.unread_keys().into_iter())?;
-        Some(format!("{} states what is not read: {keys}", path.file_name().unwrap_or_default().display()))
+        let file = path.file_name().unwrap_or_default().display();
+        unread_note(&format!("{file} states"), self.unread_keys().into_iter())
     }
 
     /// The keys that are not read though something that is drawn may depend on them.
@@ -208,16 +212,6 @@ impl Transforms {
             Some(train) => !train.contains(&name),
             None => [val_filenames, test_filenames].into_iter().flatten().any(|held| held.contains(&name)),
         }
-    }
-}
-
-/// Whether a value states something: it is not null, false or 0, and not of such values only.
-fn is_stated(value: &Value) -> bool {
-    match value {
-        Value::Null | Value::Bool(false) => false,
-        Value::Number(number) => number.as_f64() != Some(0.0),
-        Value::Array(values) => values.iter().any(is_stated),
-        _ => true,
     }
 }
 
@@ -250,6 +244,7 @@ pub(super) fn open(folder: &Path, files: &[TransformsFile]) -> anyhow::Result<Ca
     let mut stated_up = None;
     // Of the photographs, in the order of the files.
     let mut photo_times = Vec::new();
+    let mut is_timed = None;
     for (number, (path, held)) in (0..).zip(files) {
         let transforms = Transforms::read(path)?;
         transforms.note(path).into_iter().for_each(|note| builder.note(note));
@@ -258,22 +253,14 @@ pub(super) fn open(folder: &Path, files: &[TransformsFile]) -> anyhow::Result<Ca
         for frame in &transforms.frames {
             let name = frame.file_path.trim_start_matches("./");
             let Some(image) = listed.find(name, |name| find_image_in(folder, name))? else {
-                let model = match colmap::model(folder) {
-                    Some(_) => {
-                        format!(", or move {} away to read the COLMAP model beside it", path.display())
-                    }
-                    None => String::new(),
-                };
-                let what = format!("this photograph is missing{}{model}", advice(folder, name));
-                return Err(bad(&folder.join(name), what).into());
+                return Err(missing(folder, path, name).into());
             };
             let size = size_of(&folder.join(&image))?;
             let at = |problem: String| bad_layout(path, format!("frame {name}: {problem}"));
             let (pinhole_k, lens) = frame.intrinsics.resolve(&transforms.intrinsics, size).map_err(at)?;
             let camera = pinhole(size, pinhole_k, camera_from_world(frame.transform_matrix));
-            let time = frame.time.unwrap_or(0.0);
-            if !(0.0..=1.0).contains(&time) {
-                return Err(at(format!("time {time} is not within 0 to 1")).into());
+            if *is_timed.get_or_insert(frame.time.is_some()) != frame.time.is_some() {
+                return Err(at("only some frames have a time; state it for all or for none".into()).into());
             }
             let mask = match &frame.mask_path {
                 Some(mask) => {
@@ -293,7 +280,7 @@ pub(super) fn open(folder: &Path, files: &[TransformsFile]) -> anyhow::Result<Ca
             }
             let paths = PhotoPath { image: &image, name: &name, mask: mask.as_deref() };
             builder.photo(index, photo_times.len(), paths)?;
-            photo_times.push(time);
+            photo_times.push(frame.time.unwrap_or(0.0));
         }
     }
     listed.note().into_iter().for_each(|note| builder.note(note));
@@ -304,13 +291,26 @@ pub(super) fn open(folder: &Path, files: &[TransformsFile]) -> anyhow::Result<Ca
     Ok(CaptureFiles { stated_up, ..builder.build(frame_times_s(&times), None) })
 }
 
+/// The fault of the photograph `name` of the file at `path`, which is not in `folder`.
+fn missing(folder: &Path, path: &Path, name: &str) -> Fault {
+    let model = match colmap::model(folder) {
+        Some(_) => format!(", or move {} away to read the COLMAP model beside it", path.display()),
+        None => String::new(),
+    };
+    let missing =
+        || bad(&folder.join(name), format!("this photograph is missing{}{model}", advice(folder, name)));
+    unread_picture(&folder.join(name)).unwrap_or_else(missing)
+}
+
 /// Scales ascending times of frames, in any unit, to seconds since the first, at [`DEFAULT_FPS`] on average.
-/// D-NeRF's files have i / N.
+/// D-NeRF's files have i / N, others frame numbers or seconds.
 fn frame_times_s(times: &[f64]) -> Vec<f64> {
     match times {
         [first, .., last] => {
             let duration_s = (times.len() - 1) as f64 / f64::from(DEFAULT_FPS);
-            times.iter().map(|t| (t - first) / (last - first) * duration_s).collect()
+            // Halves, so that no difference overflows.
+            let since_first = |t: &f64| 0.5 * t - 0.5 * first;
+            times.iter().map(|t| since_first(t) / since_first(last) * duration_s).collect()
         }
         _ => vec![0.0; times.len()],
     }
@@ -363,8 +363,34 @@ impl Intrinsics {
         }
     }
 
+    /// The same with the listed coefficients by name.
+    ///
+    /// # Errors
+    /// If the list has another length, or a coefficient is stated twice, differently.
+    fn with_listed(&self) -> Result<Intrinsics, String> {
+        let mut named = self.clone();
+        let Some(list) = &self.distortion_params else { return Ok(named) };
+        let &[k1, k2, k3, k4, p1, p2] = list.as_slice() else {
+            return Err(format!("distortion_params has {} numbers, not k1, k2, k3, k4, p1, p2", list.len()));
+        };
+        for (name, slot, listed) in [
+            ("k1", &mut named.k1, k1),
+            ("k2", &mut named.k2, k2),
+            ("k3", &mut named.k3, k3),
+            ("k4", &mut named.k4, k4),
+            ("p1", &mut named.p1, p1),
+            ("p2", &mut named.p2, p2),
+        ] {
+            if slot.replace(listed).is_some_and(|stated| stated != listed) {
+                return Err(format!("distortion_params contradicts {name}; remove the wrong one"));
+            }
+        }
+        Ok(named)
+    }
+
     fn lens(&self, file: &Intrinsics) -> Result<Lens, String> {
-        let coefficient = |key: fn(&Intrinsics) -> Option<f64>| key(self).or(key(file)).unwrap_or(0.0);
+        let (own, file) = (self.with_listed()?, file.with_listed()?);
+        let coefficient = |key: fn(&Intrinsics) -> Option<f64>| key(&own).or(key(&file)).unwrap_or(0.0);
         let [k1, k2, k3, k4, k5, k6] = [
             coefficient(|i| i.k1),
             coefficient(|i| i.k2),
@@ -379,6 +405,10 @@ impl Intrinsics {
         let (lens, own, others): (_, _, &[f64]) = match model {
             "OPENCV" | "PINHOLE" | "SIMPLE_PINHOLE" | "SIMPLE_RADIAL" | "RADIAL" => {
                 (Lens::rational(&[k1, k2, p1, p2, k3]), "k1, k2, k3, p1, p2", &[k4, k5, k6])
+            }
+            // The k4 of the list is of another model.
+            "FULL_OPENCV" if own.distortion_params.is_some() || file.distortion_params.is_some() => {
+                return Err("distortion_params has no k5 and k6; state those of FULL_OPENCV by name".into());
             }
             "FULL_OPENCV" => (Lens::rational(&[k1, k2, p1, p2, k3, k4, k5, k6]), "k1 to k6, p1, p2", &[]),
             "OPENCV_FISHEYE" => (Lens::fisheye(&[k1, k2, k3, k4]), "k1 to k4", &[k5, k6, p1, p2]),
@@ -396,10 +426,21 @@ impl Intrinsics {
     }
 }
 
+/// Scale of a pose up to which it counts as rounding, less 1.
+const SCALE_ROUNDING: f64 = 1e-4;
+
+/// The scale of a pose whose axes have one length: that of a scaled object in Blender, which changes no picture. Else 1.
+fn scale_of(world_from_gl: &DMat4) -> f64 {
+    let [x, y, z] = [0, 1, 2].map(|axis| world_from_gl.col(axis).truncate().length());
+    let is_uniform = DVec3::new(x, y, z).abs_diff_eq(DVec3::splat(x), SCALE_ROUNDING * x);
+    if is_uniform && x > 0.0 && (x - 1.0).abs() > SCALE_ROUNDING { x } else { 1.0 }
+}
+
 /// Inverts a pose and converts it to OpenCV's axes.
 fn camera_from_world(world_from_gl: [[f64; 4]; 4]) -> [[f64; 4]; 4] {
     let world_from_gl = DMat4::from_cols_array_2d(&world_from_gl).transpose();
-    let gl_from_camera = DMat4::from_diagonal(DVec4::new(1.0, -1.0, -1.0, 1.0));
+    let s = scale_of(&world_from_gl).recip();
+    let gl_from_camera = DMat4::from_diagonal(DVec4::new(s, -s, -s, 1.0));
     let mut rows = (world_from_gl * gl_from_camera).inverse().transpose().to_cols_array_2d();
     // The inverse rounds; this row is exact.
     rows[3] = [0.0, 0.0, 0.0, 1.0];
@@ -431,6 +472,14 @@ pub(super) mod tests {
         assert_eq!(camera.position(), [1.0, 2.0, 3.0]);
         assert_eq!(camera.camera_from_world[2][..3], [0.0, 0.0, -1.0]);
         assert_eq!(camera.camera_from_world[1][..3], [0.0, -1.0, 0.0]);
+        // A camera that is scaled in Blender sees the same.
+        let mut scaled = pose;
+        scaled.iter_mut().take(3).for_each(|row| row[..3].iter_mut().for_each(|x| *x *= 2.5));
+        let same = pinhole((8, 8), [4.0, 4.0, 4.0, 4.0], camera_from_world(scaled));
+        assert_eq!(same, camera);
+        scaled[0][0] = 1.0;
+        let sheared = pinhole((8, 8), [4.0, 4.0, 4.0, 4.0], camera_from_world(scaled));
+        assert!(sheared.check().is_err());
     }
 
     #[test]
@@ -462,7 +511,30 @@ pub(super) mod tests {
         let [own, file] = ["OPENCV_FISHEYE", "OPENCV"]
             .map(|model| Intrinsics { camera_model: Some(model.into()), ..Intrinsics::default() });
         assert_eq!(own.lens(&file), Lens::fisheye(&[]));
+        let listed = |model: &str, list: &str| {
+            lens(&format!(r#"{{"camera_model": "{model}", "distortion_params": [{list}]}}"#))
+        };
+        assert_eq!(listed("OPENCV_FISHEYE", "0.1, 0.2, 0.5, 0.6, 0, 0").unwrap(), fisheye);
+        let opencv = Lens::rational(&[0.1, 0.2, 0.3, 0.4, 0.5]).unwrap();
+        assert_eq!(listed("OPENCV", "0.1, 0.2, 0.5, 0, 0.3, 0.4").unwrap(), opencv);
+        // A frame's list overrides the file's coefficients.
+        let own = Intrinsics { distortion_params: Some(vec![0.1, 0.2, 0.5, 0.0, 0.3, 0.4]), ..own.clone() };
+        let own = Intrinsics { camera_model: None, ..own };
+        assert_eq!(own.lens(&Intrinsics { k1: Some(9.0), p2: Some(9.0), ..file.clone() }), Ok(opencv));
+        for (model, list, problem) in [
+            ("OPENCV", "0.1, 0.2, 0.5, 0.6, 0, 0", "another coefficient is not 0"),
+            ("OPENCV_FISHEYE", "0.1, 0.2, 0.5, 0.6, 0.3, 0", "another coefficient is not 0"),
+            ("FULL_OPENCV", "0.1, 0.2, 0.5, 0, 0.3, 0.4", "by name"),
+            ("OPENCV", "0.1, 0.2", "has 2 numbers, not k1"),
+        ] {
+            let error = listed(model, list).unwrap_err();
+            assert!(error.contains(problem), "{model} {list}: {error}");
+        }
         for (refused, problem) in [
+            (
+                r#"{"k1": 0.2, "distortion_params": [0.1, 0, 0, 0, 0, 0]}"#.into(),
+                "distortion_params contradicts k1",
+            ),
             (format!(r#"{{"camera_model": "OPENCV", {four}"#), "another coefficient is not 0"),
             (format!("{{{four}"), "another coefficient is not 0"),
             (format!(r#"{{"camera_model": "OPENCV_FISHEYE", {eight}"#), "another coefficient is not 0"),
@@ -575,6 +647,8 @@ pub(super) mod tests {
     fn times_become_seconds() {
         assert_eq!(frame_times_s(&[0.25, 0.375, 0.75]), [0.0, 0.25 * 2.0 / 30.0, 2.0 / 30.0]);
         assert_eq!(frame_times_s(&[0.7]), [0.0]);
+        assert_eq!(frame_times_s(&[100.0, 101.0, 103.0]), [0.0, 2.0 / 90.0, 2.0 / 30.0], "any unit");
+        assert_eq!(frame_times_s(&[-f64::MAX, f64::MAX]), [0.0, 1.0 / 30.0]);
         assert!(frame_times_s(&[]).is_empty());
     }
 }
