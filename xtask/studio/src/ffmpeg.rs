@@ -34,7 +34,7 @@ pub(crate) struct Probed {
     pub(crate) error: Option<String>,
 }
 
-#[derive(Default, Deserialize)]
+#[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct ProbedStream {
     pub(crate) codec_type: Option<String>,
@@ -44,6 +44,8 @@ pub(crate) struct ProbedStream {
     pub(crate) height: u32,
     pub(crate) color_space: Option<String>,
     pub(crate) color_transfer: Option<String>,
+    pub(crate) color_primaries: Option<String>,
+    pub(crate) field_order: Option<String>,
     pub(crate) avg_frame_rate: Option<String>,
     pub(crate) nb_frames: Option<String>,
     pub(crate) nb_read_packets: Option<String>,
@@ -52,7 +54,7 @@ pub(crate) struct ProbedStream {
     pub(crate) side_data_list: Vec<ProbedSideData>,
 }
 
-#[derive(Deserialize)]
+#[derive(Debug, Deserialize)]
 pub(crate) struct ProbedSideData {
     pub(crate) rotation: Option<f64>,
 }

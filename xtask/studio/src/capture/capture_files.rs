@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
 use codec::Camera;
+use formats::list_of;
 use program::Fault;
 use refine::capture::{CalibratedCamera, Capture, Lens, Photo, PhotoId, Response};
 use refine::fit::Learned;
@@ -14,13 +15,14 @@ use refine::image::Image;
 use refine::matte::Plate;
 
 use super::camera_plate::{Background, CameraPlate, colors_of, matte, take_out};
+use super::color_profile::foreign_profile;
 #[cfg(feature = "onnx")]
 use super::image_file::read;
 use super::image_file::{
     Mask, apply_mask, bad, brightness_outside, check_size, multiply_alpha, read_image, read_mask,
 };
 use super::photo_paths::{PhotoPath, PhotoPaths};
-use super::video::{Video, high_range_note};
+use super::video::{Video, picture_notes};
 use crate::scene::DEFAULT_FPS;
 
 /// Largest number of bytes in memory of the numbers, times and paths of a capture's photographs: 25 million photographs.
@@ -29,6 +31,9 @@ const BYTES_MAX: u64 = 8 << 30;
 /// Bytes in memory of a photograph beside its paths, and of a byte of its paths, while they are collected and sorted.
 const PHOTO_BYTES: u64 = 128;
 const PATH_BYTES: u64 = 3;
+
+/// Photographs whose colour profiles are looked at.
+const PROFILES_MAX: usize = 64;
 
 /// Photographs of a camera by which its background is judged, and the mean brightness up to which it counts as black.
 const JUDGED: usize = 4;
@@ -140,11 +145,35 @@ impl CaptureFiles {
         Ok(())
     }
 
-    /// A sentence about videos whose colours are not as they are to be seen; `None` of none.
-    pub fn high_range_note(&self) -> Option<String> {
+    /// Sentences about videos and photographs that are not shown as they are to be seen.
+    pub fn picture_notes(&self) -> Vec<String> {
         let names = self.capture.cameras.iter().map(|camera| camera.name.as_str());
-        let ranges = self.videos.iter().map(|video| video.as_ref()?.video.high_range);
-        high_range_note(names.zip(ranges))
+        let of_videos =
+            names.zip(&self.videos).filter_map(|(name, video)| Some((name, &video.as_ref()?.video.unusual)));
+        picture_notes(of_videos).into_iter().chain(self.profile_notes()).collect()
+    }
+
+    /// Sentences about colour profiles of photographs, of the first one of each of some cameras.
+    fn profile_notes(&self) -> Vec<String> {
+        let mut first: BTreeMap<usize, PhotoId> = BTreeMap::new();
+        for photo_id in self.capture.photos.iter().filter(|photo_id| self.videos[photo_id.camera].is_none()) {
+            first.entry(photo_id.camera).or_insert(*photo_id);
+        }
+        let step = first.len().div_ceil(PROFILES_MAX).max(1);
+        let mut photographs: BTreeMap<String, Vec<String>> = BTreeMap::new();
+        for photo_id in first.into_values().step_by(step) {
+            if let Some(profile) = foreign_profile(&self.path(photo_id)) {
+                photographs.entry(profile).or_default().push(self.name(photo_id));
+            }
+        }
+        let note = |(profile, names): (String, Vec<String>)| {
+            let names = list_of(names.iter().map(String::as_str))?;
+            Some(format!(
+                "{names}: the colour profile {profile} is not read, so colours are taken for those of sRGB; convert the \
+                 photographs to sRGB"
+            ))
+        };
+        photographs.into_iter().filter_map(note).collect()
     }
 
     /// Paths of all photographs and masks, of stated plates, and of the sound.

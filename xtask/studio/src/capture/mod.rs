@@ -4,6 +4,7 @@ mod camera_part;
 mod camera_plate;
 mod capture_files;
 mod colmap;
+mod color_profile;
 mod corrections;
 mod depth;
 mod easyvolcap;
@@ -38,7 +39,9 @@ pub use image_file::{find_image, read_picture};
 pub(crate) use manifest::{check_fps, check_length};
 pub use plates::BackgroundSource;
 pub(crate) use plates::{PICTURES_MAX, PICTURES_MIN, median_frames};
-pub(crate) use video::{Video, high_range_note};
+pub(crate) use unread::{is_stated, unread_note};
+pub use video::UnusualPictures;
+pub(crate) use video::{Video, picture_notes};
 
 use crate::messages::unreadable;
 

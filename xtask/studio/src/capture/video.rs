@@ -2,21 +2,22 @@
 //!
 //! ```text
 //! ffprobe: size, colour matrix, presentation time of each frame
-//! ffmpeg:  seeks to a frame, and decodes it and those after it to a pipe -> pictures
+//! ffmpeg:  seeks to a frame, and decodes it and those after it to a pipe -> pictures, as PPM
 //! ```
 //!
 //! Frames in ascending order come from one run of `ffmpeg`. It waits at the pipe until the next one is wanted.
 
-use std::io::{ErrorKind, Read};
+use std::io::{self, ErrorKind, Read};
 use std::path::{Path, PathBuf};
 use std::process::{ChildStdout, Stdio};
 use std::sync::Mutex;
 
 use image::RgbImage;
 use program::Fault;
+use serde::{Deserialize, Serialize};
 
 use super::image_file::{bad, lfs_pointer};
-use crate::ffmpeg::{self, Running};
+use crate::ffmpeg::{self, ProbedStream, Running};
 use crate::messages::unreadable;
 
 /// Longest row of frames that are decoded to reach one, rather than to seek it.
@@ -43,9 +44,35 @@ pub(crate) struct Video {
     pub(crate) first_s: f64,
     /// Name in ffmpeg of the matrix by which its colours were made.
     matrix: &'static str,
-    /// Name of its transfer function, if that is of high dynamic range.
-    pub(crate) high_range: Option<&'static str>,
+    pub(crate) unusual: UnusualPictures,
+    /// What ffprobe says of its pictures.
+    pub(crate) stream: ProbedStream,
     decoding: Mutex<Option<Decoding>>,
+}
+
+/// What a video states of its pictures that is not followed: they are shown as they are.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct UnusualPictures {
+    /// Name of the transfer function, if it is of high dynamic range.
+    pub high_range: Option<String>,
+    /// Name of the primaries, if they are not those of SDTV or HDTV and the range is not high.
+    pub primaries: Option<String>,
+    /// Order of the fields as ffprobe names it, if the pictures are interlaced.
+    pub field_order: Option<String>,
+}
+
+impl UnusualPictures {
+    fn of(stream: &ProbedStream) -> UnusualPictures {
+        let high_range = stream.color_transfer.as_deref().and_then(high_range);
+        let primaries =
+            stream.color_primaries.as_deref().filter(|_| high_range.is_none()).and_then(primaries);
+        let field_order = stream.field_order.clone();
+        UnusualPictures {
+            high_range: high_range.map(str::to_owned),
+            primaries: primaries.map(str::to_owned),
+            field_order: field_order.filter(|order| ["tt", "bb", "tb", "bt"].contains(&order.as_str())),
+        }
+    }
 }
 
 impl Video {
@@ -56,9 +83,10 @@ impl Video {
     pub(crate) fn open(path: &Path) -> Result<Video, Fault> {
         std::fs::metadata(path).map_err(|error| unreadable(path, &error))?;
         lfs_pointer(path).map_or(Ok(()), Err)?;
-        let entries = "stream=width,height,color_space,color_transfer:stream_side_data=rotation:packet=pts_time,flags:format=start_time";
-        let probed = ffmpeg::probed(path, &["-select_streams", "V:0", "-show_entries", entries])?;
-        let Some(stream) = probed.streams.first() else {
+        let entries = "stream=width,height,color_space,color_transfer,color_primaries,field_order,codec_name,nb_frames:\
+                       stream_side_data=rotation:packet=pts_time,flags:format=start_time";
+        let mut probed = ffmpeg::probed(path, &["-select_streams", "V:0", "-show_entries", entries])?;
+        let Some(stream) = probed.streams.pop() else {
             return Err(match probed.error {
                 None => bad(path, "it has no video; name a video file"),
                 Some(error) => {
@@ -86,7 +114,8 @@ impl Video {
             times_s,
             first_s: first_s - seconds(probed.format.start_time.as_deref()).unwrap_or(0.0),
             matrix: matrix(stream.color_space.as_deref(), height.min(width)),
-            high_range: high_range(stream.color_transfer.as_deref()),
+            unusual: UnusualPictures::of(&stream),
+            stream,
             decoding: Mutex::new(None),
         })
     }
@@ -132,12 +161,18 @@ impl Video {
             None => self.decode_from(frame)?,
         };
         let (width, height) = self.size;
+        let header = format!("P6\n{width} {height}\n255\n");
         let mut pixels = vec![0; width as usize * height as usize * 3];
         while current.next <= frame {
-            if let Err(error) = current.pictures.read_exact(&mut pixels) {
-                return Err(self.undecoded(current, &error));
+            match current.read(header.as_bytes(), &mut pixels) {
+                Ok(true) => {}
+                Ok(false) => {
+                    let what =
+                        "ffmpeg decodes pictures of another size, as where it crops; convert the video";
+                    return Err(bad(&self.path, format!("{width}x{height} pixels by ffprobe, and {what}")));
+                }
+                Err(error) => return Err(self.undecoded(current, &error)),
             }
-            current.next += 1;
         }
         // Nothing waits for frames that are not there.
         *decoding = Some(current).filter(|current| current.next < self.times_s.len());
@@ -156,7 +191,7 @@ impl Video {
         let mut running = Running::start("ffmpeg", |command| {
             command.args(["-nostdin", "-v", "error", "-threads", "2", "-ss", &format!("{from_s:.6}"), "-i"]);
             command.arg(&self.path).args(["-map", "0:V:0", "-fps_mode", "passthrough"]);
-            command.args(["-vf", &scale, "-pix_fmt", "rgb24", "-f", "rawvideo", "-"]);
+            command.args(["-vf", &scale, "-pix_fmt", "rgb24", "-c:v", "ppm", "-f", "image2pipe", "-"]);
             command.stdout(Stdio::piped());
         })?;
         let pictures = running.take_stdout();
@@ -186,6 +221,20 @@ struct Decoding {
     next: usize,
 }
 
+impl Decoding {
+    /// Reads the next picture into `pixels`; false if it does not begin with `header`, as one of another size does.
+    fn read(&mut self, header: &[u8], pixels: &mut [u8]) -> io::Result<bool> {
+        let mut start = vec![0; header.len()];
+        self.pictures.read_exact(&mut start)?;
+        if start != header {
+            return Ok(false);
+        }
+        self.pictures.read_exact(pixels)?;
+        self.next += 1;
+        Ok(true)
+    }
+}
+
 fn seconds(text: Option<&str>) -> Option<f64> {
     text?.parse().ok().filter(|seconds: &f64| seconds.is_finite())
 }
@@ -204,27 +253,50 @@ fn matrix(stated: Option<&str>, rows: u32) -> &'static str {
 }
 
 /// Name of a transfer function of high dynamic range that ffprobe names.
-fn high_range(stated: Option<&str>) -> Option<&'static str> {
-    match stated? {
+fn high_range(stated: &str) -> Option<&'static str> {
+    match stated {
         "arib-std-b67" => Some("HLG"),
         "smpte2084" => Some("PQ"),
         _ => None,
     }
 }
 
-/// A sentence about videos, by name, with transfer functions of high dynamic range; `None` of none.
-pub(crate) fn high_range_note<'v>(
-    videos: impl Iterator<Item = (&'v str, Option<&'v str>)>,
-) -> Option<String> {
-    let named: Vec<String> =
-        videos.filter_map(|(name, range)| Some(format!("{name} ({})", range?))).collect();
-    (!named.is_empty()).then(|| {
-        format!(
-            "{}: high dynamic range is shown as it is, up to 80 of 255 levels off; convert these videos to BT.709, as \
-             ffmpeg does with zscale and tonemap",
-            named.join(", ")
-        )
-    })
+/// Name of primaries that ffprobe names, unless they are those of SDTV or HDTV, which hardly differ, or not known.
+fn primaries(stated: &str) -> Option<&str> {
+    match stated {
+        "bt709" | "bt470bg" | "smpte170m" | "smpte240m" | "unknown" | "reserved" => None,
+        "bt2020" => Some("BT.2020"),
+        "smpte432" => Some("Display P3"),
+        other => Some(other),
+    }
+}
+
+/// Sentences about videos, by name, whose pictures are shown as they are.
+pub(crate) fn picture_notes<'v>(
+    videos: impl Iterator<Item = (&'v str, &'v UnusualPictures)> + Clone,
+) -> Vec<String> {
+    let note = |of: fn(&UnusualPictures) -> Option<&String>, what: &str| {
+        let named = videos.clone().filter_map(|(name, unusual)| Some(format!("{name} ({})", of(unusual)?)));
+        let named: Vec<String> = named.collect();
+        (!named.is_empty()).then(|| format!("{}: {what}", named.join(", ")))
+    };
+    let notes = [
+        note(
+            |unusual| unusual.high_range.as_ref(),
+            "high dynamic range is shown as it is, up to 80 of 255 levels off; convert these videos to BT.709, as ffmpeg \
+             does with zscale and tonemap",
+        ),
+        note(
+            |unusual| unusual.primaries.as_ref(),
+            "these primaries are taken for those of BT.709; convert these videos to BT.709, as ffmpeg does with zscale",
+        ),
+        note(
+            |unusual| unusual.field_order.as_ref(),
+            "interlaced pictures are shown as combs of two instants; deinterlace these videos first, as ffmpeg does with \
+             bwdif",
+        ),
+    ];
+    notes.into_iter().flatten().collect()
 }
 
 #[cfg(test)]
@@ -239,7 +311,8 @@ mod tests {
             times_s: times_s.collect(),
             first_s: 0.0,
             matrix: "bt709",
-            high_range: None,
+            unusual: UnusualPictures::default(),
+            stream: ProbedStream::default(),
             decoding: Mutex::new(None),
         }
     }

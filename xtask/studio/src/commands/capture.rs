@@ -194,7 +194,7 @@ impl PartSelection {
         if !self.cameras.is_empty() {
             capture_files.keep_cameras(&self.cameras)?;
         }
-        if let Some(note) = capture_files.high_range_note() {
+        for note in capture_files.picture_notes() {
             report_once(format!("{}: {note}", folder.display()));
         }
         keep_frames(&mut capture_files)?;

@@ -41,7 +41,7 @@ use rayon::prelude::*;
 use refine::capture::Lens;
 use serde_json::json;
 
-use crate::capture::{CaptureFiles, bad, check_fps, check_length, high_range_note};
+use crate::capture::{CaptureFiles, bad, check_fps, check_length, picture_notes};
 use crate::messages::{count, decimal};
 use calibration::RigCamera;
 use findings::CameraFindings;
@@ -77,7 +77,8 @@ pub fn ingest(
             "--height measures the subject in its mattes; leave --mattes off out, or state --metres-per-unit";
         return Err(Fault::Usage(what.into()).into());
     }
-    let paths = videos::find(rig)?;
+    let mut warnings = Vec::new();
+    let paths = videos::find(rig, &mut warnings)?;
     output::check_folder(out)?;
     let manifest = out.join(write::MANIFEST);
     if manifest.exists() && !out.join(STORE).is_dir() {
@@ -92,8 +93,7 @@ pub fn ingest(
     let is_kept = probed.iter().all(|(_, is_kept)| *is_kept);
     let videos: Vec<RigVideo> = probed.into_iter().map(|(video, _)| video).collect();
     say(&line("videos", is_kept, &describe_videos(&videos)));
-    let ranges = videos.iter().map(|video| (video.name.as_str(), video.probe.high_range.as_deref()));
-    let mut warnings: Vec<String> = high_range_note(ranges).into_iter().collect();
+    warnings.extend(picture_notes(videos.iter().map(|video| (video.name.as_str(), &video.probe.unusual))));
 
     let calibrations = calibration::read(rig, options.calibration.as_deref(), &mut warnings)?;
     let (calibration, mut cameras) = matching::choose(&videos, calibrations, options.resize, say)?;

@@ -106,8 +106,13 @@ fn found(
         if !has_sound {
             let silent = videos.iter().filter(|video| !video.probe.has_sound);
             let names: Vec<&str> = silent.map(|video| video.name.as_str()).collect();
+            let same = if videos.iter().all(|video| video.probe.timecode.is_some()) {
+                " and no timecodes but those that editors write"
+            } else {
+                ""
+            };
             return Err(Fault::Data(format!(
-                "no sound in {}, so nothing says when the videos start; state it with --offsets FILE, or that they start together \
+                "no sound in {}{same}, so nothing says when the videos start; state it with --offsets FILE, or that they start together \
                  with --offsets none",
                 names.join(", ")
             )));
@@ -160,11 +165,20 @@ fn by_sound(store: &Store, videos: &[RigVideo], say: &mut dyn FnMut(&str)) -> Re
     Ok(Starts { source: StartSource::Sound, starts_s: first_frame_s.collect(), sound: Some(sound), is_kept })
 }
 
-/// Seconds at which videos start by their timecodes; `None` if one has none. Starts are within half a day of the first
-/// one: timecodes begin again at midnight.
+/// Seconds at which videos start by their timecodes; `None` if one has none, or all are the same whole hour: editors write
+/// 00:00:00:00 or 01:00:00:00 into whatever they export. Starts are within half a day of the first one: timecodes begin
+/// again at midnight.
 fn timecodes_s(videos: &[RigVideo]) -> Option<Vec<f64>> {
     let seconds = videos.iter().map(timecode_s).collect::<Option<Vec<[f64; 2]>>>()?;
     let first_s = seconds.first()?[0];
+    let is_editors = |video: &RigVideo| {
+        let text = video.probe.timecode.as_deref().unwrap_or_default();
+        video.probe.timecode == videos[0].probe.timecode
+            && text.split([':', ';', '.']).skip(1).all(|part| part == "00")
+    };
+    if videos.iter().all(is_editors) {
+        return None;
+    }
     let near = |[start_s, day_s]: &[f64; 2]| start_s - day_s * ((start_s - first_s) / day_s).round();
     Some(seconds.iter().map(near).collect())
 }
@@ -258,6 +272,10 @@ mod tests {
             let found_s = later_s(rates, texts).unwrap();
             assert!((found_s - expected_s).abs() < 1e-6, "{texts:?} {rates:?}: {found_s}, not {expected_s}");
         }
+        for nothing in ["00:00:00:00", "01:00:00:00", "00:00:00;00"] {
+            assert_eq!(later_s(exact, [nothing; 2]), None, "{nothing} of an editor");
+        }
+        assert_eq!(later_s(exact, ["10:00:00:05"; 2]), Some(0.0));
         for malformed in ["garbage", "01:00:00", "01:00:00:00:00", "01:00:-1:00", "4294967296:00:00:00"] {
             assert_eq!(later_s(exact, ["00:00:00:00", malformed]), None, "{malformed}");
         }

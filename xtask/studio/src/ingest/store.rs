@@ -15,7 +15,7 @@ use serde_json::{Value, json};
 use crate::messages::unreadable;
 
 /// Version of all results: a change of what a step computes changes it.
-const VERSION: u32 = 5;
+const VERSION: u32 = 6;
 
 /// A result in its file.
 #[derive(Deserialize)]

@@ -4,18 +4,25 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
+use formats::list_of;
 use program::Fault;
 use refine::metrics::median;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
 use super::store::{Store, file_name, identity};
-use crate::capture::{Video, bad};
-use crate::ffmpeg::{self, Probed, ProbedStream};
+use crate::capture::{UnusualPictures, Video, bad};
+use crate::ffmpeg::{self, Probed};
 use crate::messages::unreadable;
 
 /// File extensions of videos.
-pub(super) const EXTENSIONS: [&str; 3] = ["mp4", "mov", "mkv"];
+pub(super) const EXTENSIONS: [&str; 8] = ["mp4", "mov", "mkv", "avi", "m4v", "webm", "mts", "m2ts"];
+
+/// File extensions of videos that are not read: raw recordings, previews, spherical pictures, and what few cameras write.
+const UNREAD: [&str; 16] = [
+    "360", "3gp", "braw", "crm", "flv", "insv", "lrv", "mod", "mpeg", "mpg", "mxf", "ogv", "r3d", "ts",
+    "vob", "wmv",
+];
 
 /// Deviation of an interval between frames from the usual one that counts as rounding, in intervals.
 const UNEVEN: f64 = 0.02;
@@ -60,8 +67,9 @@ pub struct Probe {
     pub duration_s: f64,
     /// Seconds from the start of the file to its first frame.
     pub first_s: f64,
-    /// Name of the transfer function, if it is of high dynamic range.
-    pub high_range: Option<String>,
+    /// What it states of its pictures that is not followed.
+    #[serde(flatten)]
+    pub unusual: UnusualPictures,
     /// Whether there is a sound track.
     pub has_sound: bool,
     /// Timecode of the first frame, as the file states it.
@@ -73,27 +81,39 @@ pub struct Probe {
     pub times_s: Vec<f64>,
 }
 
-/// Paths of the videos in a folder, by name.
+/// Paths of the videos in a folder, by name. Files that are ignored and look like videos are named in `warnings`.
 ///
 /// # Errors
 /// [`Fault::Data`] if the folder cannot be read or has none.
-pub(super) fn find(folder: &Path) -> Result<Vec<PathBuf>, Fault> {
-    let mut paths = Vec::new();
+pub(super) fn find(folder: &Path, warnings: &mut Vec<String>) -> Result<Vec<PathBuf>, Fault> {
+    let (mut paths, mut ignored) = (Vec::new(), Vec::new());
     for entry in std::fs::read_dir(folder).map_err(|error| unreadable(folder, &error))? {
         let path = entry.map_err(|error| unreadable(folder, &error))?.path();
         let extension = path.extension().and_then(|x| x.to_str()).unwrap_or_default().to_lowercase();
         let is_hidden = path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'));
-        if EXTENSIONS.contains(&extension.as_str()) && !is_hidden && path.is_file() {
+        if is_hidden || !path.is_file() {
+            continue;
+        }
+        if EXTENSIONS.contains(&extension.as_str()) {
             paths.push(path);
+        } else if UNREAD.contains(&extension.as_str()) {
+            ignored.push(path.file_name().unwrap_or_default().to_string_lossy().into_owned());
         }
     }
     paths.sort();
-    match paths.is_empty() {
-        true => {
-            Err(bad(folder, "there is no video in it; put one mp4, mov or mkv file for each camera there"))
-        }
-        false => Ok(paths),
+    ignored.sort();
+    let known = EXTENSIONS.join(", ");
+    let note = list_of(ignored.iter().map(String::as_str))
+        .map(|names| format!("{names}: not read, convert what is a camera's video to one of {known}"));
+    if paths.is_empty() {
+        let note = note.map_or_else(String::new, |note| format!("; {note}"));
+        return Err(bad(
+            folder,
+            format!("there is no video in it; put one file for each camera there, of {known}{note}"),
+        ));
     }
+    warnings.extend(note);
+    Ok(paths)
 }
 
 /// Probes a video, or takes what an earlier run found.
@@ -110,13 +130,11 @@ pub(super) fn probe(store: &Store, path: &Path) -> Result<(RigVideo, bool), Faul
 
 fn probed(path: &Path) -> Result<Probe, Fault> {
     let video = Video::open(path)?;
-    let entries = "stream=codec_type,codec_name,codec_tag_string,avg_frame_rate,nb_frames:stream_tags:\
-                   stream_side_data=rotation:format=duration,start_time:format_tags";
+    // The first video stream of the file may be a cover.
+    let pictures = &video.stream;
+    let entries = "stream=codec_type,codec_tag_string,avg_frame_rate:stream_tags:\
+                   format=duration,start_time:format_tags";
     let said = asked(path, &["-show_entries", entries])?;
-    let is = |kind: &'static str| move |stream: &&ProbedStream| stream.codec_type.as_deref() == Some(kind);
-    let Some(pictures) = said.streams.iter().find(is("video")) else {
-        return Err(bad(path, "it has no video; name a video file"));
-    };
     let frames = video.times_s.len();
     // MP4 counts its frames before their data, and a copy that was cut off lacks the last of them.
     if let Some(stated) = number::<usize>(&pictures.nb_frames)
@@ -131,7 +149,7 @@ fn probed(path: &Path) -> Result<Probe, Fault> {
     // Matroska states when it ends, and no number of frames.
     let start_s = number(&said.format.start_time).unwrap_or(0.0);
     let last_s = video.first_s + video.times_s[frames - 1];
-    let has_sound = said.streams.iter().any(|stream| is("audio")(&stream));
+    let has_sound = said.streams.iter().any(|stream| stream.codec_type.as_deref() == Some("audio"));
     let slack_s = if has_sound { SOUND_ALONE_S } else { LAST_FRAME / fps };
     if let Some(stated_s) = number::<f64>(&said.format.duration)
         && pictures.nb_frames.is_none()
@@ -159,7 +177,7 @@ fn probed(path: &Path) -> Result<Probe, Fault> {
         frames,
         duration_s: video.times_s[frames - 1],
         first_s: video.first_s,
-        high_range: video.high_range.map(str::to_owned),
+        unusual: video.unusual,
         has_sound,
         timecode: tags.filter_map(timecode).next(),
         timecode_fps: track.and_then(|track| ratio(track.avg_frame_rate.as_deref()?)),
@@ -270,7 +288,7 @@ pub(super) mod tests {
             frames,
             duration_s: times_s[frames - 1],
             first_s: 0.0,
-            high_range: None,
+            unusual: UnusualPictures::default(),
             has_sound: false,
             timecode: None,
             timecode_fps: None,

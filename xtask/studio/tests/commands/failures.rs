@@ -344,7 +344,12 @@ const FAILURES: &[Failure] = &[
     ),
     ("ingest nope -o other", DATA, "nope: there is no such file or folder", "check the path"),
     ("ingest field.ply -o other", DATA, "field.ply: a file", "a rig is a folder of videos, so name that"),
-    ("ingest stage -o other", DATA, "stage: there is no video in it", "put one mp4, mov or mkv file"),
+    (
+        "ingest stage -o other",
+        DATA,
+        "stage: there is no video in it",
+        "put one file for each camera there, of mp4, mov",
+    ),
     ("ingest stage -o other --up 0,0,0", USAGE, "'0,0,0' for '--up", "it is no direction"),
     ("synth stage -o other --cameras 0", USAGE, "0 cameras", "use 1 to 256"),
     ("synth rig -o other --size 63x48", USAGE, "63x48 pixels", "videos have even sides, from 16 on"),

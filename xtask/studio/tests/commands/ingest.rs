@@ -287,6 +287,13 @@ fn timecodes_say_when_videos_start() {
     };
     is_near(starts(), -0.2, 25.0);
 
+    // As editors export.
+    for name in ["a", "b"] {
+        ffmpeg(&rig, &format!("{} {ENCODED} -timecode 00:00:00:00 {name}.mp4", pictures(1.0)));
+    }
+    let error = refused(ingest(folder.path(), ""), 3);
+    assert!(error.contains("no sound in a, b and no timecodes but those that editors write"), "{error}");
+
     // Matroska rounds times to milliseconds, and a frame is missing.
     let ntsc = 30000.0 / 1001.0;
     ["a.mp4", "b.mp4"].iter().for_each(|name| fs::remove_file(rig.join(name)).unwrap());
@@ -327,6 +334,59 @@ fn high_dynamic_range_is_said() {
     let fit = ["fit", "studio", "-o", "f.ply", "--steps", "1", "--size", "32x24", "--gaussians", "100"];
     let said = aarc_studio(folder.path(), &fit).stderr;
     assert!(said.contains("note: studio: a (HLG), c (PQ): high dynamic range"), "{said}");
+}
+
+#[test]
+fn what_videos_state_of_their_pictures_and_is_not_followed_is_said() {
+    if !has_ffmpeg() {
+        return;
+    }
+    let folder = silent(&["a", "b", "c"]);
+    let rig = folder.path().join("rig");
+    ffmpeg(&rig, &format!("{} {ENCODED} -flags +ilme+ildct -x264opts tff=1 a.mp4", pictures(1.0)));
+    ffmpeg(&rig, &format!("{} {ENCODED} -color_primaries smpte432 b.mp4", pictures(1.0)));
+    ffmpeg(&rig, &format!("{} {ENCODED} -color_primaries smpte170m c.mp4", pictures(1.0)));
+    let warnings = ingest(folder.path(), "--offsets none --json").json()["warnings"].to_string();
+    assert!(warnings.contains("\"a (tt): interlaced pictures are shown as combs"), "{warnings}");
+    assert!(
+        warnings.contains("\"b (Display P3): these primaries are taken for those of BT.709"),
+        "{warnings}"
+    );
+}
+
+#[test]
+fn videos_of_other_containers_are_read_or_named() {
+    if !has_ffmpeg() {
+        return;
+    }
+    let folder = silent(&["a"]);
+    let (folder, rig) = (folder.path(), folder.path().join("rig"));
+    let names = ["a", "b", "c", "d", "e"];
+    for (name, codec) in
+        [("b.AVI", "mjpeg"), ("c.m4v", "mpeg4"), ("d.mts", "libx264 -bf 2"), ("e.webm", "libvpx")]
+    {
+        ffmpeg(&rig, &format!("{} -c:v {codec} -pix_fmt yuv420p {name}", pictures(1.0)));
+    }
+    for name in ["f.mxf", "GX01.LRV", "notes.txt"] {
+        fs::write(rig.join(name), "").unwrap();
+    }
+    fs::write(rig.join("calibration.toml"), calibration(&names)).unwrap();
+    let json = ingest(folder, "--offsets none --json").json();
+    assert_eq!(json["cameras"].as_array().unwrap().len(), 5);
+    assert_eq!((json["frames"].as_u64(), json["fps"].as_f64()), (Some(25), Some(25.0)));
+    assert!(
+        json["warnings"].to_string().contains("\"GX01.LRV, f.mxf: not read, convert"),
+        "{}",
+        json["warnings"]
+    );
+    ["a.mp4", "b.AVI", "c.m4v", "d.mts", "e.webm"]
+        .iter()
+        .for_each(|name| fs::remove_file(rig.join(name)).unwrap());
+    let error = refused(ingest(folder, "--offsets none"), 3);
+    assert!(
+        error.contains("there is no video in it") && error.contains("f.mxf: not read, convert"),
+        "{error}"
+    );
 }
 
 #[test]

@@ -153,6 +153,34 @@ fn photographs_have_the_times_of_their_frames() {
     assert_eq!(frames, [0, 2, 4, 6, 8], "a camera with fewer frames has fewer photographs");
 }
 
+/// Later versions of ffmpeg crop as the file says, which ffprobe does not.
+#[cfg(unix)]
+#[test]
+fn pictures_of_another_size_are_refused() {
+    use std::os::unix::fs::PermissionsExt as _;
+
+    if !has_ffmpeg() {
+        return;
+    }
+    let folder = rig("", |_| ());
+    let folder = folder.path();
+    let path = std::env::var("PATH").unwrap();
+    let cropping = format!(
+        "#!/bin/sh\nfor a; do shift; case $a in scale=*) a=crop=32:48:0:0,$a;; esac; set -- \"$@\" \"$a\"; done\n\
+         PATH='{path}' exec ffmpeg \"$@\"\n"
+    );
+    fs::create_dir(folder.join("bin")).unwrap();
+    fs::write(folder.join("bin/ffmpeg"), cropping).unwrap();
+    fs::set_permissions(folder.join("bin/ffmpeg"), fs::Permissions::from_mode(0o755)).unwrap();
+    let fit = ["fit", "rig", "-o", "field.ply", "--steps", "5", "--gaussians", "100"];
+    let with = format!("{}:{path}", folder.join("bin").display());
+    let error = aarc_studio_with(folder, &fit, &[("PATH", &with)]).error(3);
+    assert!(
+        error.contains("48x48 pixels by ffprobe, and ffmpeg decodes pictures of another size"),
+        "{error}"
+    );
+}
+
 #[test]
 fn what_is_wrong_with_a_video_is_said() {
     if !has_ffmpeg() {
