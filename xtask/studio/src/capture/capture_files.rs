@@ -634,7 +634,7 @@ pub(crate) fn intrinsics(k: &[f64]) -> Result<[f64; 4], String> {
 }
 
 /// A camera with these intrinsics and this rigid transform.
-pub(super) fn pinhole(
+pub(crate) fn pinhole(
     size: (u32, u32),
     [fx, fy, cx, cy]: [f64; 4],
     camera_from_world: [[f64; 4]; 4],
@@ -644,7 +644,7 @@ pub(super) fn pinhole(
 }
 
 /// A rigid transform of a rotation, row by row, and a translation.
-pub(super) fn rigid(rotation: [[f64; 3]; 3], [x, y, z]: [f64; 3]) -> [[f64; 4]; 4] {
+pub(crate) fn rigid(rotation: [[f64; 3]; 3], [x, y, z]: [f64; 3]) -> [[f64; 4]; 4] {
     let row = |i: usize, last: f64| [rotation[i][0], rotation[i][1], rotation[i][2], last];
     [row(0, x), row(1, y), row(2, z), [0.0, 0.0, 0.0, 1.0]]
 }

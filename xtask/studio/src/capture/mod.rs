@@ -28,13 +28,13 @@ use program::Fault;
 use refine::capture::CalibratedCamera;
 
 pub use camera_part::CameraPart;
-pub(crate) use capture_files::intrinsics;
 pub use capture_files::{CaptureFiles, CaptureSound};
+pub(crate) use capture_files::{intrinsics, pinhole, rigid};
 pub use corrections::{CameraCorrection, CameraCorrections};
 #[cfg(feature = "onnx")]
 pub use depth::pfm_file;
 pub(crate) use easyvolcap::{Storage, numbers, parse as parse_storage, pixels, rodrigues};
-pub(crate) use image_file::{bad, bad_layout, read as read_file_image, read_text};
+pub(crate) use image_file::{bad, bad_layout, lfs_pointer, read as read_file_image, read_text};
 pub use image_file::{find_image, read_picture};
 pub(crate) use manifest::{check_fps, check_length};
 pub use plates::BackgroundSource;

@@ -7,6 +7,7 @@
 use std::path::Path;
 
 use codec::Camera;
+use formats::list_of;
 use program::Fault;
 
 use super::calibration::{Calibration, RigCamera};
@@ -18,8 +19,8 @@ use crate::capture::bad;
 /// same pictures at three quarters of their size are off by a third.
 const OFF_CENTER: f64 = 0.25;
 
-/// The calibration that fits the videos, and the camera of each video, in their order; `say` gets a line
-/// where there are several calibrations or sizes are missing.
+/// The calibration that fits the videos, and the camera of each video, in their order; `say` gets a line where there are
+/// several calibrations or sizes are missing, `warnings` the cameras without a video.
 ///
 /// # Errors
 /// [`Fault::Data`] if the only calibration does not fit; [`Fault::Usage`] if none of several does, or two that differ do.
@@ -27,21 +28,24 @@ pub(super) fn choose(
     videos: &[RigVideo],
     mut calibrations: Vec<Calibration>,
     resize: Option<ResizePolicy>,
+    warnings: &mut Vec<String>,
     say: &mut dyn FnMut(&str),
 ) -> Result<(Calibration, Vec<RigCamera>), Fault> {
-    let fitted = |calibration: &Calibration| -> Result<Vec<RigCamera>, Fault> {
-        let mut cameras = cameras_of(videos, calibration)?;
+    // The cameras of the videos, and the warning on those without one.
+    let fitted = |calibration: &Calibration| -> Result<(Vec<RigCamera>, Option<String>), Fault> {
+        let (mut cameras, left_out) = cameras_of(videos, calibration)?;
         for (camera, video) in cameras.iter_mut().zip(videos) {
             camera.camera = sized(video, &camera.camera, resize)?;
             let check = camera.camera.check();
             let name = &camera.name;
             check.map_err(|problem| bad(&calibration.path, format!("camera {name}: {problem}")))?;
         }
-        Ok(cameras)
+        Ok((cameras, left_out))
     };
     let mut fits: Vec<_> = calibrations.iter().map(fitted).collect();
     if calibrations.len() == 1 {
-        let cameras = fits.remove(0)?;
+        let (cameras, left_out) = fits.remove(0)?;
+        warnings.extend(left_out);
         if calibrations[0].cameras.iter().any(|camera| camera.camera.width == 0) {
             say(
                 "note: the calibration states no size, so it is taken to be of pictures as large as the videos",
@@ -51,20 +55,28 @@ pub(super) fn choose(
     }
     let names: Vec<String> = calibrations.iter().map(|calibration| file_name(&calibration.path)).collect();
     let list = names.join(", ");
-    let Some(chosen) = fits.iter().position(Result::is_ok) else {
+    let mut fitting: Vec<usize> = (0..fits.len()).filter(|i| fits[*i].is_ok()).collect();
+    // One without further cameras fits better.
+    let is_exact = |i: &usize| matches!(fits[*i], Ok((_, None)));
+    if fitting.iter().any(is_exact) {
+        fitting.retain(is_exact);
+    }
+    let Some(chosen) = fitting.first().copied() else {
         let why = fits.remove(0).expect_err("none fits");
         let what = format!("none of the calibrations {list} fits the videos, the first because of ");
         return Err(Fault::Usage(format!("{what}{why}; name one with --calibration")));
     };
-    let is_other = |cameras: &Vec<RigCamera>| !is_same(cameras, fits[chosen].as_ref().expect("it fits"));
-    if fits.iter().flatten().any(is_other) {
+    let cameras_at = |i: usize| &fits[i].as_ref().expect("it fits").0;
+    if fitting.iter().any(|i| !is_same(cameras_at(*i), cameras_at(chosen))) {
         return Err(Fault::Usage(format!(
             "the calibrations {list} differ, and several fit the videos; name one of them with --calibration"
         )));
     }
-    let how = if fits.iter().flatten().count() == 1 { "alone fits the videos" } else { "is read" };
+    let how = if fitting.len() == 1 { "alone fits the videos" } else { "is read" };
     say(&format!("note: calibrations found: {list}; {} {how}, --calibration names another", names[chosen]));
-    Ok((calibrations.swap_remove(chosen), fits.swap_remove(chosen)?))
+    let (cameras, left_out) = fits.swap_remove(chosen)?;
+    warnings.extend(left_out);
+    Ok((calibrations.swap_remove(chosen), cameras))
 }
 
 /// Largest difference of numbers that count as the same, relative to large ones: some programs write six digits.
@@ -82,41 +94,45 @@ fn is_same(some: &[RigCamera], others: &[RigCamera]) -> bool {
     })
 }
 
-/// The camera of each video, in their order.
+/// The camera of each video, in their order, and the warning on cameras without a video.
 ///
 /// # Errors
-/// [`Fault::Data`] if a video has no camera or several, or a camera no video or several.
-fn cameras_of(videos: &[RigVideo], calibration: &Calibration) -> Result<Vec<RigCamera>, Fault> {
+/// [`Fault::Data`] if a video has no camera or several, or a camera several videos.
+fn cameras_of(
+    videos: &[RigVideo],
+    calibration: &Calibration,
+) -> Result<(Vec<RigCamera>, Option<String>), Fault> {
     let path = &calibration.path;
-    let mut video_of: Vec<Option<usize>> = vec![None; calibration.cameras.len()];
     let mut cameras = Vec::new();
     let video_names: Vec<&str> = videos.iter().map(|video| video.name.as_str()).collect();
-    let camera_names: Vec<&str> = calibration.cameras.iter().map(|camera| camera.name.as_str()).collect();
+    let usable = calibration.cameras.iter().map(|camera| camera.name.as_str());
+    let camera_names: Vec<&str> =
+        usable.chain(calibration.unusable.iter().map(|(name, _)| name.as_str())).collect();
+    let mut video_of: Vec<Option<usize>> = vec![None; camera_names.len()];
     for (v, found) in matches(&video_names, &camera_names).into_iter().enumerate() {
         let video = &videos[v];
-        let c = camera_of(video, &found, calibration)?;
+        let c = camera_of(video, &found, calibration, &camera_names)?;
         if let Some(other) = video_of[c].replace(v) {
             return Err(bad(
                 &video.path,
                 format!(
                     "{} is of the same camera, {}; leave one of the two files there",
                     file_name(&videos[other].path),
-                    calibration.cameras[c].name
+                    camera_names[c]
                 ),
             ));
         }
-        cameras.push(calibration.cameras[c].clone());
+        let unusable = || calibration.unusable[c - calibration.cameras.len()].1.clone();
+        cameras.push(calibration.cameras.get(c).cloned().ok_or_else(|| bad(path, unusable()))?);
     }
-    match video_of.iter().position(Option::is_none) {
-        Some(c) => Err(bad(
-            path,
-            format!(
-                "camera {} has no video; put it there under that name, or remove the camera from the calibration",
-                calibration.cameras[c].name
-            ),
-        )),
-        None => Ok(cameras),
-    }
+    let left_out = camera_names.iter().zip(&video_of).filter(|(_, video)| video.is_none());
+    let warning = |names: String| {
+        format!(
+            "{}: no video of {names}; put it there under that name if it is to be in the capture",
+            path.display()
+        )
+    };
+    Ok((cameras, list_of(left_out.map(|(name, _)| *name)).map(warning)))
 }
 
 fn file_name(path: &Path) -> String {
@@ -124,9 +140,14 @@ fn file_name(path: &Path) -> String {
 }
 
 /// The camera of a video, of the cameras that match its name.
-fn camera_of(video: &RigVideo, found: &[usize], calibration: &Calibration) -> Result<usize, Fault> {
+fn camera_of(
+    video: &RigVideo,
+    found: &[usize],
+    calibration: &Calibration,
+    names: &[&str],
+) -> Result<usize, Fault> {
     // Cameras of other programs may be named as paths, which no file can be.
-    let name = |i: usize| calibration.cameras[i].name.replace(['/', '\\'], "_");
+    let name = |i: usize| names[i].replace(['/', '\\'], "_");
     match found {
         [camera] => Ok(*camera),
         [a, b, ..] => Err(bad(

@@ -96,7 +96,8 @@ pub fn ingest(
     warnings.extend(picture_notes(videos.iter().map(|video| (video.name.as_str(), &video.probe.unusual))));
 
     let calibrations = calibration::read(rig, options.calibration.as_deref(), &mut warnings)?;
-    let (calibration, mut cameras) = matching::choose(&videos, calibrations, options.resize, say)?;
+    let (calibration, mut cameras) =
+        matching::choose(&videos, calibrations, options.resize, &mut warnings, say)?;
     let layout = calibration.layout;
     say(&line("cameras", false, &format!("{} by {layout}, {}", cameras.len(), calibration.path.display())));
 

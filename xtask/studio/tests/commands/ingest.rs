@@ -441,7 +441,9 @@ fn each_video_has_one_camera_of_its_size() {
     refused("is of the same camera, b", "leave one of the two");
     fs::remove_file(rig.join("B.mov")).unwrap();
     fs::write(&toml, calibration(&["a", "b", "c"])).unwrap();
-    refused("camera c has no video", "put it there");
+    let said = ingest(folder, "--offsets none").success().stdout;
+    assert!(said.contains("calibration.toml: no video of c; put it there"), "{said}");
+    assert_eq!(manifest(folder)["cameras"].as_array().unwrap().len(), 2);
     fs::write(&toml, calibration(&["a"])).unwrap();
     refused("b.mp4: ", "has no camera of that name; rename it to one of a");
     fs::write(&toml, calibration(&["left_a", "right_b"])).unwrap();
@@ -469,6 +471,9 @@ fn each_video_has_one_camera_of_its_size() {
     );
     sized("64.0, 48.0");
     assert!(ingest(folder, "--offsets none").success().stdout.contains("calibration.toml is read"));
+    other(&calibration(&["a", "b", "c"]).replace("60.0", "61.0"));
+    let said = ingest(folder, "--offsets none").success().stdout;
+    assert!(said.contains("calibration.toml alone fits") && !said.contains("no video of"), "{said}");
     other(&calibration(&["a", "b"]).replace("60.0", "61.0"));
     let error = self::refused(ingest(folder, "--offsets none"), 2);
     assert!(

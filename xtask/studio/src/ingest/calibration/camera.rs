@@ -4,21 +4,23 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use codec::Camera;
-use formats::list_of;
-use glam::DMat3;
 use refine::capture::Lens;
+
+use crate::capture::{pinhole, rigid, unread_note};
 
 /// Half a pixel: what OpenCV's pixel centres lack.
 const HALF_PIXEL: f64 = 0.5;
 
 /// The calibration of a rig.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(in crate::ingest) struct Calibration {
     /// The file, or the folder of its files.
     pub(in crate::ingest) path: PathBuf,
     /// Name of its layout.
     pub(in crate::ingest) layout: &'static str,
     pub(in crate::ingest) cameras: Vec<RigCamera>,
+    /// Names of cameras that cannot be read, and why, which matters if there is a video of one.
+    pub(in crate::ingest) unusable: Vec<(String, String)>,
     /// Up direction of its world, if the layout has one.
     pub(in crate::ingest) up: Option<[f64; 3]>,
     /// Metres per unit of its world, if the layout says so.
@@ -35,25 +37,16 @@ pub(in crate::ingest) struct RigCamera {
 
 /// The warning on keys of the cameras at `path` that are not read.
 pub(super) fn unread_warning(path: &Path, keys: &BTreeSet<String>) -> Option<String> {
-    let keys = list_of(keys.iter().map(String::as_str))?;
-    Some(format!("{} states what is not read: {keys}", path.display()))
+    unread_note(&format!("{} states", path.display()), keys.iter().map(String::as_str))
 }
 
-/// A camera of OpenCV's numbers: focal lengths and principal point, rotation from the world to the camera, translation.
+/// A camera of OpenCV's numbers: focal lengths and principal point, rotation from the world to the camera, row by row,
+/// translation.
 pub(super) fn opencv_camera(
     size: (u32, u32),
     [fx, fy, cx, cy]: [f64; 4],
-    rotation: DMat3,
+    rotation: [[f64; 3]; 3],
     t: [f64; 3],
 ) -> Camera {
-    let row = |i: usize| {
-        let row = rotation.row(i);
-        [row.x, row.y, row.z, t[i]]
-    };
-    Camera {
-        width: size.0,
-        height: size.1,
-        k: [[fx, 0.0, cx + HALF_PIXEL], [0.0, fy, cy + HALF_PIXEL], [0.0, 0.0, 1.0]],
-        camera_from_world: [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]],
-    }
+    pinhole(size, [fx, fy, cx + HALF_PIXEL, cy + HALF_PIXEL], rigid(rotation, t))
 }

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 use program::Fault;
 
-use crate::capture::{bad, calibrated_cameras};
+use crate::capture::{bad, calibrated_cameras, lfs_pointer};
 use crate::messages::unreadable;
 pub(super) use camera::{Calibration, RigCamera};
 
@@ -64,8 +64,11 @@ fn is_calibration(path: &Path) -> bool {
     if !path.is_file() {
         return false;
     }
-    let has = |text: &str| std::fs::read_to_string(path).is_ok_and(|content| content.contains(text));
+    // In any encoding: reading it says which one it needs.
+    let has =
+        |text: &str| std::fs::read(path).is_ok_and(|bytes| String::from_utf8_lossy(&bytes).contains(text));
     match name.rsplit('.').next().unwrap_or_default() {
+        "toml" | "txt" | "yml" | "yaml" if lfs_pointer(path).is_some() => true,
         "toml" => has("matrix") && has("rotation"),
         "txt" => name == "cameras.txt" || has("<calibration"),
         "yml" | "yaml" => name == "intri.yml" || opencv::is_camera(path),
@@ -76,6 +79,7 @@ fn is_calibration(path: &Path) -> bool {
 }
 
 fn read_one(path: &Path, warnings: &mut Vec<String>) -> Result<Calibration, Fault> {
+    lfs_pointer(path).map_or(Ok(()), Err)?;
     let extension = path.extension().and_then(|x| x.to_str()).unwrap_or_default().to_lowercase();
     if path.is_file() && extension == "toml" {
         return toml::read(path, warnings);
@@ -96,12 +100,30 @@ fn read_one(path: &Path, warnings: &mut Vec<String>) -> Result<Calibration, Faul
         lens: camera.lens,
     };
     let cameras = cameras.into_iter().map(rig_camera).collect();
-    Ok(Calibration { path: path.to_owned(), layout, cameras, up: None, metres_per_unit: None })
+    Ok(Calibration { path: path.to_owned(), layout, cameras, ..Calibration::default() })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_calibration_that_cannot_be_read_says_why() {
+        let pointer = b"version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 12345\n";
+        for (name, content, problem) in [
+            ("a.toml", &b"# Andr\xe9\n[a]\nmatrix = 1\nrotation = 2\n"[..], "not in UTF-8; save it as UTF-8"),
+            ("a.qca.txt", b"<!-- Andr\xe9 --><calibration>", "not in UTF-8; save it as UTF-8"),
+            ("a.yml", b"# Andr\xe9\nK: [1]\n", "not in UTF-8; save it as UTF-8"),
+            ("a.toml", pointer, "a pointer of Git LFS"),
+            ("a.qca.txt", pointer, "a pointer of Git LFS"),
+            ("a.yaml", pointer, "a pointer of Git LFS"),
+        ] {
+            let folder = tempfile::tempdir().unwrap();
+            std::fs::write(folder.path().join(name), content).unwrap();
+            let error = read(folder.path(), None, &mut Vec::new()).unwrap_err().to_string();
+            assert!(error.contains(&format!("{name}: ")) && error.contains(problem), "{name}: {error}");
+        }
+    }
 
     #[test]
     fn the_document_lists_the_keys_that_are_ignored() {

@@ -4,7 +4,6 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use glam::DMat3;
 use program::Fault;
 use refine::capture::Lens;
 
@@ -43,7 +42,10 @@ pub(super) const IGNORED: [&str; 15] = [
 pub(super) fn is_camera(path: &Path) -> bool {
     let extension = path.extension().and_then(|x| x.to_str()).unwrap_or_default().to_lowercase();
     let is_yaml = ["yml", "yaml"].contains(&extension.as_str()) && path.is_file();
-    is_yaml && read_text(path).is_ok_and(|text| value(&parse_storage(&text), &K).is_some())
+    // Comments in another encoding are said when it is read.
+    is_yaml
+        && std::fs::read(path)
+            .is_ok_and(|bytes| value(&parse_storage(&String::from_utf8_lossy(&bytes)), &K).is_some())
 }
 
 /// Reads one camera of each file. The keys that are not read go to `warnings`.
@@ -58,7 +60,7 @@ pub(super) fn read_each(
     let mut unread = BTreeSet::new();
     let cameras = files.iter().map(|file| camera(file, &mut unread)).collect::<Result<_, _>>()?;
     warnings.extend(unread_warning(path, &unread));
-    Ok(Calibration { path: path.to_owned(), layout: "OpenCV YAML", cameras, up: None, metres_per_unit: None })
+    Ok(Calibration { path: path.to_owned(), layout: "OpenCV YAML", cameras, ..Calibration::default() })
 }
 
 fn value<'s>(storage: &'s Storage, names: &[&str]) -> Option<&'s String> {
@@ -83,6 +85,11 @@ fn camera(path: &Path, unread: &mut BTreeSet<String>) -> Result<RigCamera, Fault
         data.ok_or_else(|| wrong(format!("{} is missing or malformed", names[0])))
     };
     let k = intrinsics(&matrix(&K, &[9])?).map_err(wrong)?;
+    if value(&storage, &R).or(value(&storage, &T)).is_none() {
+        let what = "it has intrinsics alone, and R and T are needed, which place the camera in the world; calibrate the \
+                    cameras to each other";
+        return Err(bad(path, what));
+    }
     let rotation = matrix(&R, &[3, 9])?;
     let rotation = match rotation.len() {
         9 => [0, 3, 6].map(|row| [rotation[row], rotation[row + 1], rotation[row + 2]]),
@@ -105,12 +112,7 @@ fn camera(path: &Path, unread: &mut BTreeSet<String>) -> Result<RigCamera, Fault
         true => Lens::fisheye(&d),
         false => Lens::rational(&d),
     };
-    let camera = opencv_camera(
-        size.unwrap_or_default(),
-        k,
-        DMat3::from_cols_array_2d(&rotation).transpose(),
-        [t[0], t[1], t[2]],
-    );
+    let camera = opencv_camera(size.unwrap_or_default(), k, rotation, [t[0], t[1], t[2]]);
     let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     Ok(RigCamera { name, camera, lens: lens.map_err(wrong)? })
 }
@@ -205,5 +207,9 @@ mod tests {
             let error = read(more).unwrap_err();
             assert!(error.contains(problem) && !error.contains('\n'), "{more}: {error}");
         }
+        let [intrinsics, _] = text.split_once("rvec").map(<[&str; 2]>::from).unwrap();
+        std::fs::write(&path, intrinsics).unwrap();
+        let error = super::camera(&path, &mut BTreeSet::new()).unwrap_err().to_string();
+        assert!(error.contains("left.yml: it has intrinsics alone, and R and T are needed"), "{error}");
     }
 }

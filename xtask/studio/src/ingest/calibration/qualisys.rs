@@ -20,19 +20,29 @@ const METRES: f64 = 1e-3;
 
 pub(super) fn read(path: &Path) -> Result<Calibration, Fault> {
     let text = read_text(path)?;
-    let wrong = |problem: String| bad(path, format!("{problem}; export the calibration from QTM again"));
+    let advised = |problem: &str| format!("{problem}; export the calibration from QTM again");
+    let wrong = |problem: &str| bad(path, advised(problem));
     if !text.contains("<calibration") {
-        return Err(wrong("no calibration of Qualisys".into()));
+        return Err(wrong("no calibration of Qualisys"));
     }
     // `<cameras>` is another element.
-    let cameras = text.split("<camera ").skip(1).map(|element| camera(element).map_err(wrong));
-    let cameras: Vec<RigCamera> = cameras.collect::<Result<_, _>>()?;
-    match cameras.is_empty() {
-        true => Err(wrong("it has no camera".into())),
-        false => Ok(Calibration {
+    let (mut cameras, mut unusable) = (Vec::new(), Vec::new());
+    for element in text.split("<camera ").skip(1) {
+        let name = attribute(element, "serial").ok_or_else(|| wrong("a camera has no serial"))?;
+        match camera(element, name.to_owned()) {
+            Ok(camera) => cameras.push(camera),
+            // Systems have cameras of markers besides, which take no video.
+            Err(problem) => unusable.push((name.to_owned(), advised(&problem))),
+        }
+    }
+    match (cameras.is_empty(), unusable.first()) {
+        (true, None) => Err(wrong("it has no camera")),
+        (true, Some((_, problem))) => Err(bad(path, problem)),
+        (false, _) => Ok(Calibration {
             path: path.to_owned(),
             layout: "Qualisys",
             cameras,
+            unusable,
             up: Some([0.0, 0.0, 1.0]),
             metres_per_unit: Some(1.0),
         }),
@@ -40,8 +50,7 @@ pub(super) fn read(path: &Path) -> Result<Calibration, Fault> {
 }
 
 /// Reads an element from its attributes on.
-fn camera(element: &str) -> Result<RigCamera, String> {
-    let name = attribute(element, "serial").ok_or("a camera has no serial")?.to_owned();
+fn camera(element: &str, name: String) -> Result<RigCamera, String> {
     let number = |tag: &str, key: &str| {
         let start = element.find(&format!("<{tag} ")).ok_or_else(|| format!("camera {name} has no {tag}"))?;
         let number = attribute(&element[start..], key).and_then(|text| text.parse::<f64>().ok());
@@ -82,7 +91,8 @@ fn camera(element: &str) -> Result<RigCamera, String> {
     let position =
         DVec3::new(number("transform", "x")?, number("transform", "y")?, number("transform", "z")?) * METRES;
     let translation = -(rotation * position);
-    let camera = opencv_camera((size.0 as u32, size.1 as u32), k, rotation, translation.to_array());
+    let rows = rotation.transpose().to_cols_array_2d();
+    let camera = opencv_camera((size.0 as u32, size.1 as u32), k, rows, translation.to_array());
     Ok(RigCamera {
         lens: Lens::rational(&d).map_err(|problem| format!("camera {name}: {problem}"))?,
         camera,
@@ -141,5 +151,12 @@ mod tests {
             let error = read_text(&TEXT.replacen(from, to, 1)).unwrap_err().to_string();
             assert!(error.contains(problem), "{error}");
         }
+        // Beside a camera that is whole, it is kept for the case that there is a video of it.
+        let markers =
+            TEXT.replace("<camera active", "<camera serial=\"m1\" viewrotation=\"90\"/><camera active");
+        let calibration = read_text(&markers).unwrap();
+        assert_eq!(calibration.cameras.len(), 1);
+        let [(name, problem)] = &calibration.unusable[..] else { panic!("one") };
+        assert!(name == "m1" && problem.contains("camera m1 has a viewrotation"), "{problem}");
     }
 }

@@ -7,13 +7,12 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-use glam::{DMat3, DQuat, DVec3};
 use program::Fault;
 use refine::capture::Lens;
 use serde::Deserialize;
 
 use super::camera::{Calibration, RigCamera, opencv_camera, unread_warning};
-use crate::capture::{bad, intrinsics, read_text};
+use crate::capture::{bad, intrinsics, is_stated, read_text, rodrigues};
 
 #[derive(Deserialize)]
 struct Table {
@@ -28,7 +27,7 @@ struct Table {
     #[serde(default)]
     fisheye: bool,
     #[serde(flatten)]
-    others: BTreeMap<String, toml::Value>,
+    others: BTreeMap<String, serde_json::Value>,
 }
 
 /// Keys on which no camera depends: its number, and how well it was calibrated.
@@ -60,7 +59,12 @@ pub(super) fn read(path: &Path, warnings: &mut Vec<String>) -> Result<Calibratio
     let (mut cameras, mut unread) = (Vec::new(), BTreeSet::new());
     for (key, value) in tables {
         // Others hold settings and metadata.
-        if value.get("matrix").is_none() || value.get("rotation").is_none() {
+        if value.get("matrix").is_none() {
+            continue;
+        }
+        if value.get("rotation").is_none() {
+            let what = "has no rotation, so its place is not known, and it is left out";
+            warnings.push(format!("{}: [{key}] {what}", path.display()));
             continue;
         }
         let table: Table = value
@@ -78,15 +82,9 @@ pub(super) fn read(path: &Path, warnings: &mut Vec<String>) -> Result<Calibratio
             path: path.to_owned(),
             layout: "TOML of Pose2Sim, Caliscope and aniposelib",
             cameras,
-            up: None,
-            metres_per_unit: None,
+            ..Calibration::default()
         }),
     }
-}
-
-/// Whether a value states something: not false or 0.
-fn is_stated(value: &toml::Value) -> bool {
-    !matches!(value, toml::Value::Boolean(false) | toml::Value::Integer(0))
 }
 
 fn camera(key: &str, table: Table) -> Result<RigCamera, String> {
@@ -99,11 +97,9 @@ fn camera(key: &str, table: Table) -> Result<RigCamera, String> {
     let rotation = match &table.rotation {
         Rotation::Vector(vector) => {
             let vector = <[f64; 3]>::try_from(vector.as_slice()).map_err(|_| "rotation has not 3 numbers")?;
-            DMat3::from_quat(DQuat::from_scaled_axis(DVec3::from(vector)))
+            rodrigues(&vector)
         }
-        Rotation::Matrix(matrix) => {
-            DMat3::from_cols_array_2d(&three(matrix).ok_or("rotation has not 3 rows of 3")?).transpose()
-        }
+        Rotation::Matrix(matrix) => three(matrix).ok_or("rotation has not 3 rows of 3")?,
     };
     let translation =
         <[f64; 3]>::try_from(table.translation.as_slice()).map_err(|_| "translation has not 3 numbers")?;
@@ -159,6 +155,17 @@ mod tests {
         let (found, expected) = (read_text(&caliscope).unwrap(), read_text(CAMERA).unwrap());
         assert_eq!((found.cameras.len(), found.cameras[0].name.as_str()), (1, "3"));
         assert_eq!(found.cameras[0].camera, expected.cameras[0].camera);
+    }
+
+    /// Caliscope's cameras have none before they are calibrated to each other.
+    #[test]
+    fn a_camera_without_a_pose_is_said() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        let alone = "[cam_02]\nmatrix = [[50, 0, 31], [0, 50, 23], [0, 0, 1]]\n".to_owned() + CAMERA;
+        std::fs::write(file.path(), alone).unwrap();
+        let mut warnings = Vec::new();
+        assert_eq!(read(file.path(), &mut warnings).unwrap().cameras.len(), 1);
+        assert!(warnings.len() == 1 && warnings[0].contains("[cam_02] has no rotation"), "{warnings:?}");
     }
 
     #[test]
