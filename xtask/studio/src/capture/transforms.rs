@@ -647,7 +647,11 @@ pub(super) mod tests {
     fn times_become_seconds() {
         assert_eq!(frame_times_s(&[0.25, 0.375, 0.75]), [0.0, 0.25 * 2.0 / 30.0, 2.0 / 30.0]);
         assert_eq!(frame_times_s(&[0.7]), [0.0]);
-        assert_eq!(frame_times_s(&[100.0, 101.0, 103.0]), [0.0, 2.0 / 90.0, 2.0 / 30.0], "any unit");
+        assert_eq!(
+            frame_times_s(&[100.0, 101.0, 103.0]),
+            [0.0, 1.0 / 3.0 * (2.0 / 30.0), 2.0 / 30.0],
+            "any unit"
+        );
         assert_eq!(frame_times_s(&[-f64::MAX, f64::MAX]), [0.0, 1.0 / 30.0]);
         assert!(frame_times_s(&[]).is_empty());
     }

@@ -16,12 +16,13 @@ use crate::ffmpeg::{self, Probed};
 use crate::messages::unreadable;
 
 /// File extensions of videos.
-pub(super) const EXTENSIONS: [&str; 8] = ["mp4", "mov", "mkv", "avi", "m4v", "webm", "mts", "m2ts"];
+pub(super) const EXTENSIONS: [&str; 6] = ["mp4", "mov", "mkv", "avi", "m4v", "webm"];
 
-/// File extensions of videos that are not read: raw recordings, previews, spherical pictures, and what few cameras write.
-const UNREAD: [&str; 16] = [
-    "360", "3gp", "braw", "crm", "flv", "insv", "lrv", "mod", "mpeg", "mpg", "mxf", "ogv", "r3d", "ts",
-    "vob", "wmv",
+/// File extensions of videos that are not read: raw recordings, previews, spherical pictures, what few cameras
+/// write, and transport streams (mts), in which ffmpeg does not seek to a frame exactly.
+const UNREAD: [&str; 18] = [
+    "360", "3gp", "braw", "crm", "flv", "insv", "lrv", "m2ts", "mod", "mpeg", "mpg", "mts", "mxf", "ogv",
+    "r3d", "ts", "vob", "wmv",
 ];
 
 /// Deviation of an interval between frames from the usual one that counts as rounding, in intervals.
