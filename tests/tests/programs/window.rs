@@ -291,19 +291,13 @@ fn closes_at_once(display: &Display, player: Player<'_>) -> Result<(), String> {
     }
 }
 
-/// The first clip is on a server that takes requests and sends nothing, or on a disk that does not answer.
+/// The first clip is on a server that takes requests and sends nothing.
 fn opens_without_clip(display: &Display) -> Result<(), String> {
     let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
     let server = Server::start(|_, _, answer| answer.wait_until_closed());
-    // Opening it waits for a writer.
-    let pipe = folder.path().join("field.ply");
-    Command::new("mkfifo").arg(&pipe).status().map_err(|error| error.to_string())?;
-    for (name, title) in [(server.url("a.aarc"), "a.aarc"), (pipe.display().to_string(), "field.ply")] {
-        let mut command = display.command(client());
-        command.arg(name).args(["--size", "800x600"]).env("XDG_CACHE_HOME", folder.path());
-        closes_at_once(display, display.open(&mut command, title)?)?;
-    }
-    Ok(())
+    let mut command = display.command(client());
+    command.arg(server.url("a.aarc")).args(["--size", "800x600"]).env("XDG_CACHE_HOME", folder.path());
+    closes_at_once(display, display.open(&mut command, "a.aarc")?)
 }
 
 /// What the viewer opens takes the place of a clip that does not come.

@@ -538,7 +538,7 @@ mod tests {
         show.clock = Clock::new(1.0, 30.0);
         // There is no device: the clip is loaded once there is one.
         show.update_take(0.1);
-        assert!(show.clips.is_loading() && !show.clock.is_advancing());
+        assert!(show.clips.is_loading() && show.clock.is_waiting());
     }
 
     #[test]

@@ -200,28 +200,29 @@ mod tests {
         assert_eq!(inner.read_dir().unwrap().count(), 1, "nothing but the file is left");
     }
 
-    /// A file that blocks its reader, as a busy disk does.
+    /// A folder that another player has locked keeps its readers waiting, as a busy disk does.
     #[cfg(unix)]
     #[test]
     fn a_busy_disk_blocks_no_frame_and_loses_nothing() {
-        use std::process::Command;
+        use std::fs::File;
         use std::sync::mpsc::channel;
 
         let folder = tempfile::tempdir().unwrap();
         let mut recent = RecentClips::open(Some(folder.path().into()));
-        let path = FILE.path(folder.path());
-        assert!(Command::new("mkfifo").arg(&path).status().unwrap().success());
+        let other = File::open(folder.path()).unwrap();
+        other.lock().unwrap();
+        std::fs::write(FILE.path(folder.path()), r#"{"version": 1, "clips": ["/other.aarc"]}"#).unwrap();
         let (done, is_done) = channel();
         std::thread::spawn(move || {
             recent.add("/a.aarc");
-            // By now the thread reads the file.
+            // By now the thread waits for the folder.
             std::thread::sleep(Duration::from_millis(50));
             recent.add("/b.aarc");
             let _ = done.send(recent);
         });
         let recent = is_done.recv_timeout(PATIENCE).expect("a frame waits for the disk");
         assert_eq!(recent.names(), ["/b.aarc", "/a.aarc"]);
-        std::fs::write(&path, r#"{"version": 1, "clips": ["/other.aarc"]}"#).unwrap();
+        drop(other);
         drop(recent);
         let names = RecentClips::open(Some(folder.path().into())).names();
         assert_eq!(names, ["/b.aarc", "/a.aarc", "/other.aarc"]);

@@ -8,7 +8,6 @@ use crate::overrides::normalized;
 use crate::spz::ASSUMED_VARIANCE;
 
 use super::container::Ply;
-use super::gaussian_splatting::FILTER_3D;
 
 /// First word of the comments that hold metadata.
 pub const MARK: &str = "aarc";
@@ -18,6 +17,9 @@ pub const VERSION: &str = "1";
 
 /// Key of the comment that marks a field file, whose value is its version.
 const FIELD: &str = "field";
+
+/// Mip-Splatting's standard deviation of the filter in space, in units.
+pub(super) const FILTER_3D: &str = "filter_3D";
 
 /// Whether the comments mark a field file.
 pub(super) fn is_marked(ply: &Ply) -> bool {

@@ -15,7 +15,7 @@ use crate::imported::Imported;
 use crate::limits::ImportBudget;
 use crate::origin;
 
-use super::comments;
+use super::comments::{self, FILTER_3D};
 use super::container::{self, Table};
 
 /// Names of the static columns but [`REST`], in the order of a file.
@@ -29,9 +29,6 @@ const SCALE_2: &str = "scale_2";
 
 /// Names of colours that stand in place of the constant SH coefficients.
 const RGB: [&str; 3] = ["red", "green", "blue"];
-
-/// Mip-Splatting's standard deviation of the filter in space, in units.
-pub(super) const FILTER_3D: &str = "filter_3D";
 
 /// Beginning of the numbered names of the SH of degree 1 and above, which stand before the opacity.
 const REST: &str = "f_rest_";
