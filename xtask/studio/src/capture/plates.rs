@@ -61,9 +61,12 @@ impl CaptureFiles {
         let without_plate: Vec<usize> = (0..self.plates.len())
             .filter(|camera| is_fitted(camera) && self.plates[*camera].stated_path().is_none())
             .collect();
-        if let Some(masked) = self.masked()? {
-            let has_plates = without_plate.is_empty() && masked == BackgroundSource::Masks;
-            return Ok(if has_plates { BackgroundSource::Plates } else { masked });
+        let has_masks = (0..self.capture.photos.len()).any(|i| self.mask_path(i).is_some());
+        if has_masks && !without_plate.is_empty() {
+            return Ok(BackgroundSource::Masks);
+        }
+        if self.is_cut_out()? {
+            return Ok(BackgroundSource::CutOut);
         }
         if !without_plate.is_empty() {
             let whole = CaptureFiles::open(&self.folder)?;
@@ -77,18 +80,17 @@ impl CaptureFiles {
         Ok(BackgroundSource::Plates)
     }
 
-    /// [`BackgroundSource::Masks`] or [`BackgroundSource::CutOut`] if photographs have masks, in files of their own or as
-    /// transparency; looks at one photograph of each camera.
-    fn masked(&self) -> Result<Option<BackgroundSource>, Fault> {
+    /// Whether photographs are transparent or black around the subject; looks at one photograph of each camera.
+    ///
+    /// # Errors
+    /// [`Fault::Data`] that names a file that cannot be read.
+    pub fn is_cut_out(&self) -> Result<bool, Fault> {
         let mut is_seen = vec![false; self.capture.cameras.len()];
-        let mut has_masks = false;
         for (i, photo_id) in self.capture.photos.iter().enumerate() {
-            let mask = self.mask_path(i);
-            has_masks |= mask.is_some();
             if std::mem::replace(&mut is_seen[photo_id.camera], true) {
                 continue;
             }
-            let is_cut_out = match mask {
+            let is_cut_out = match self.mask_path(i) {
                 Some(mask) => {
                     let mask = self.mask(&mask, photo_id.camera)?;
                     self.is_premultiplied(*photo_id, &self.taken(*photo_id)?, &mask)
@@ -97,10 +99,10 @@ impl CaptureFiles {
                 None => read_image(&self.path(*photo_id))?.pixels.iter().any(|pixel| pixel[3] < 0.5),
             };
             if is_cut_out {
-                return Ok(Some(BackgroundSource::CutOut));
+                return Ok(true);
             }
         }
-        Ok(has_masks.then_some(BackgroundSource::Masks))
+        Ok(false)
     }
 
     /// Finds the plates that are not stated: medians of photographs from all over the capture, of frames that `holdout` does

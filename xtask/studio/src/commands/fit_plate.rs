@@ -40,7 +40,7 @@ impl PlateWhen {
     ) -> anyhow::Result<PlatePlan> {
         let is_wanted = match self {
             PlateWhen::On => {
-                if capture_files.background_source(holdout)? == BackgroundSource::CutOut {
+                if capture_files.is_cut_out()? {
                     let what = "--plate on: photographs are transparent or black around the subject, so there is nothing \
                                 to make a plate of; leave it out";
                     return Err(Fault::Data(what.into()).into());
