@@ -26,8 +26,8 @@ pub struct AnchorSettings {
     /// Settings of the plane sweep.
     pub sweep: SweepSettings,
     /// Temporal width (standard deviation) of the Gaussians, in intervals (see [`Timeline`](crate::fit::Timeline)).
-    /// The paper's is 1.5 frames of the capture, and it holds out every other frame: 0.75 intervals. Halfway
-    /// between two photographs, a Gaussian of either still has 0.80 of its opacity.
+    /// The paper's is 1.5 frames of the capture, and it holds out every other frame: 0.75 intervals. Twice as wide, a
+    /// Gaussian learns from more photographs, and halfway between two of them it still has 0.95 of its opacity.
     pub width: f64,
     /// The filter that the Gaussians are drawn with.
     pub filter: PixelFilter,
@@ -50,7 +50,7 @@ impl Default for AnchorSettings {
             mirror: Mirror::Auto,
             hull: HullSettings::default(),
             sweep: SweepSettings::default(),
-            width: 0.75,
+            width: 1.5,
             filter: PixelFilter::Mip,
             near: 0.0,
             sh_degree: 3,

@@ -344,7 +344,7 @@ mod tests {
             run(&mut all, &mut moments, &[0], &gradient);
         }
         run(&mut all, &mut moments, &[1], &gradient);
-        assert!((all.tau[1] - (2.0 - 2.5e-3)).abs() < 1e-6, "{}", all.tau[1]);
+        assert!((all.tau[1] - (2.0 - 1e-2)).abs() < 1e-6, "{}", all.tau[1]);
         assert_eq!(moments.visits, [50, 1]);
     }
 

@@ -33,11 +33,12 @@ const SH_FIRST: f64 = 2.5e-2;
 /// for degree 0.
 const SH_REST: f64 = 5e-3;
 
-/// For the window centres, in intervals: the rate of Spacetime Gaussians for clips of 50 frames.
-const TAU: f64 = 2.5e-3;
+/// For the window centres, in intervals: 4 times the rate of Spacetime Gaussians for clips of 50 frames, at which windows
+/// stay as they start. `codec/refine/MEASURED.md` has what it is worth, with [`LOG_WIDTHS`].
+const TAU: f64 = 1e-2;
 
 /// For the logarithms of the window widths.
-const LOG_WIDTHS: f64 = 5e-3;
+const LOG_WIDTHS: f64 = 2e-2;
 
 /// For the rates of the quaternions per interval.
 const ROTATION_RATES: f64 = 1e-3;
