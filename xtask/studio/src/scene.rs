@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
-use codec::{ClipInfo, Field, Surroundings};
+use codec::{ClipInfo, Field, Surroundings, Viewpoint};
 use formats::{
     FieldPath, ImportLimits, Imported, ImportedScene, NoField, Overrides, POINT_CLOUDS, Repairs, SOG_INDEX,
     SceneFiles, has_field, import_plate, is_field_file, list_folder, titles,
@@ -23,6 +23,9 @@ const CAMERAS: &str = "cameras.json";
 
 /// File name that marks a field folder, a take of segments.
 pub(crate) const FIELD_FOLDER: &str = "field.json";
+
+/// The key of `scene.json` that states viewpoints.
+const VIEWPOINTS: &str = "viewpoints";
 
 /// What a package is made from.
 #[derive(Debug)]
@@ -145,8 +148,22 @@ impl Scene {
         })
     }
 
-    /// The scene among the `surroundings` of its take.
-    pub(crate) fn among(self, surroundings: &Arc<Surroundings>) -> Scene {
+    /// Whether the source states viewpoints.
+    pub(crate) fn states_viewpoints(&self) -> bool {
+        !self.assumed.contains(&VIEWPOINTS) && !self.info.viewpoints.is_empty()
+    }
+
+    /// The scene as a part of a take, with the `surroundings` and the `viewpoints` of the take, which the source of the take
+    /// may have stated.
+    pub(crate) fn in_take(
+        mut self,
+        surroundings: &Arc<Surroundings>,
+        viewpoints: &[Viewpoint],
+        is_stated: bool,
+    ) -> Scene {
+        self.assumed.retain(|key| *key != VIEWPOINTS);
+        self.assumed.extend((!is_stated).then_some(VIEWPOINTS));
+        self.info.viewpoints = viewpoints.to_vec();
         Scene { surroundings: OnceLock::from(Arc::clone(surroundings)), ..self }
     }
 

@@ -15,8 +15,8 @@ const CROSSING_MAX: f64 = 30.0;
 /// sees it.
 const NEAREST_SHARE: f64 = 0.4;
 
-/// Least near distance in distances of the cameras: one that stands where the others look leaves them no haze. Pictures of
-/// panoptic-basketball from held cameras lose 1 dB with it, and 16 dB with none.
+/// Least near distance in distances of the cameras. A camera in the middle of the others would make the near distance 0 for
+/// all of them, and haze would come back: pictures of panoptic-basketball from held cameras then lose 16 dB, 1 dB with it.
 const NEAR_SHARE_MIN: f64 = 0.05;
 
 /// The point that cameras look at.

@@ -80,12 +80,14 @@ impl CaptureFiles {
         Ok(BackgroundSource::Plates)
     }
 
-    /// Whether photographs are transparent or black around the subject; looks at one photograph of each camera.
+    /// Whether the photographs of most cameras are transparent or black around the subject: of one camera, they may be dark.
+    /// Looks at one photograph of each camera.
     ///
     /// # Errors
     /// [`Fault::Data`] that names a file that cannot be read.
     pub fn is_cut_out(&self) -> Result<bool, Fault> {
         let mut is_seen = vec![false; self.capture.cameras.len()];
+        let (mut cut_out, mut cameras) = (0, 0);
         for (i, photo_id) in self.capture.photos.iter().enumerate() {
             if std::mem::replace(&mut is_seen[photo_id.camera], true) {
                 continue;
@@ -98,11 +100,10 @@ impl CaptureFiles {
                 None if self.videos[photo_id.camera].is_some() => false,
                 None => read_image(&self.path(*photo_id))?.pixels.iter().any(|pixel| pixel[3] < 0.5),
             };
-            if is_cut_out {
-                return Ok(true);
-            }
+            cut_out += usize::from(is_cut_out);
+            cameras += 1;
         }
-        Ok(false)
+        Ok(2 * cut_out > cameras)
     }
 
     /// Finds the plates that are not stated: medians of photographs from all over the capture, of frames that `holdout` does

@@ -432,9 +432,16 @@ fn fit_capture(args: &Args, out: &Path) -> anyhow::Result<FitResult> {
     Ok(FitResult { plan, fitted, splits, fragments_per_lit_pixel, held_cameras })
 }
 
-/// Says in a line what a fit of whole photographs does after `done` steps and, on the CPU, how long it takes.
+/// Says in two lines what is the subject of a fit of whole photographs, if no earlier fit has told, and what the fit does
+/// after `done` steps; on the CPU also how long it takes.
 fn announce(plan: &FitPlan, capture_files: &CaptureFiles, done: u64, backend: &dyn Backend) {
     if plan.plate == PlatePlan::Fitted {
+        if !matches!(plan.start, FitStart::Field(..)) {
+            let subject = if capture_files.has_mattes() { "what moves" } else { "what masks show" };
+            eprintln!(
+                "note: {subject} is the subject, in front of a plate of the rest; --plate off fits it alone"
+            );
+        }
         let is_cpu = backend.device().is_none();
         let cores = is_cpu.then(|| available_parallelism().map_or(1, NonZero::get));
         eprintln!("note: {}", plan.describe_whole(capture_files, done, cores));
@@ -479,9 +486,12 @@ fn held_cameras(
 fn plate_plan(args: &Args, capture_files: &mut CaptureFiles, holdout: Holdout) -> anyhow::Result<PlatePlan> {
     let is_whole = matches!(args.anchor, Anchor::Depths(_) | Anchor::None);
     let has_plate = |from: &Path| Input::load(from).map(|input| input.has_plate());
+    // Photographs with masks may have been fitted whole, too, with `--plate on`.
+    let is_behind =
+        |source: &BackgroundSource| matches!(source, BackgroundSource::Plates | BackgroundSource::Masks);
     match (args.options.plate, &args.from) {
         (PlateWhen::Auto, Some(from))
-            if has_plate(from)? && capture_files.background_source(holdout)? == BackgroundSource::Plates =>
+            if has_plate(from)? && is_behind(&capture_files.background_source(holdout)?) =>
         {
             capture_files.find_plates(holdout)?;
             Ok(PlatePlan::Fitted)
@@ -556,17 +566,19 @@ pub(super) fn fit_and_write(
     let fitted =
         fit::fit(plan, capture_files, views, plate, runtime, out, &mut |progress| show(&bar, progress))?;
     bar.finish_and_clear();
+    let [moving, still] = fitted.fit.to_field_and_plate();
+    if moving.is_empty() {
+        // To go on from it would end the same.
+        fit::remove_checkpoint(out)?;
+        let what = "no Gaussian is left to show the subject: leave --set floor=off out, or fit all as one, --plate off";
+        bail!(Fault::Data(what.into()));
+    }
     let cameras = fit::learned_cameras(capture_files, &fitted.fit, views.timeline);
     if let Some(cameras) = &cameras {
         output::write_durable(&cameras_path(out), cameras.to_json().as_bytes())?;
     }
     // The checkpoint goes only when the field is safe.
     let record = FitRecord { device: fitted.device(), ..capture_files.fit_record(plan.holdout) };
-    let [moving, still] = fitted.fit.to_field_and_plate();
-    if moving.is_empty() {
-        let what = "nothing is left in front of the plate: leave --set floor=off out, or fit all as one, --plate off";
-        bail!(Fault::Data(what.into()));
-    }
     let info = fit::clip_info(capture_files, &[(&moving, [0.0, 1.0])], plate.map(|_| &still));
     if plate.is_some() {
         write_plate(&plate_path(out), &still, &info)?;

@@ -55,12 +55,6 @@ impl PlateWhen {
             return Ok(PlatePlan::None);
         }
         capture_files.find_plates(holdout)?;
-        if self == PlateWhen::Auto {
-            let subject = if capture_files.has_mattes() { "what moves" } else { "what masks show" };
-            eprintln!(
-                "note: {subject} is the subject, in front of a plate of the rest; --plate off fits it alone"
-            );
-        }
         Ok(PlatePlan::Fitted)
     }
 }
@@ -80,9 +74,8 @@ fn tells_plate(capture_files: &CaptureFiles, holdout: Holdout) -> anyhow::Result
     })
 }
 
-/// Fits the plate that belongs behind the field `out`, if the plan says so, and writes it beside; `capture_files` and
-/// `views`, its photographs, get the colours of cameras that it learned. A fit that goes on from a checkpoint has it, and one
-/// that starts from a field has the plate of that.
+/// Fits the plate that belongs behind the field `out`, if the plan says so; `capture_files` and `views`, its photographs, get
+/// the colours of cameras that it learned. A fit that starts from a field has the field's plate.
 ///
 /// # Errors
 /// Those of [`fit::fit_plate`]; [`Fault::Data`] if nothing is in front of the plates.

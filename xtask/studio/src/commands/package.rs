@@ -610,7 +610,7 @@ fn print_report(report: &PackageReport) {
     print_choice(report);
     if report.unseen > 0 {
         println!(
-            "{:16} {} of all Gaussians are seen from nowhere people stand, but for rims: they are kept, coded coarsely, and no picture judges them",
+            "{:16} {} of all Gaussians show from nowhere people stand, but for rims: they are kept, coded coarsely; --drop unseen leaves them out",
             "unseen", report.unseen
         );
     }

@@ -10,6 +10,7 @@ use refine::reference::{Radius, RenderScene, coverage};
 use serde::Serialize;
 
 use super::views::render_scene;
+use crate::scene::Scene;
 
 /// Number of instants that the counts average.
 const INSTANTS: usize = 4;
@@ -54,11 +55,17 @@ impl LensCounter {
     }
 }
 
-/// The fragments of `clip`, the decoded package of the visible `field` and `plate`, at every standpoint.
-pub(super) fn lens_fragments(field: &Field, plate: Option<&Field>, clip: &Clip) -> Vec<LensFragments> {
-    let subject = Subject::from_clip(clip);
+/// The fragments of `clip`, the decoded package of the visible `field` and `plate` of `scene`, at every standpoint. These are
+/// in the scene, whatever its package leaves out: packages of one scene compare.
+pub(super) fn lens_fragments(
+    scene: &Scene,
+    field: &Field,
+    plate: Option<&Field>,
+    clip: &Clip,
+) -> Vec<LensFragments> {
+    let subject = Subject::new(&scene.info, scene.surroundings());
     let count = |(standpoint, name)| {
-        let counter = LensCounter::new(&subject, clip.info.up, field, standpoint);
+        let counter = LensCounter::new(&subject, scene.info.up, field, standpoint);
         LensFragments {
             standpoint: name,
             before: counter.per_pixel(&render_scene(field, plate)),

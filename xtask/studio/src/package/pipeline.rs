@@ -62,7 +62,7 @@ pub fn package_with(
     let VerifiedPackage { coded, snapped, steering_views, rounding_views, judging_views, reported } =
         encode(scene, &choice.field, plate.as_ref(), settings.coding, backend, progress)?;
     progress.stage("counting fragments", 1);
-    let lens_fragments = lens_fragments(&field, plate.as_ref(), &coded.clip);
+    let lens_fragments = lens_fragments(scene, &field, plate.as_ref(), &coded.clip);
     progress.stage("comparing with the whole", 1);
     let whole_psnr_db = choice.whole_psnr_db(&coded.clip);
     progress.stage("looking for what nobody sees", 1);
@@ -228,7 +228,6 @@ mod tests {
     /// The ball comes and goes, and moves by a tenth of its radius.
     #[test]
     fn what_moves_in_a_room_is_packaged_for_who_stands_there() {
-        let mut field = ball_in_a_room();
         let motion = |row: usize| if row < COUNT { [0.1, 0.0, 0.05] } else { [0.0; 3] };
         let temporal = codec::Temporal {
             tau: vec![0.5; 2 * COUNT],
@@ -237,8 +236,23 @@ mod tests {
             motion: (0..2 * COUNT).map(motion).collect(),
             ..Default::default()
         };
-        field.temporal = Some(temporal);
-        check_from_within(field, 1.2);
+        for sphere in [10.0, 100.0] {
+            let field = Field { temporal: Some(temporal.clone()), ..ball_within(sphere, -1.0) };
+            check_from_within(field, 1.2);
+        }
+    }
+
+    #[test]
+    fn a_part_of_a_take_has_the_viewpoints_of_the_take() {
+        let viewpoint = |size: f32| codec::Viewpoint::framing([[-size; 3], [size; 3]], [0.0, -1.0, 0.0]);
+        let info = ClipInfo { viewpoints: vec![viewpoint(1.0)], ..ClipInfo::default() };
+        let part = || Scene::made("part", ball_in_a_room(), info.clone());
+        let surroundings = std::sync::Arc::clone(part().surroundings());
+        let of_take = [viewpoint(2.0)];
+        let stated = part().in_take(&surroundings, &of_take, true);
+        assert!(stated.states_viewpoints() && stated.info.viewpoints == of_take);
+        let assumed = part().in_take(&surroundings, &of_take, false);
+        assert!(!assumed.states_viewpoints() && assumed.info.viewpoints == of_take);
     }
 
     /// Packages a field, and looks at it from this distance of its middle.

@@ -117,7 +117,7 @@ pub(crate) fn compared_views(scene: &Scene, field: &Field, size: (u32, u32)) -> 
 /// Views that measure what is reported, in pictures of this `size`; `None` where the source states viewpoints, whose judging
 /// views are reported: a user who asks for a quality there reads that it is met.
 pub(crate) fn reported_views(scene: &Scene, field: &Field, size: (u32, u32)) -> Option<Vec<PosedView>> {
-    (!states_viewpoints(scene)).then(|| views_of(scene, field, REPORTED_PLACES, size, COMPARED))
+    (!scene.states_viewpoints()).then(|| views_of(scene, field, REPORTED_PLACES, size, COMPARED))
 }
 
 /// At most `count` views that measure rate and distortion, in pictures of this `size`.
@@ -225,16 +225,12 @@ fn static_views(groups: &[Vec<Camera>], field: &Field, count: usize) -> Vec<Pose
     groups.iter().flat_map(of_group).collect()
 }
 
-fn states_viewpoints(scene: &Scene) -> bool {
-    !scene.assumed.contains(&"viewpoints") && !scene.info.viewpoints.is_empty()
-}
-
 /// Cameras for a scene: the cameras of the source's viewpoints, then the cameras of people who stand around the content
 /// and elsewhere. If the source states no viewpoint, half of all are the content's. Never empty; the last group is
 /// there for every field.
 fn camera_groups(scene: &Scene, places: Places, size: (u32, u32)) -> Vec<Vec<Camera>> {
     let StandPoints { content, around } = scene.surroundings().stand_points(places.turn, size);
-    if !states_viewpoints(scene) {
+    if !scene.states_viewpoints() {
         return [around, content].into_iter().filter(|group| !group.is_empty()).collect();
     }
     let up = scene.info.up;

@@ -48,6 +48,8 @@ struct Survey {
     rows: usize,
     /// Metadata of the take.
     info: ClipInfo,
+    /// Whether its viewpoints are stated.
+    states_viewpoints: bool,
     /// The largest near distance. All segments get it, so that a part of the take looks as it does in the whole.
     near: f32,
 }
@@ -71,7 +73,10 @@ pub fn package_take(
     let mut writer = TakeWriter::begin(out)?;
     let survey = survey(sources)?;
     let surroundings = sources.surroundings(survey.rows, survey.info.up)?;
-    let read = |i: usize| sources.scene(i).map(|scene| scene.among(&surroundings));
+    let read = |i: usize| {
+        let scene = sources.scene(i)?;
+        anyhow::Ok(scene.in_take(&surroundings, &survey.info.viewpoints, survey.states_viewpoints))
+    };
     let kept = shares(sources, settings, &survey)?;
     let over_budget = |i: usize| kept.as_ref().is_some_and(|kept| kept[i] < survey.gaussians[i]);
     let probes = match settings.rank {
@@ -122,7 +127,7 @@ pub fn package_take(
 fn survey(sources: &SegmentSources) -> anyhow::Result<Survey> {
     let mut agreement = Agreement::default();
     let spans: Vec<Span> = (0..sources.len()).map(|i| sources.span(i)).collect();
-    let (mut gaussians, mut rows, mut info, mut near) = (Vec::new(), 0, None, 0.0f32);
+    let (mut gaussians, mut rows, mut head, mut near) = (Vec::new(), 0, None, 0.0f32);
     let mut last_plate: Option<usize> = None;
     for i in 0..sources.len() {
         let scene = sources.scene(i)?;
@@ -144,11 +149,14 @@ fn survey(sources: &SegmentSources) -> anyhow::Result<Survey> {
         near = near.max(scene.subject.field.near).max(plate.map_or(0.0, |plate| plate.near));
         gaussians.push(visible(&scene.subject).0.len());
         rows += scene.subject.field.len();
-        if info.is_none() {
-            info = Some(ClipInfo { viewpoints: sources.viewpoints(&scene)?, ..scene.info });
+        if head.is_none() {
+            let states_viewpoints = scene.states_viewpoints();
+            head =
+                Some((ClipInfo { viewpoints: sources.viewpoints(&scene)?, ..scene.info }, states_viewpoints));
         }
     }
-    Ok(Survey { spans, gaussians, rows, info: info.expect("there is a segment"), near })
+    let (info, states_viewpoints) = head.expect("there is a segment");
+    Ok(Survey { spans, gaussians, rows, info, states_viewpoints, near })
 }
 
 /// The scene with a near distance.
