@@ -207,7 +207,7 @@ fn masks_beside_plates_leave_photographs_whole() {
     // What one camera shows is black around the subject, too: it has its lid on.
     put_lid_on(&folder.join("rig"), "01");
     let stderr = run(folder, "fit studio -o d.ply --steps 4 --gaussians 600").success().stderr;
-    assert!(stderr.contains("in front of a plate") && stderr.contains("camera 01"), "{stderr}");
+    assert!(stderr.contains("in front of a plate"), "{stderr}");
 }
 
 /// The video of a camera that sees next to nothing.
