@@ -37,7 +37,7 @@ pub(crate) fn median_frames(count: usize, pixels: usize, least: usize) -> Vec<us
     }
 }
 
-/// What a capture tells of what is behind its subject.
+/// How a capture tells its background.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum BackgroundSource {
     /// Each camera that is fitted to has a plate, stated or to be found as the median of its photographs.
@@ -80,8 +80,8 @@ impl CaptureFiles {
         Ok(BackgroundSource::Plates)
     }
 
-    /// Whether the photographs of most cameras are transparent or black around the subject: of one camera, they may be dark.
-    /// Looks at one photograph of each camera.
+    /// Whether the photographs of most cameras are transparent or black around the subject; a single camera may have no
+    /// light. Looks at one photograph of each camera.
     ///
     /// # Errors
     /// [`Fault::Data`] that names a file that cannot be read.
@@ -107,8 +107,8 @@ impl CaptureFiles {
     }
 
     /// Finds the plates that are not stated: medians of photographs from all over the capture, of frames that `holdout` does
-    /// not hold out. From then on, photographs without masks get mattes, but for those of held cameras with too few
-    /// photographs for a median.
+    /// not hold out. From then on, photographs without masks get mattes. Held cameras with too few photographs for a median
+    /// get neither plates nor mattes.
     ///
     /// # Errors
     /// [`Fault::Data`] that names a file that cannot be read, or a fitted camera with too few photographs.

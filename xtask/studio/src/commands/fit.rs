@@ -486,12 +486,14 @@ fn held_cameras(
 fn plate_plan(args: &Args, capture_files: &mut CaptureFiles, holdout: Holdout) -> anyhow::Result<PlatePlan> {
     let is_whole = matches!(args.anchor, Anchor::Depths(_) | Anchor::None);
     let has_plate = |from: &Path| Input::load(from).map(|input| input.has_plate());
-    // Photographs with masks may have been fitted whole, too, with `--plate on`.
-    let is_behind =
-        |source: &BackgroundSource| matches!(source, BackgroundSource::Plates | BackgroundSource::Masks);
     match (args.options.plate, &args.from) {
+        // With `--plate on`, photographs with masks were fitted whole, too.
         (PlateWhen::Auto, Some(from))
-            if has_plate(from)? && is_behind(&capture_files.background_source(holdout)?) =>
+            if has_plate(from)?
+                && matches!(
+                    capture_files.background_source(holdout)?,
+                    BackgroundSource::Plates | BackgroundSource::Masks
+                ) =>
         {
             capture_files.find_plates(holdout)?;
             Ok(PlatePlan::Fitted)

@@ -55,8 +55,8 @@ impl LensCounter {
     }
 }
 
-/// The fragments of `clip`, the decoded package of the visible `field` and `plate` of `scene`, at every standpoint. These are
-/// in the scene, whatever its package leaves out: packages of one scene compare.
+/// The fragments of `clip`, the decoded package of the visible `field` and `plate` of `scene`, at every standpoint. The scene
+/// places the viewer, not the package, so that packages with other budgets compare.
 pub(super) fn lens_fragments(
     scene: &Scene,
     field: &Field,

@@ -15,7 +15,7 @@ use tempfile::tempdir;
 
 const FIT: &str = "--steps 300 --gaussians 600 --sh-degree 0";
 
-/// From now on, the capture asks a fit to learn nothing of its cameras.
+/// Removes from the manifest what a fit is to learn of the cameras.
 fn ask_for_nothing(folder: &Path) {
     edit_manifest(folder, |line| !line.contains("\"learn\""));
 }
