@@ -11,8 +11,8 @@ use super::glance::{SIZE, glance};
 use super::{
     AROUND_FOV_Y, CLEAR_CONTENT_MIN, DISTANCES, FOV_Y, Look, Surroundings, level_directions, moved, rotate,
 };
-use crate::Viewpoint;
 use crate::camera::{cross, norm, normalize, sub};
+use crate::{Viewpoint, near_fade};
 
 /// Turns around the content from the front, in eighths of a whole one.
 const TURNS: [f64; 8] = [0.0, 1.0, -1.0, 2.0, -2.0, 3.0, -3.0, 4.0];
@@ -174,9 +174,12 @@ impl Surroundings {
     }
 
     /// Whether the eye is in no haze, and in nothing.
-    fn is_clear(&self, look: &Look) -> bool {
+    pub(super) fn is_clear(&self, look: &Look) -> bool {
         let eye = look.camera.position();
-        let is_around = |disc: &Disc| disc.opacity >= HAZE_MAX && norm(sub(disc.center, eye)) < disc.radius;
+        let is_around = |disc: &Disc| {
+            let distance = norm(sub(disc.center, eye));
+            distance < disc.radius && disc.opacity * near_fade(distance, self.discs.near) >= HAZE_MAX
+        };
         look.glance.blocked <= HAZE_MAX && !self.discs.instants.iter().flatten().any(is_around)
     }
 

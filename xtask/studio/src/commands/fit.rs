@@ -85,7 +85,7 @@ pub(super) struct FitOptions {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
     steps: Option<u64>,
     /// Number of Gaussians below which pruning stops, and approximate number at the start; by default 12000
-    /// per training frame, at most 200000; for whole photographs 2000 per training frame, at most 60000, beside the
+    /// per training frame, at most 200000; for whole photographs 3000 per training frame, at most 90000, beside the
     /// Gaussians of the plate; fewer for photographs below 512x375
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
     gaussians: Option<u32>,

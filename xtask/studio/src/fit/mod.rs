@@ -119,6 +119,7 @@ pub fn fit(
         None => fit_from(plan, capture_files, views, runtime, out, on_progress, start)?,
         Some(_) => {
             let whole = views.whole(capture_files, plan.holdout)?;
+            strangers::name_dark(&whole, &capture_files.capture.cameras);
             fit_from(plan, capture_files, &whole, runtime, out, on_progress, start)?
         }
     };
@@ -295,7 +296,7 @@ pub fn remove_checkpoint(out: &Path) -> Result<(), Fault> {
 
 /// Metadata of a clip of this capture: its duration and frame rate, its up direction or else the mean of its cameras', its
 /// scale, and viewpoints at some of the cameras that it is fitted to and that see the content of the `fields` before their
-/// `plate`. The fields are shown at once, each in a range of its clip time.
+/// `plate`, if any does. The fields are shown at once, each in a range of its clip time.
 pub fn clip_info(
     capture_files: &CaptureFiles,
     fields: &[(&Field, [f64; 2])],

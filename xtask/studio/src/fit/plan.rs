@@ -297,10 +297,10 @@ pub(super) fn default_gaussians(frames: usize, capture_files: &CaptureFiles) -> 
     of_pixels((12_000 * frames).min(200_000), capture_files)
 }
 
-/// Seconds of a core that a step takes for each pixel of a whole photograph: 0.03 for 320x180.
-const CORE_S_A_PIXEL: f64 = 0.55e-6;
+/// Seconds of a core that a step takes for each pixel of a whole photograph: 0.05 for 320x180.
+const CORE_S_A_PIXEL: f64 = 0.9e-6;
 
-/// Default number of steps for whole photographs, beside the steps of the plate: with these nine minutes of two cores
+/// Default number of steps for whole photographs, beside the steps of the plate: with these 16 minutes of two cores
 /// at 640x360.
 const WHOLE_STEPS: u64 = 13_000;
 
@@ -308,8 +308,8 @@ const WHOLE_STEPS: u64 = 13_000;
 const PLATE_STEPS: u64 = 4000;
 
 /// Default number of the first Gaussians of what moves in whole photographs of 512x375 pixels, and the most for a frame.
-const WHOLE_GAUSSIANS: usize = 60_000;
-const WHOLE_GAUSSIANS_A_FRAME: usize = 2000;
+const WHOLE_GAUSSIANS: usize = 90_000;
+const WHOLE_GAUSSIANS_A_FRAME: usize = 3000;
 
 /// Default weight of the fragment term of fits and refinements. A room, in whole photographs, covers every pixel of a player
 /// many times over, and what is wide in it is haze: at twice and three times [`FRAGMENT_WEIGHT`], held cameras of

@@ -1,9 +1,11 @@
-//! [`name_strangers`]: cameras whose photographs show something else than the photographs of the others, or nothing;
-//! and [`name_covered`]: cameras whose photographs do not show their plates.
+//! [`name_strangers`]: cameras whose photographs show something else than the photographs of the others;
+//! [`name_dark`]: cameras whose photographs show nothing; [`name_covered`]: cameras whose photographs do not show their plates.
 //!
 //! A fit explains the plate of a stranger, too: by Gaussians before it that no other camera sees, and by a gain next to 0. So
 //! those Gaussians are left out, and gains do not count. Where no other camera looks, nothing contradicts a camera. One without
-//! light is fitted as one of little gain, so its plate itself tells.
+//! light is fitted as one of little gain, so its photographs themselves tell.
+
+use std::collections::BTreeMap;
 
 use refine::capture::CalibratedCamera;
 use refine::fit::{Backend, DeviceError, Fit, Parameters, Photograph, RenderedImage, Run, TrainingView};
@@ -25,24 +27,24 @@ const TEXTURE_MIN: f64 = 0.02;
 /// A camera is a stranger if the others explain less of its plate than this share of the median.
 const EXPLAINED_SHARE_MIN: f64 = 0.5;
 
-/// A camera has no light if its plate's [`brightness`] is below this level of 255, and below this share of the median.
+/// A camera has no light if the [`brightness`] of its photographs is below this level of 255, and below this share of what
+/// others have.
 const DARK_MAX: u8 = 20;
 const DARK_SHARE_MAX: f64 = 0.25;
 
-/// Share of the plates that have light at least: one lamp is none.
+/// Share of the cameras that have light at least: one lamp is none.
 const LIT_SHARE: f64 = 0.25;
 
 /// A camera does not show its plate if more than this share of its pixels never do.
 const COVERED_MIN: f64 = 0.25;
 
-/// Share of a plate's pixels, the brightest, that may be lamps or noise.
+/// Share of the pixels of a photograph, the brightest, that may be lamps or noise.
 const BRIGHTEST: f64 = 0.01;
 
 /// Steps from which on the plate of a right camera is explained.
 const STEPS_MIN: u64 = 2000;
 
-/// Names the strangers among `cameras` in a line each, and those without light in one, from the fit to the plates that are
-/// `views`.
+/// Names the strangers among `cameras` in a line each, from the fit to the plates that are `views`.
 ///
 /// # Errors
 /// A [`DeviceError`].
@@ -52,31 +54,40 @@ pub(super) fn name_strangers(
     cameras: &[CalibratedCamera],
     backend: &mut dyn Backend,
 ) -> Result<(), DeviceError> {
-    let name = |i: usize| cameras[views.train[i].1.camera_id].name.as_str();
-    let brightnesses: Vec<u8> = views.train.iter().map(|(_, view)| brightness(&view.photograph)).collect();
-    let dark = dark(&brightnesses);
-    if !dark.is_empty() {
-        eprintln!(
-            "note: next to nothing is seen by {} (levels to {} of 255): check light and lid; \"held\": true in capture.json \
-             leaves a camera out",
-            listed(&dark.iter().map(|i| name(*i)).collect::<Vec<_>>()),
-            dark.iter().map(|i| brightnesses[*i]).max().unwrap_or_default()
-        );
-    }
     if fit.steps_done() < STEPS_MIN {
         return Ok(());
     }
     let explained = explained_by_others(fit, views, backend)?;
+    let brightnesses: Vec<u8> = views.train.iter().map(|(_, view)| brightness(&view.photograph)).collect();
+    let dark = dark(&brightnesses);
     for i in strangers(&explained).into_iter().filter(|i| !dark.contains(i)) {
         eprintln!(
             "note: camera {} shows something else than the others do (they explain {:.0} % of it, and {:.0} % of most): check \
              its calibration, and whether its files are of another camera; \"held\": true in capture.json leaves it out",
-            name(i),
+            cameras[views.train[i].1.camera_id].name,
             100.0 * explained[i].unwrap_or_default(),
             100.0 * typical(&explained)
         );
     }
     Ok(())
+}
+
+/// Names the cameras whose whole photographs, which are `views`, show next to nothing, in one line.
+pub(super) fn name_dark(views: &TrainingViews, cameras: &[CalibratedCamera]) {
+    let mut brightnesses = BTreeMap::new();
+    for (_, view) in &views.train {
+        let most: &mut u8 = brightnesses.entry(view.camera_id).or_default();
+        *most = brightness(&view.photograph).max(*most);
+    }
+    let (camera_ids, brightnesses): (Vec<usize>, Vec<u8>) = brightnesses.into_iter().unzip();
+    let dark = dark(&brightnesses);
+    let Some(most) = dark.iter().map(|i| brightnesses[*i]).max() else { return };
+    let names: Vec<&str> = dark.iter().map(|i| cameras[camera_ids[*i]].name.as_str()).collect();
+    eprintln!(
+        "note: next to nothing is seen by {} (levels to {most} of 255): check light and lid; \"held\": true in capture.json \
+         leaves a camera out",
+        listed(&names)
+    );
 }
 
 /// Names the cameras without a photograph in `views`, with mattes, that shows much of the plate.
@@ -185,17 +196,23 @@ fn typical(explained: &[Option<f64>]) -> f64 {
     median(explained.iter().copied().flatten().collect()).unwrap_or(0.0)
 }
 
-/// The level that the pixels of a plate have at most, but for the brightest.
-fn brightness(plate: &Photograph) -> u8 {
-    let seen = (0..plate.pixels.len()).filter(|pixel| plate.is_valid(*pixel));
-    let level = |[r, g, b, _]: [u8; 4]| r.max(g).max(b);
-    let mut levels: Vec<u8> = seen.map(|pixel| level(plate.pixels[pixel])).collect();
-    levels.sort_unstable();
-    let most = ((1.0 - BRIGHTEST) * levels.len() as f64) as usize;
-    levels.get(most).copied().unwrap_or(u8::MAX)
+/// The level that the pixels of a photograph have at most, but for the brightest.
+fn brightness(photograph: &Photograph) -> u8 {
+    let mut counts = [0_usize; 256];
+    for (pixel, [r, g, b, _]) in photograph.pixels.iter().enumerate() {
+        counts[usize::from(*r.max(g).max(b))] += usize::from(photograph.is_valid(pixel));
+    }
+    let mut above = (BRIGHTEST * counts.iter().sum::<usize>() as f64) as usize;
+    let is_reached = |level: &u8| {
+        let count = counts[usize::from(*level)];
+        let is_reached = count > above;
+        above = above.saturating_sub(count);
+        is_reached
+    };
+    (0..=u8::MAX).rev().find(is_reached).unwrap_or(u8::MAX)
 }
 
-/// Indices of the plates without light, where some of the others have light.
+/// Indices of the cameras without light, where some of the others have light.
 fn dark(brightnesses: &[u8]) -> Vec<usize> {
     let mut brightest = brightnesses.to_vec();
     brightest.sort_unstable_by(|a, b| b.cmp(a));

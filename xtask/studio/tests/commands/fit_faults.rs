@@ -6,9 +6,12 @@ use std::path::{Path, PathBuf};
 
 use crate::small_stage::{stage, stage_of};
 use crate::tool::aarc_studio;
+use codec::{Camera, Field};
 use formats::import;
 use image::{GrayImage, RgbImage};
+use refine::reference::{Order, RenderScene, render};
 use serde_json::{Value, json};
+use tempfile::tempdir;
 
 /// Frames of [`stage`].
 const FRAMES: usize = 5;
@@ -187,4 +190,52 @@ fn frames_are_not_equally_spaced() {
     let as_taken = held(frames.map(|frame| (frame - 10) as f64 / 6.0));
     let even = held([0.0, 0.25, 0.5, 0.75, 1.0]);
     assert!(as_taken > even + 0.5, "{as_taken} {even} dB");
+}
+
+/// A room of colours, photographed from its middle.
+#[test]
+fn cameras_stand_within_what_they_photograph() {
+    let folder = tempdir().unwrap();
+    let mut room = Field::default();
+    for row in 0..2000 {
+        let height = 1.0 - (2 * row + 1) as f64 / 2000.0;
+        let (sin, cos) = (2.399_963 * f64::from(row)).sin_cos();
+        let level = (1.0 - height * height).sqrt();
+        let at = [level * cos, height, level * sin];
+        room.centers.push(at.map(|x| (3.0 * x) as f32));
+        room.sh.push(at.map(|x| (3.0 * x).sin() as f32));
+    }
+    room.rotations = vec![[1.0, 0.0, 0.0, 0.0]; room.len()];
+    room.log_scales = vec![[-2.0; 3]; room.len()];
+    room.opacities = vec![0.95; room.len()];
+    let camera = |i: usize| {
+        let (sin, cos) = (std::f64::consts::TAU * i as f64 / 12.0).sin_cos();
+        let position = [0.4 * cos, 0.2 * (i % 3) as f64, 0.4 * sin];
+        let target = [3.0 * cos, 0.8 * (i % 2) as f64, 3.0 * sin];
+        Camera::look_at(position, target, [0.0, 1.0, 0.0], 1.2, 64, 48)
+    };
+    let cameras: Vec<Value> = (0..12)
+        .map(|i| {
+            let camera = camera(i);
+            let picture = render(&RenderScene::from(&room), &camera, 0.0, Order::Depth);
+            let file = folder.path().join(format!("room/images/{i:02}/000000.png"));
+            fs::create_dir_all(file.parent().unwrap()).unwrap();
+            RgbImage::from_raw(64, 48, picture.to_rgb8()).unwrap().save(&file).unwrap();
+            json!({
+                "id": format!("{i:02}"), "w": 64, "h": 48, "K": camera.k, "w2c": camera.camera_from_world,
+                "held": i == 5,
+            })
+        })
+        .collect();
+    let images = "images/{camera}/{frame:06}.png";
+    let manifest = json!({ "fps": 30, "frames": 1, "images": images, "cameras": cameras });
+    fs::write(folder.path().join("room/capture.json"), manifest.to_string()).unwrap();
+    let line = "fit room -o room.ply --steps 600 --gaussians 1500 --sh-degree 0 --json";
+    let json = aarc_studio(folder.path(), &line.split(' ').collect::<Vec<_>>()).json();
+    assert_eq!(json["non_finite"], 0, "{json}");
+    let line = "eval room.ply --capture room --json";
+    let splits = aarc_studio(folder.path(), &line.split(' ').collect::<Vec<_>>()).json()["splits"].take();
+    let [fitted, held] = ["train", "recon"].map(|split| splits[split]["psnr_full"].as_f64().unwrap());
+    println!("fitted {fitted:.2} dB, held {held:.2} dB");
+    assert!(fitted > 20.0 && held > 15.0, "{splits}");
 }
