@@ -162,8 +162,8 @@ fn in_parallel<T: Send>(
     })
 }
 
-/// Diagonal of the box around the content; its radius where all of it is at one point.
-fn size_of(field: &Field) -> f64 {
+/// Diagonal of the box around the content; its radius where all of it is at one point. Above 0.
+pub(super) fn size_of(field: &Field) -> f64 {
     let surroundings = Surroundings::new(field, None, DEFAULT_UP);
     let [low, high] = surroundings.content_bounds();
     let diagonal = (0..3).map(|axis| (high[axis] - low[axis]).powi(2)).sum::<f64>().sqrt();

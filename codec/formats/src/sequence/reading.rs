@@ -12,7 +12,7 @@ use crate::limits::{ImportBudget, ImportLimits};
 use crate::source::FieldSource;
 
 use super::files::SequenceFiles;
-use super::fitted::Frames;
+use super::fitted::{Frames, size_of};
 use super::rows::correspond;
 
 /// Bytes of a row in a frame without view-dependent colour.
@@ -121,6 +121,7 @@ impl Sequence {
         let mut sequence = Sequence { frames, apart: None, hints, account, empty: 0 };
         let mut origin = None;
         let mut before: Option<Frame> = None;
+        let mut size = None;
         for (step, path) in &files.frames {
             let frame = read_frame(path, *step, limits, Unusable::Listed, &mut origin)?;
             sequence.account.repairs.add(&frame.account.repairs);
@@ -139,7 +140,10 @@ impl Sequence {
             }
             // The rest is read for its repairs and errors.
             if sequence.apart.is_none() {
-                sequence.apart = before.as_ref().and_then(|before| sequence.difference(before, &frame));
+                sequence.apart = before.as_ref().and_then(|before| {
+                    let size = *size.get_or_insert_with(|| size_of(&before.field));
+                    sequence.difference(before, &frame, size)
+                });
                 if sequence.apart.is_none() {
                     sequence.add(&frame, budget).map_err(|what| ImportError::new(path, what))?;
                 }
@@ -158,14 +162,14 @@ impl Sequence {
         Ok(sequence)
     }
 
-    /// Why the rows of a frame differ from the rows of the frame before.
-    fn difference(&self, before: &Frame, frame: &Frame) -> Option<Apart> {
+    /// Why the rows of a frame, whose content has this `size`, differ from the rows of the frame before.
+    fn difference(&self, before: &Frame, frame: &Frame, size: f64) -> Option<Apart> {
         let [a, b] = [before, frame].map(|frame| frame.path.file_name().unwrap_or_default().display());
         let (rows_a, rows_b) = (before.field.len(), frame.field.len());
         let is_lost = |row: usize| [before, frame].iter().any(|frame| frame.lost.binary_search(&row).is_ok());
         let reason = if rows_a != rows_b {
             format!("{a} has {rows_a} rows and {b} has {rows_b}")
-        } else if correspond(&before.field, &frame.field, is_lost) {
+        } else if correspond(&before.field, &frame.field, size, is_lost) {
             return None;
         } else {
             format!("{b} has other Gaussians in its rows than {a}")
