@@ -60,8 +60,8 @@ pub struct EncodeOptions {
 ///   infinity while alive, or the plate has temporal columns.
 /// - [`EncodeError::Empty`] if the field has no Gaussians.
 /// - [`EncodeError::Layers`] if the ends are zero, do not rise, or are too many.
-/// - [`EncodeError::Precision`] if a number of the precision is invalid, or there are sensitivities
-///   but not one for each Gaussian.
+/// - [`EncodeError::Precision`] if a number of the precision is invalid, or there are sensitivities of
+///   the field or the plate but not one for each Gaussian.
 /// - [`EncodeError::TooLarge`] if the package would exceed 4 GiB.
 pub fn encode(source: &Source, options: &EncodeOptions) -> Result<Vec<u8>, EncodeError> {
     encode_parallel(source, options, NonZero::<usize>::MIN)
@@ -156,7 +156,7 @@ fn encode_sections(
             &coded_windows
         }
         Coder::Rans => {
-            precision.check(field)?;
+            precision.check(field, plate)?;
             field
         }
     };

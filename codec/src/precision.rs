@@ -17,12 +17,14 @@ pub struct Precision {
     /// Sensitivity of pictures to each Gaussian, in the order of the field. If empty, the default,
     /// it is estimated from size, opacity and duration.
     pub sensitivities: Vec<Sensitivity>,
+    /// The same for the plate.
+    pub plate_sensitivities: Vec<Sensitivity>,
 }
 
 impl Default for Precision {
     /// 50.7 dB: costs a field that fits its capture to 24.3 dB another 0.01 dB.
     fn default() -> Precision {
-        Precision { psnr: 50.7, footprint: None, sensitivities: Vec::new() }
+        Precision { psnr: 50.7, footprint: None, sensitivities: Vec::new(), plate_sensitivities: Vec::new() }
     }
 }
 
@@ -73,15 +75,22 @@ pub(crate) struct Prepared<'a> {
 }
 
 impl Precision {
-    /// Checks that there are no sensitivities or one per Gaussian, and the ranges of all numbers.
-    pub(crate) fn check(&self, field: &Field) -> Result<(), EncodeError> {
-        let count = self.sensitivities.len();
-        if count != 0 && count != field.len() {
-            let reason = format!("{count} sensitivities for {} Gaussians", field.len());
-            return Err(EncodeError::Precision { reason });
+    /// Checks that the field, and the plate, each have no sensitivities or one per Gaussian; and the ranges of all numbers.
+    pub(crate) fn check(&self, field: &Field, plate: Option<&Field>) -> Result<(), EncodeError> {
+        let parts = [
+            (&self.sensitivities, field.len(), ""),
+            (&self.plate_sensitivities, plate.map_or(0, Field::len), " of the plate"),
+        ];
+        for (sensitivities, rows, part) in parts {
+            let count = sensitivities.len();
+            if count != 0 && count != rows {
+                let reason = format!("{count} sensitivities for {rows} Gaussians{part}");
+                return Err(EncodeError::Precision { reason });
+            }
         }
         let positive = |x: f32| x.is_finite() && x > 0.0;
-        let numbers = self.sensitivities.iter().flat_map(|s| [s.color, s.geometry]).chain(self.footprint);
+        let sensitivities = self.sensitivities.iter().chain(&self.plate_sensitivities);
+        let numbers = sensitivities.flat_map(|s| [s.color, s.geometry]).chain(self.footprint);
         match numbers.into_iter().find(|x| !positive(*x)) {
             Some(x) => Err(EncodeError::Precision { reason: format!("{x} is not a positive number") }),
             None if self.psnr.is_nan() => Err(EncodeError::Precision { reason: "the PSNR is NaN".into() }),
@@ -91,24 +100,19 @@ impl Precision {
 
     /// Prepares a field with these bounds.
     pub(crate) fn prepare<'a>(&self, field: &'a Field, bounds: [[f32; 3]; 2]) -> Prepared<'a> {
-        let sensitivities = match self.sensitivities.is_empty() {
-            true => estimated(field, bounds),
-            false => self.sensitivities.clone(),
-        };
-        self.prepared(field, bounds, sensitivities)
+        self.prepared(field, bounds, &self.sensitivities)
     }
 
     /// Prepares the plate of a field with these bounds.
     pub(crate) fn prepare_plate<'a>(&self, plate: &'a Field, bounds: [[f32; 3]; 2]) -> Prepared<'a> {
-        self.prepared(plate, bounds, estimated(plate, bounds))
+        self.prepared(plate, bounds, &self.plate_sensitivities)
     }
 
-    fn prepared<'a>(
-        &self,
-        field: &'a Field,
-        bounds: [[f32; 3]; 2],
-        sensitivities: Vec<Sensitivity>,
-    ) -> Prepared<'a> {
+    fn prepared<'a>(&self, field: &'a Field, bounds: [[f32; 3]; 2], known: &[Sensitivity]) -> Prepared<'a> {
+        let sensitivities = match known {
+            [] => estimated(field, bounds),
+            known => known.to_vec(),
+        };
         // Columns of zeros must not change the step.
         let rows: Vec<usize> = (0..field.len()).collect();
         let columns = Columns::nonzero(field, &rows, !rows.iter().all(|&i| is_static(field, i)));

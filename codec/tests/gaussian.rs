@@ -57,6 +57,16 @@ fn sensitive_gaussians_are_coded_more_finely() {
         error[usize::from(row >= 125)] += off;
     }
     assert!(error[1] > 20.0 * error[0], "{error:?}");
+
+    // The plate has its own.
+    let (field, plate) = (static_field(1, 0, 4), static_field(250, 0, 5));
+    let bytes = |color: f32| {
+        options.precision.sensitivities.clear();
+        options.precision.plate_sensitivities = vec![Sensitivity { color, geometry: color }; 250];
+        package(&field, Some(&plate), &options).len()
+    };
+    let [coarse, fine] = [1e-5, 1e-3].map(bytes);
+    assert!(fine > coarse + 1000, "{coarse} {fine}");
 }
 
 /// Geometry steps end 46 half octaves above the finest colour step of a chunk, colour steps 31.
@@ -98,6 +108,11 @@ fn precision_must_fit_the_field() {
         ..Precision::default()
     };
     assert_eq!(refused(with(2, 1.0)), "the precision cannot be used: 2 sensitivities for 3 Gaussians");
+    let of_plate = Precision { plate_sensitivities: with(2, 1.0).sensitivities, ..with(3, 1.0) };
+    assert_eq!(
+        refused(of_plate),
+        "the precision cannot be used: 2 sensitivities for 0 Gaussians of the plate"
+    );
     assert_eq!(refused(with(3, 0.0)), "the precision cannot be used: 0 is not a positive number");
     assert!(refused(with(3, f32::NAN)).contains("NaN is not"));
     assert!(refused(Precision { footprint: Some(-1.0), ..with(3, 1.0) }).contains("-1 is not"));

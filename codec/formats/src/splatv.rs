@@ -234,7 +234,7 @@ fn splat_chunk<'b>(
 /// The up axis and viewpoints of a file by another program.
 fn hints_of(field: &Field, cameras: &serde_json::Value) -> Hints {
     let instants = if field.temporal.is_some() { &INSTANTS[..] } else { &INSTANTS[..1] };
-    let at_instants: Vec<CoarseField> = instants.iter().map(|&t| CoarseField::new(field, t)).collect();
+    let at_instants: Vec<CoarseField> = instants.iter().map(|&t| CoarseField::new(field, None, t)).collect();
     let is_informative = |camera: &Camera| at_instants.iter().any(|field| field.is_informative(camera));
     let listed = cameras.as_array().map_or(&[][..], Vec::as_slice).iter().take(CAMERAS_MAX);
     let named = listed.filter_map(|camera| SplatvCamera::deserialize(camera).ok()).enumerate().filter_map(

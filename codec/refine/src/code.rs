@@ -22,7 +22,7 @@ use codec::{Clip, Precision, Sensitivity, Source};
 
 use crate::prune::{Fidelity, Pictures};
 use crate::reference::PosedView;
-use crate::reference::sensitivities;
+use crate::reference::{Sensitivities, sensitivities};
 
 pub use error::CodeError;
 use joint::RoundingState;
@@ -139,27 +139,36 @@ pub struct TargetCoder<'a> {
 
 impl<'a> TargetCoder<'a> {
     /// A coder of `source` in `layers`, given by their ends in rows.
-    /// `sensitivities` are its rows' sensitivities and its footprint, as computed by [`sensitivities`]; `judge` holds
-    /// pictures of the source.
+    /// `known` is what [`sensitivities`] computes of it; `judge` holds pictures of the source.
     pub fn new(
         source: &'a Source<'a>,
         layers: &'a [usize],
-        sensitivities: Option<(Vec<Sensitivity>, f32)>,
+        known: Option<Sensitivities>,
         judge: &'a Pictures,
     ) -> TargetCoder<'a> {
-        let Some((rows, footprint)) = sensitivities else {
+        let Some(known) = known else {
             return TargetCoder {
                 own: Trials::new(source, layers, Precision::default(), judge),
                 equal: None,
                 latest: None,
             };
         };
-        let trials = |sensitivities: Vec<Sensitivity>| {
-            let precision = Precision { sensitivities, footprint: Some(footprint), ..Precision::default() };
+        let equal = Sensitivities {
+            field: equal_sensitivities(&known.field),
+            plate: equal_sensitivities(&known.plate),
+            ..known
+        };
+        let trials = |known: Sensitivities| {
+            let precision = Precision {
+                sensitivities: known.field,
+                plate_sensitivities: known.plate,
+                footprint: Some(known.footprint),
+                ..Precision::default()
+            };
             Trials::new(source, layers, precision, judge)
         };
-        let equal = Some(equal_sensitivities(&rows)).filter(|equal| *equal != rows);
-        TargetCoder { equal: equal.map(trials), own: trials(rows), latest: None }
+        let equal = (equal != known).then(|| trials(equal));
+        TargetCoder { equal, own: trials(known), latest: None }
     }
 
     /// Sets the mark of packages for which a graphics device computes numbers.
@@ -282,7 +291,7 @@ impl<'a> TargetCoder<'a> {
     }
 }
 
-/// The root mean square of `rows`, which are at least one, for each of them: equal precision.
+/// The root mean square of `rows` for each of them: equal precision.
 fn equal_sensitivities(rows: &[Sensitivity]) -> Vec<Sensitivity> {
     let root_mean_square = |number: fn(&Sensitivity) -> f32| {
         let squares: f64 = rows.iter().map(|row| f64::from(number(row)).powi(2)).sum();

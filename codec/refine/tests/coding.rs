@@ -57,9 +57,14 @@ fn compensated_needles_are_right_at_8_times_the_resolution() {
     let cameras = Surroundings::new(&field, None, [0.0, 1.0, 0.0]).stand_points(0.0, SIZE).content;
     let pixel = 3.0 / cameras[0].k[0][0];
     assert!((0.02..0.1).contains(&pixel), "{pixel}");
-    let (rows, footprint) = sensitivities(&field, None, &posed_views(&cameras, &[0.0]), || ()).unwrap();
+    let seen = sensitivities(&field, None, &posed_views(&cameras, &[0.0]), || ()).unwrap();
     let measured = |filter, psnr| {
-        let precision = Precision { psnr, footprint: Some(footprint), sensitivities: rows.clone() };
+        let precision = Precision {
+            psnr,
+            footprint: Some(seen.footprint),
+            sensitivities: seen.field.clone(),
+            ..Precision::default()
+        };
         let (decoded, bytes) = coded(&field, filter, &precision);
         let psnr = |camera: &Camera| {
             let draw = |field: &Field| render(&RenderScene::from(field), camera, 0.0, Order::Depth);

@@ -32,9 +32,9 @@ pub enum Sight {
 }
 
 impl CoarseField {
-    /// `field` at clip time `t`; of many rows a selection.
-    pub fn new(field: &Field, t: f64) -> CoarseField {
-        CoarseField(Discs::at(field, None, t, ROWS))
+    /// `field` and its `plate` at clip time `t`; of many rows a selection.
+    pub fn new(field: &Field, plate: Option<&Field>, t: f64) -> CoarseField {
+        CoarseField(Discs::at(field, plate, t, ROWS))
     }
 
     /// What `cameras` show of each row of `field` and then of its `plate`, at clip time `t`.

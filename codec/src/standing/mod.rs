@@ -87,8 +87,8 @@ const FURTHER_MAX: usize = 12;
 pub struct StandPoints {
     /// Around the content, or within it where that is a furnished room, or both where it may be one; 4 to 12 cameras.
     pub content: Vec<Camera>,
-    /// Further places and directions that show the rest: walls, sky, the far side of a room. At most 12, none for an
-    /// object alone.
+    /// Further places and directions that show the rest: walls, sky, the far side of a room, the background. At most 12, none
+    /// for an object alone.
     pub around: Vec<Camera>,
 }
 
@@ -239,17 +239,22 @@ impl Surroundings {
         Viewpoint { name: name.into(), position, target, fov_y: fov_y as f32 }
     }
 
-    /// Which of `cameras` show the content: it fills at least half as much of the picture as in the best of them, and nothing
-    /// stands before it or right before the eye. All if none is such.
+    /// Which of `cameras` show the content: nothing stands before it or right before the eye, and it fills at least half as
+    /// much of the picture as in the best of them. A camera in haze counts if all that show the content are in haze. None if
+    /// none shows it.
     pub fn which_show_content<'a>(&self, cameras: impl Iterator<Item = &'a Camera>) -> Vec<bool> {
         let (center, _) = self.center_and_radius();
-        let filled = |camera: &Camera| {
-            let look = self.look(camera.resized(SIZE.0, SIZE.1), norm(sub(center, camera.position())));
-            if look.shows_content() { look.glance.filled } else { 0.0 }
+        let look =
+            |camera: &Camera| self.look(camera.resized(SIZE.0, SIZE.1), norm(sub(center, camera.position())));
+        let looks: Vec<Look> = cameras.map(look).collect();
+        let is_any_clear = looks.iter().any(|look| look.shows_content() && self.is_clear(look));
+        let filled = |look: &Look| {
+            let is_shown = look.shows_content() && (!is_any_clear || self.is_clear(look));
+            if is_shown { look.glance.filled } else { 0.0 }
         };
-        let filled: Vec<f64> = cameras.map(filled).collect();
+        let filled: Vec<f64> = looks.iter().map(filled).collect();
         let least = 0.5 * filled.iter().copied().fold(0.0, f64::max);
-        filled.into_iter().map(|filled| filled >= least).collect()
+        filled.into_iter().map(|filled| filled > 0.0 && filled >= least).collect()
     }
 
     /// The places where people stand, as cameras of `size` pixels. From each the content shows between what stands
@@ -315,7 +320,8 @@ impl Surroundings {
         let rows = self.discs.rows;
         let mut is_left = vec![false; rows];
         for disc in self.discs.instants.iter().flatten() {
-            is_left[disc.row] |= !self.is_alone && self.content.radii_to(disc.center) > EXTENT;
+            let may_be_around = !self.is_alone || disc.row >= self.discs.field_rows;
+            is_left[disc.row] |= may_be_around && self.content.radii_to(disc.center) > EXTENT;
         }
         let show = |look: &Look, is_left: &mut [bool]| {
             is_left.iter_mut().zip(&look.glance.seen).for_each(|(left, seen)| *left &= !seen);

@@ -355,12 +355,15 @@ fn a_moving_field_is_seen_at_all_times() {
 
 #[test]
 fn a_background_plate_is_in_the_way_and_never_content() {
-    let (ball, room) = (field(&ball(300, 1.0)), field(&room(COUNT, 3.0)));
-    let surroundings = Surroundings::new(&ball, Some(&room), UP);
-    assert_is_unit_ball(&surroundings.content, "in a plate");
-    let StandPoints { content, around } = surroundings.stand_points(0.0, (64, 48));
-    assert!(content.iter().all(|camera| norm(camera.position()) < 3.0));
-    assert!(!around.is_empty());
+    let ball = field(&ball(300, 1.0));
+    for radius in [3.0, 10.0] {
+        let surroundings = Surroundings::new(&ball, Some(&field(&room(COUNT, radius))), UP);
+        assert_is_unit_ball(&surroundings.content, "in a plate");
+        let StandPoints { content, around } = surroundings.stand_points(0.0, (64, 48));
+        assert!(content.iter().all(|camera| norm(camera.position()) < radius));
+        assert!(!around.is_empty(), "{radius}");
+    }
+    let room = field(&room(COUNT, 3.0));
     // Gaussians that fade before the eye hide nothing, and yet no stand point is among them.
     let faded = Surroundings::new(&Field { near: 1.2, ..ball }, Some(&Field { near: 1.2, ..room }), UP);
     let content = faded.stand_points(0.0, (64, 48)).content;
@@ -396,7 +399,7 @@ fn rows_that_nothing_shows_are_counted() {
 fn a_view_is_informative_with_pixels_and_rows_of_which_none_is_alone() {
     let is_informative = |rows: &[Row], target: [f64; 3]| {
         let camera = Camera::look_at([0.0, 0.0, 8.0], target, UP.map(f64::from), 0.8, 320, 240);
-        CoarseField::new(&field(rows), 0.0).is_informative(&camera)
+        CoarseField::new(&field(rows), None, 0.0).is_informative(&camera)
     };
     let sphere = ball(400, 2.0);
     assert!(is_informative(&sphere, [0.0; 3]));
@@ -451,7 +454,16 @@ fn cameras_show_the_content_unless_they_are_in_something_or_look_away() {
     ];
     let surroundings = surroundings(&rows);
     assert_eq!(surroundings.which_show_content(cameras.iter()), [true, false, false, true]);
-    assert_eq!(surroundings.which_show_content(cameras[1..3].iter()), [true; 2], "none of them does");
+    assert_eq!(surroundings.which_show_content(cameras[1..3].iter()), [false; 2]);
+    // Something covers the rim of the first camera's picture.
+    rows.push(([0.3, 0.0, 3.6], 0.1));
+    let surroundings = self::surroundings(&rows);
+    assert_eq!(surroundings.which_show_content(cameras.iter()), [false, false, false, true]);
+    assert_eq!(
+        surroundings.which_show_content(cameras[..3].iter()),
+        [true, false, false],
+        "if there is no other"
+    );
 }
 
 #[test]

@@ -29,7 +29,7 @@ pub use contribution::{Contribution, contributions};
 pub use coverage::{Coverage, Radius, coverage};
 pub use held::render_held;
 pub use posed_view::PosedView;
-pub use sensitivity::sensitivities;
+pub use sensitivity::{Sensitivities, sensitivities};
 pub use sort::Order;
 
 use crate::image::Image;

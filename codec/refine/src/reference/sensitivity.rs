@@ -1,4 +1,4 @@
-//! [`sensitivities`]: the visibility of coding errors of each Gaussian, so that the coder spends its bits
+//! [`Sensitivities`]: the visibility of coding errors of each Gaussian, so that the coder spends its bits
 //! where errors are visible.
 //!
 //! A pixel is a sum of colours with weights `alpha T`. An error of a colour is scaled by the weight. An
@@ -34,9 +34,19 @@ impl Sums {
     }
 }
 
-/// Computes the sensitivities of the rows of `field` in front of `plate`, over all `views` together, and
-/// the footprint: the mean standard deviation of a pixel's blur at the subject, in units of the field.
-/// `None` if no Gaussian is visible. `on_view` is called after each view.
+/// Sensitivities of pictures to the rows of a field and of its plate.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sensitivities {
+    /// One per row of the field.
+    pub field: Vec<Sensitivity>,
+    /// One per row of the plate; empty without one.
+    pub plate: Vec<Sensitivity>,
+    /// Mean standard deviation of a pixel's blur at the rows of the field, in source units.
+    pub footprint: f32,
+}
+
+/// Computes the sensitivities of the rows of `field` in front of `plate`, over all `views` together. `None` if no Gaussian
+/// of the field is visible. `on_view` is called after each view.
 ///
 /// The result does not depend on the number of threads.
 pub fn sensitivities(
@@ -44,17 +54,19 @@ pub fn sensitivities(
     plate: Option<&Field>,
     views: &[PosedView],
     mut on_view: impl FnMut(),
-) -> Option<(Vec<Sensitivity>, f32)> {
+) -> Option<Sensitivities> {
     let mut rows = vec![Sums::default(); field.len()];
+    let mut plate_rows = vec![Sums::default(); plate.map_or(0, Field::len)];
     let (mut blur, mut weight, mut pixels) = (0.0, 0.0, 0.0);
     let deviation = field.filter.variance().sqrt();
     let in_view = |view: &PosedView| sums_in(field, plate, view);
-    for_each_in_order(views, in_view, |PosedView { camera, .. }, seen| {
+    for_each_in_order(views, in_view, |PosedView { camera, .. }, [seen, behind]| {
         for SeenRow { row, depth, sums } in seen {
             rows[row].add(&sums);
             blur += sums.color * depth * deviation / camera.k[0][0];
             weight += sums.color;
         }
+        behind.iter().for_each(|SeenRow { row, sums, .. }| plate_rows[*row].add(sums));
         pixels += f64::from(camera.width) * f64::from(camera.height);
         on_view();
     });
@@ -63,7 +75,11 @@ pub fn sensitivities(
         color: root(sums.color, UNSEEN.color),
         geometry: root(sums.geometry, UNSEEN.geometry),
     };
-    (weight > 0.0).then(|| (rows.iter().map(sensitivity).collect(), (blur / weight) as f32))
+    (weight > 0.0).then(|| Sensitivities {
+        field: rows.iter().map(sensitivity).collect(),
+        plate: plate_rows.iter().map(sensitivity).collect(),
+        footprint: (blur / weight) as f32,
+    })
 }
 
 /// A row that is drawn in a view.
@@ -143,8 +159,8 @@ impl Sink<f64> for Backwards<'_> {
     }
 }
 
-/// The sums of the rows of `field`, in front of `plate`, in one view, front to back.
-fn sums_in(field: &Field, plate: Option<&Field>, PosedView { camera, t }: &PosedView) -> Vec<SeenRow> {
+/// The sums of the rows of `field`, in front of `plate`, and of the rows of `plate`, in one view, front to back.
+fn sums_in(field: &Field, plate: Option<&Field>, PosedView { camera, t }: &PosedView) -> [Vec<SeenRow>; 2] {
     let mut splats = evaluate_all(&[FieldPrefix::whole(field)], camera, *t);
     sort::sort(&mut splats, Order::Depth);
     let subjects = splats.len();
@@ -158,8 +174,10 @@ fn sums_in(field: &Field, plate: Option<&Field>, PosedView { camera, t }: &Posed
     let sink = |_| Backwards { colors: &colors, sums: Vec::new(), visited: Vec::new() };
     let tiles = Tiles::new(&splats, camera.width, camera.height);
     let sums = sum_tiles(&splats, &tiles, sink, Sums::add);
-    let rows = splats[..subjects].iter().zip(sums);
-    rows.map(|(splat, sums)| SeenRow { row: splat.row as usize, depth: splat.depth, sums }).collect()
+    let seen = splats.iter().zip(sums);
+    let mut seen = seen.map(|(splat, sums)| SeenRow { row: splat.row as usize, depth: splat.depth, sums });
+    let of_field = seen.by_ref().take(subjects).collect();
+    [of_field, seen.collect()]
 }
 
 #[cfg(test)]
@@ -179,7 +197,7 @@ mod tests {
         field.sh.iter_mut().flatten().for_each(|coefficient| *coefficient *= 0.5);
         let cameras = around(&field, 0.0, (96, 72));
         let views = posed_views(&cameras, &[0.5]);
-        let (rows, _) = sensitivities(&field, None, &views, || ()).unwrap();
+        let rows = sensitivities(&field, None, &views, || ()).unwrap().field;
         let error_of = |changed: &Field| {
             let squares = |view: &PosedView| {
                 let [a, b] = [&field, changed]
@@ -211,7 +229,7 @@ mod tests {
         let camera = Camera::look_at([0.0, 0.0, -10.0], [0.0; 3], [0.0, 1.0, 0.0], 1.0, 64, 48);
         let view = PosedView { camera, t: 0.0 };
         let first_sensitivity =
-            |field: &Field| sensitivities(field, None, std::slice::from_ref(&view), || ()).unwrap().0[0];
+            |field: &Field| sensitivities(field, None, std::slice::from_ref(&view), || ()).unwrap().field[0];
         let plain = first_sensitivity(&field);
         field.sh[0] = field.sh[0].map(|c| c - 1.0);
         let contrasting = first_sensitivity(&field);
@@ -223,10 +241,26 @@ mod tests {
     fn the_footprint_is_the_blur_of_a_pixel_at_the_subject() {
         let field = balls(&[[0.0; 3]], 0.2, 0.9);
         let camera = Camera::look_at([0.0, 0.0, -10.0], [0.0; 3], [0.0, 1.0, 0.0], 1.0, 64, 48);
-        let (_, blur) =
+        let seen =
             sensitivities(&field, None, &[PosedView { camera: camera.clone(), t: 0.0 }], || ()).unwrap();
         let expected = 0.3f64.sqrt() * 10.0 / camera.k[0][0];
-        assert!((f64::from(blur) / expected - 1.0).abs() < 1e-6);
+        assert!((f64::from(seen.footprint) / expected - 1.0).abs() < 1e-6);
         assert!(sensitivities(&field, None, &[], || ()).is_none());
+    }
+
+    /// Rows of a plate that nothing covers are as sensitive as they are in a field; what stands before them takes from it.
+    #[test]
+    fn a_plate_is_as_sensitive_as_it_is_seen() {
+        let behind = balls(&[[0.0, 0.0, 4.0], [6.0, 0.0, 4.0]], 1.0, 0.9);
+        let camera = Camera::look_at([0.0, 0.0, -10.0], [0.0; 3], [0.0, 1.0, 0.0], 1.4, 64, 48);
+        let view = PosedView { camera, t: 0.0 };
+        let seen =
+            |field: &Field, plate| sensitivities(field, plate, std::slice::from_ref(&view), || ()).unwrap();
+        let front = balls(&[[0.0; 3]], 1.0, 0.9);
+        let together = seen(&front, Some(&behind));
+        let alone = seen(&behind, None).field;
+        assert_eq!((together.field.len(), together.plate.len()), (1, 2));
+        assert!(together.plate[0].color < 0.5 * alone[0].color, "{together:?} {alone:?}");
+        assert!((together.plate[1].color / alone[1].color - 1.0).abs() < 0.01, "{together:?} {alone:?}");
     }
 }

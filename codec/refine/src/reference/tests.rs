@@ -146,7 +146,7 @@ fn gaussians_of_one_footprint_are_drawn_as_others() {
         let PosedView { camera, t } = &views[0];
         let image = render(&RenderScene::from(field), camera, *t, Order::Depth);
         let contributions = contributions(field, camera, *t, Order::Depth);
-        (image, contributions, sensitivities(field, None, &views, || ()).unwrap().0)
+        (image, contributions, sensitivities(field, None, &views, || ()).unwrap().field)
     });
     assert!(a.0.max_difference(&b.0) < 1e-5, "{}", a.0.max_difference(&b.0));
     let close = |a: f64, b: f64| (a - b).abs() <= 1e-5 * b.abs() + 1e-9;

@@ -15,7 +15,7 @@ use refine::reference::RenderScene;
 use super::settings::{Coding, LAYERS};
 use super::snap::{Snapped, snap};
 use super::views::{
-    CODED_SIZE, compared_views, render_scene, reported_views, rounding_views, visibility_views,
+    CODED_SIZE, Shown, compared_views, render_scene, reported_views, rounding_views, visibility_views,
 };
 use crate::progress::StagedProgress;
 use crate::scene::Scene;
@@ -52,12 +52,12 @@ pub(crate) fn encode(
     backend: &mut dyn Backend,
     progress: &StagedProgress,
 ) -> anyhow::Result<VerifiedPackage> {
-    let compared = compared_views(scene, field, CODED_SIZE);
+    let compared = compared_views(scene, Shown { field, plate }, CODED_SIZE);
     progress.stage("pictures to code by", compared.len());
     let judging_views = compared.len();
     let judge = Pictures::take(&render_scene(field, plate), compared, || progress.step());
     progress.stage("snapping", 1);
-    let views = visibility_views(scene, field, CODED_SIZE);
+    let views = visibility_views(scene, Shown { field, plate }, CODED_SIZE);
     let whole = field;
     let (field, snapped) = &snap(field, &views, coding);
     let info = scene.head_info();
@@ -85,7 +85,7 @@ pub(crate) fn encode(
     let is_whole = (clip.len(), decoded_plate) == (field.len(), plate.map(Field::len));
     ensure!(is_whole, "{}: the package does not decode to all of the field; {DEFECT}", scene.name);
     progress.stage("reporting", 1);
-    let reported = match reported_views(scene, whole, CODED_SIZE) {
+    let reported = match reported_views(scene, Shown { field: whole, plate }, CODED_SIZE) {
         Some(views) => {
             let pictures = Pictures::take(&render_scene(whole, plate), views, || ());
             pictures.compare(&RenderScene::from(clip), || ())

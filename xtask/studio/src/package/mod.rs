@@ -33,6 +33,7 @@ pub use take::{SegmentReport, SegmentSources, TakeReport, package_take};
 #[cfg(feature = "measure")]
 pub(crate) use views::recolor_views;
 pub(crate) use views::{
-    CODED_SIZE, blind_viewpoints, compared_views, rate_views, render_scene, rounding_views, visibility_views,
+    CODED_SIZE, Shown, blind_viewpoints, compared_views, rate_views, render_scene, rounding_views,
+    visibility_views,
 };
 pub(crate) use visible::{VisibleScene, check_repairs, visible, visible_scene};

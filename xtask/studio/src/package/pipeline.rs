@@ -113,7 +113,7 @@ fn plan(settings: &PackageSettings, rows: usize, refinement: Option<&Refinement>
     let mut add = |stage: &str, work: f64| plan.push((stage.to_owned(), work));
     let is_judged = budget.is_some() || settings.fragments.is_some();
     if rankings.iter().any(|ranking| ranking.looks_at_pictures()) && (is_judged || settings.rank.is_some()) {
-        add("ranking", 3.0);
+        add("ranking", 18.0);
     }
     if is_judged {
         add("pictures of the whole", 2.0);
@@ -174,7 +174,7 @@ fn refine_field(
 mod tests {
     use codec::{Camera, ClipInfo, Limits};
     use formats::{Imported, Repairs};
-    use refine::prune::Pictures;
+    use refine::prune::{Pictures, Ranking};
     use refine::reference::PosedView;
     use refine::reference::RenderScene;
 
@@ -258,19 +258,8 @@ mod tests {
     /// Packages a field, and looks at it from this distance of its middle.
     fn check_from_within(field: Field, distance: f64) {
         let scene = Scene::made("room", field, ClipInfo::default());
-        let coding = Coding::ToQuality { quality_db: QUALITY_DB, joint_rounds: 0 };
-        let settings = PackageSettings { coding, ..PackageSettings::default() };
-        let Package { bytes, report } = package(&scene, &settings).unwrap();
-        let clip = codec::decode(&bytes, &Limits::default()).unwrap();
-        let view = |i: u32| {
-            let (sin, cos) = libm::sincos(f64::from(i) * 1.3);
-            let [position, up] = [[distance * cos, 0.2, distance * sin], [0.0, -1.0, 0.0]];
-            let t = f64::from(i) / 3.0;
-            PosedView { camera: Camera::look_at(position, [0.0; 3], up, 0.9, 160, 120), t }
-        };
-        let whole = RenderScene::from(&scene.subject.field);
-        let pictures = Pictures::take(&whole, (0..4).map(view).collect(), || ());
-        let psnr_db = pictures.psnr(&RenderScene::from(&clip), || ());
+        let (report, clip) = packaged(&scene, None);
+        let psnr_db = psnr_within(&scene, &clip, distance);
         assert!(psnr_db >= 44.0, "{psnr_db:.1} dB, and {:.1} dB are reported", report.self_psnr_db);
         // Of what moves, other instants count.
         let below_db = if scene.subject.field.temporal.is_some() { 4.0 } else { 1.0 };
@@ -280,6 +269,74 @@ mod tests {
             report.self_psnr_db
         );
         assert!(report.unseen < COUNT, "only in the ball: {}", report.unseen);
+    }
+
+    fn packaged(scene: &Scene, budget: Option<usize>) -> (PackageReport, codec::Clip) {
+        let coding = Coding::ToQuality { quality_db: QUALITY_DB, joint_rounds: 0 };
+        let settings = PackageSettings { coding, budget, ..PackageSettings::default() };
+        let Package { bytes, report } = package(scene, &settings).unwrap();
+        (report, codec::decode(&bytes, &Limits::default()).unwrap())
+    }
+
+    /// PSNR in dB of a clip against its scene, from this distance of the middle.
+    fn psnr_within(scene: &Scene, clip: &codec::Clip, distance: f64) -> f64 {
+        let view = |i: u32| {
+            let (sin, cos) = libm::sincos(f64::from(i) * 1.3);
+            let [position, up] = [[distance * cos, 0.2, distance * sin], [0.0, -1.0, 0.0]];
+            let t = f64::from(i) / 3.0;
+            PosedView { camera: Camera::look_at(position, [0.0; 3], up, 0.9, 160, 120), t }
+        };
+        let whole = RenderScene::from(&scene.subject.field);
+        let pictures = Pictures::take(&whole, (0..4).map(view).collect(), || ());
+        pictures.psnr(&RenderScene::from(clip), || ())
+    }
+
+    #[test]
+    fn a_budget_keeps_of_a_room_and_what_is_in_it_what_people_see() {
+        for sphere in [10.0, 100.0] {
+            let scene = Scene::made("room", ball_within(sphere, -1.0), ClipInfo::default());
+            let (report, clip) = packaged(&scene, Some(COUNT + COUNT / 6));
+            let radius = |center: &[f32; 3]| center.iter().map(|x| x * x).sum::<f32>().sqrt();
+            let fields = [&clip.static_field, &clip.dynamic_field];
+            let centers = fields.iter().flat_map(|field| &field.centers);
+            let ball = centers.filter(|center| radius(center) < 2.0).count();
+            let whole_db = report.whole_psnr_db.expect("rows are left out");
+            let within = [1.2, 1.5, 2.0, 3.0].map(|distance| psnr_within(&scene, &clip, distance));
+            println!("{sphere}: {ball} rows of the ball, {whole_db:.1} dB reported, {within:.1?} seen");
+            // Other rows of the ball are hidden within it.
+            assert!((COUNT / 3..COUNT / 2).contains(&ball), "{sphere}: {ball} rows of the ball");
+            for psnr_db in within {
+                assert!(
+                    (whole_db - psnr_db).abs() < 2.5 && psnr_db > 27.0,
+                    "{sphere}: {within:.1?} {whole_db:.1}"
+                );
+            }
+        }
+    }
+
+    /// Under a thin sky, and with one Gaussian far away.
+    #[test]
+    fn what_is_far_away_chooses_no_ranking() {
+        for (far, rows) in [(100.0, 100), (1000.0, 100), (100.0, 1), (1000.0, 1)] {
+            let mut field = ball_within(far, 0.0).select(&(0..COUNT + rows).collect::<Vec<_>>());
+            for row in 0..COUNT {
+                let [a, b] = [7, 11].map(|step| (row * step % 17) as f32 / 17.0);
+                field.opacities[row] = 0.1 + 0.85 * a;
+                field.log_scales[row] = [0.03f32.ln() + 1.4 * b; 3];
+            }
+            let scene = Scene::made("far", field, ClipInfo::default());
+            let reported = |rank: Option<Ranking>| {
+                let budget = Some(COUNT / 3);
+                let settings =
+                    PackageSettings { coding: Coding::Fixed, budget, rank, ..PackageSettings::default() };
+                let PackageReport { ranking, whole_psnr_db, .. } = package(&scene, &settings).unwrap().report;
+                (whole_psnr_db.expect("rows are left out"), ranking)
+            };
+            let (chosen_db, ranking) = reported(None);
+            let each = Ranking::ALL.map(|ranking| reported(Some(ranking)));
+            let best_db = each.iter().map(|(psnr_db, _)| *psnr_db).fold(0.0, f64::max);
+            assert!(chosen_db > best_db - 0.3, "{rows} at {far}: {ranking}, {chosen_db:.2} of {each:.2?}");
+        }
     }
 
     #[test]
@@ -292,7 +349,7 @@ mod tests {
         let dropped = subject.dropped.values().sum::<usize>();
         assert!((COUNT / 10..COUNT).contains(&dropped), "only in the ball: {dropped}");
         assert_eq!(field.len() + dropped, 2 * COUNT);
-        let views = reported_views(&scene, &field, (256, 192)).expect("no viewpoint is stated");
+        let views = reported_views(&scene, (&field).into(), (256, 192)).expect("no viewpoint is stated");
         let pictures = Pictures::take(&RenderScene::from(&scene.subject.field), views, || ());
         let psnr_db = pictures.psnr(&RenderScene::from(&field), || ());
         assert!(psnr_db > 70.0, "{psnr_db}");

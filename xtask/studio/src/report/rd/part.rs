@@ -240,7 +240,8 @@ fn about_rates(fields: &[FieldRd]) -> String {
         "The most visible Gaussians, coded to a target PSNR of images of the decoded package against images of the \
          Gaussians before coding, of {width}x{height} pixels. B/G is the size of the file in bytes per Gaussian: with \
          equal precision for visible and invisible Gaussians, with each number rounded alone, and with numbers that \
-         are rounded jointly, as `package` rounds them, all at the same PSNR."
+         are rounded jointly, as `package` rounds them, all at the same target PSNR. PSNR is measured in views that chose \
+         nothing, so it differs from the target."
     ))
 }
 

@@ -7,10 +7,13 @@ use codec::Source;
 use refine::code::{JOINT_ROUNDS, JointRounding, TRIALS, TargetCoder, code_steps};
 use refine::fit::Cpu;
 use refine::prune::Pictures;
-use refine::reference::sensitivities;
+use refine::reference::{RenderScene, sensitivities};
 use serde::Serialize;
 
-use crate::package::{LAYERS, compared_views, refused, render_scene, rounding_views, show, visibility_views};
+use super::views::reported_views;
+use crate::package::{
+    LAYERS, Shown, compared_views, refused, render_scene, rounding_views, show, visibility_views,
+};
 use crate::progress::StagedProgress;
 use crate::report::subject::ReportSubject;
 
@@ -27,7 +30,8 @@ pub struct CoderRate {
     pub gaussians: usize,
     /// Target PSNR in dB.
     pub target_db: f64,
-    /// PSNR in dB of images of the decoded package against images of the Gaussians before coding.
+    /// PSNR in dB of images of the decoded package against images of the Gaussians before coding, in views that chose
+    /// nothing.
     pub self_psnr_db: f64,
     /// Bit rate in Mbit/s of streaming the package in the duration of the clip.
     pub mbps: f64,
@@ -35,9 +39,9 @@ pub struct CoderRate {
     pub bytes: usize,
     /// Bytes per Gaussian, without counting the plate's Gaussians.
     pub bytes_per_gaussian: f64,
-    /// Size in bytes with equal precision for all Gaussians, at the same PSNR.
+    /// Size in bytes with equal precision for all Gaussians, at the same target.
     pub alike: usize,
-    /// Size in bytes with numbers that are rounded jointly, at the same PSNR.
+    /// Size in bytes with numbers that are rounded jointly, at the same target.
     pub jointly: usize,
 }
 
@@ -52,9 +56,11 @@ pub(super) fn measure(
     let ReportSubject { scene, field, plate } = subject;
     let part = field.select(&order[..BUDGET.min(order.len())]);
     let source = Source { info: &scene.info, field: &part, plate: plate.as_ref() };
-    let compared = compared_views(scene, &part, size.into());
+    let shown = Shown { field: &part, plate: plate.as_ref() };
+    let compared = compared_views(scene, shown, size.into());
     let judge = Pictures::take(&render_scene(&part, plate.as_ref()), compared, || ());
-    let visible = sensitivities(&part, plate.as_ref(), &visibility_views(scene, &part, size.into()), || ());
+    let reported = Pictures::take(&render_scene(&part, plate.as_ref()), reported_views(subject, size), || ());
+    let visible = sensitivities(&part, plate.as_ref(), &visibility_views(scene, shown, size.into()), || ());
     let views = rounding_views(scene, &part);
     let rounds = NonZero::new(JOINT_ROUNDS).expect("a default above 0");
     let mut backend = Cpu::default();
@@ -69,7 +75,7 @@ pub(super) fn measure(
         Ok(CoderRate {
             gaussians: part.len(),
             target_db,
-            self_psnr_db: coded.fidelity.psnr_db,
+            self_psnr_db: reported.psnr(&RenderScene::from(&coded.clip), || ()),
             mbps: subject.mbps(coded.bytes.len()),
             bytes: coded.bytes.len(),
             bytes_per_gaussian: coded.bytes.len() as f64 / part.len() as f64,
