@@ -203,13 +203,13 @@ fn brightness(photograph: &Photograph) -> u8 {
         counts[usize::from(*r.max(g).max(b))] += usize::from(photograph.is_valid(pixel));
     }
     let mut above = (BRIGHTEST * counts.iter().sum::<usize>() as f64) as usize;
-    let is_reached = |level: &u8| {
-        let count = counts[usize::from(*level)];
-        let is_reached = count > above;
-        above = above.saturating_sub(count);
-        is_reached
-    };
-    (0..=u8::MAX).rev().find(is_reached).unwrap_or(u8::MAX)
+    for level in (0..=u8::MAX).rev() {
+        match above.checked_sub(counts[usize::from(level)]) {
+            Some(left) => above = left,
+            None => return level,
+        }
+    }
+    u8::MAX
 }
 
 /// Indices of the cameras without light, where some of the others have light.

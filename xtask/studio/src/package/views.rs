@@ -203,7 +203,10 @@ fn views_of_each(
                 |(i, &t): (usize, &f64)| view_at(&groups[i % groups.len()], shown, t, i / groups.len());
             instants.par_iter().enumerate().filter_map(view).collect()
         }
-        None => groups.iter().flat_map(|groups| static_views(groups, shown, count)).collect(),
+        None => {
+            let shown = CoarseField::new(shown.field, shown.plate, 0.0);
+            groups.iter().flat_map(|groups| static_views(groups, &shown, count)).collect()
+        }
     };
     if views.is_empty() {
         let around = groups[0].last().expect("the last group is always there");
@@ -241,9 +244,8 @@ fn view_at(groups: &[Vec<Camera>], shown: Shown, t: f64, i: usize) -> Option<Pos
     (0..groups.len()).find_map(|k| of_group(&groups[(i + k) % groups.len()]))
 }
 
-/// At most `count` views of a static field that show enough, as many of each group.
-fn static_views(groups: &[Vec<Camera>], shown: Shown, count: usize) -> Vec<PosedView> {
-    let field = CoarseField::new(shown.field, shown.plate, 0.0);
+/// At most `count` views of a static `field` that show enough, as many of each group.
+fn static_views(groups: &[Vec<Camera>], field: &CoarseField, count: usize) -> Vec<PosedView> {
     let informative = |group: &Vec<Camera>| {
         let cameras = group.par_iter().filter(|camera| field.is_informative(camera));
         cameras.map(|camera| PosedView { camera: camera.clone(), t: 0.0 }).collect::<Vec<PosedView>>()
@@ -330,7 +332,7 @@ mod tests {
     }
 
     #[test]
-    fn views_that_steer_round_judge_and_report_are_apart() {
+    fn views_that_steer_rank_round_judge_and_report_are_apart() {
         let mut scene = ring(16);
         for is_dynamic in [false, true] {
             let temporal = codec::Temporal { tau: vec![0.5], s: vec![0.4], ..Default::default() };
@@ -354,31 +356,18 @@ mod tests {
             let reported: Vec<_> = whole_views(&scene, field).iter().map(position).collect();
             let rated = rate_views(&scene, field, SIZE, STEERING);
             assert!(rated.iter().all(|view| reported.contains(&position(view))), "rates are reported");
-            let mut positions: Vec<_> = rounding.iter().map(|view| (position(view), view.t)).collect();
-            positions.sort_by(|a, b| a.partial_cmp(b).unwrap());
-            positions.dedup();
-            assert_eq!(positions.len(), rounding.len(), "each view is another one");
-        }
-    }
-
-    #[test]
-    fn the_judge_of_a_ranking_stands_elsewhere() {
-        let mut scene = ring(16);
-        for is_dynamic in [false, true] {
-            let temporal = codec::Temporal { tau: vec![0.5], s: vec![0.4], ..Default::default() };
-            scene.subject.field.temporal = is_dynamic.then_some(temporal);
-            let field = &scene.subject.field;
             let ranking = ranking_views(&scene, field);
-            let placements = 1 + FURTHER_PLACES.len();
-            assert_eq!(ranking.len(), placements * if is_dynamic { STEERING } else { 2 * AROUND });
-            let position = |view: &PosedView| view.camera.position();
+            let of_placement = if is_dynamic { STEERING } else { 2 * AROUND };
+            assert_eq!(ranking.len(), of_placement * (1 + FURTHER_PLACES.len()));
             for judge in judging_views(&scene, field).iter().chain(&whole_views(&scene, field)) {
                 assert!(ranking.iter().all(|view| position(view) != position(judge)));
             }
-            let mut views: Vec<_> = ranking.iter().map(|view| (position(view), view.t)).collect();
-            views.sort_by(|a, b| a.partial_cmp(b).unwrap());
-            views.dedup();
-            assert_eq!(views.len(), ranking.len(), "each view is another one");
+            for views in [&rounding, &ranking] {
+                let mut positions: Vec<_> = views.iter().map(|view| (position(view), view.t)).collect();
+                positions.sort_by(|a, b| a.partial_cmp(b).unwrap());
+                positions.dedup();
+                assert_eq!(positions.len(), views.len(), "each view is another one");
+            }
         }
     }
 
